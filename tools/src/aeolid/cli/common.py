@@ -1,0 +1,42 @@
+"""Share what the sub-commands have in common: JSON output, console, shared options."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.console import Console
+
+console = Console(highlight=False)
+progress_console = Console(stderr=True, highlight=False)
+
+RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names each channel, its unit and role.")]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", help="Write the same facts as JSON to this file, or - for standard output.")
+]
+
+
+def emit_json(facts: Any, target: str | None) -> None:
+    """Write facts as JSON to the file `target`, to standard output for '-', nowhere for None."""
+    if target is None:
+        return
+    text = json.dumps(facts, indent=1, default=plain, allow_nan=False) + "\n"
+    if target == "-":
+        sys.stdout.write(text)
+    else:
+        Path(target).write_text(text, encoding="utf-8")
+
+
+def plain(value: Any) -> Any:
+    """Turn numpy numbers and arrays into what JSON knows."""
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{type(value).__name__} is not JSON")

@@ -1,0 +1,25 @@
+"""Name every failure a user can meet, with its exit code."""
+
+
+class AeolidError(Exception):
+    """Base of all errors that end in one sentence for the user; `exit_code` as in the command-line contract."""
+
+    exit_code = 1
+
+
+class UsageError(AeolidError):
+    """The request itself is wrong: an option, a combination, a value out of range."""
+
+    exit_code = 2
+
+
+class DataError(AeolidError):
+    """A file or stream is unreadable or inconsistent; the text names file, channel and sample, and the remedy."""
+
+    exit_code = 3
+
+
+class NotIdentifiable(AeolidError):
+    """The data do not carry the answer; the text says which condition failed, what was found, what is needed."""
+
+    exit_code = 4

@@ -1,0 +1,1 @@
+"""Models: innovation-form state space and first-principles equations."""

@@ -1,0 +1,185 @@
+"""Hold one recording: samples, names, units, roles, source."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import DataError, UsageError
+
+ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Name one signal: `column` is its heading in the table where that differs from `name`."""
+
+    name: str
+    unit: str
+    role: str
+    column: str | None = None
+
+    @property
+    def heading(self) -> str:
+        """Return the heading under which the table holds this channel."""
+        return self.column or self.name
+
+
+@dataclass(frozen=True)
+class Roles:
+    """Say what each channel of a table is: the content of a roles TOML file.
+
+    `sample_time_s` is None where the time column gives it; `time` names the time column, None where there is none.
+    """
+
+    channels: tuple[Channel, ...]
+    sample_time_s: float | None
+    time: str | None
+    source: str
+
+    @classmethod
+    def load(cls, path: str | Path) -> Roles:
+        """Read a roles file.
+
+        Raises DataError on a missing file, bad TOML, an unknown key, role or duplicate name.
+        """
+        data = load_toml(path)
+        source = str(path)
+        check_keys(data, {"recording", "channel"}, source)
+        head = data.get("recording", {})
+        check_keys(head, {"sample_time_s", "time"}, f"{source} [recording]")
+        sample_time = head.get("sample_time_s")
+        if sample_time is not None and not (isinstance(sample_time, int | float) and 0 < sample_time < 1e6):
+            raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds above 0")
+        channels = tuple(_read_channel(entry, i, source) for i, entry in enumerate(data.get("channel", [])))
+        if not channels:
+            raise DataError(f"{source}: no [[channel]] entry; name at least one input and one output")
+        names = [c.name for c in channels]
+        double = sorted({n for n in names if names.count(n) > 1})
+        if double:
+            raise DataError(f"{source}: channel {double[0]!r} is listed twice")
+        return cls(channels, None if sample_time is None else float(sample_time), head.get("time"), source)
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Hold one recording; time runs along the first axis and missing samples are NaN.
+
+    time_s (N,) seconds, uniform; values (N, channels) in the channels' units; sha256 of the file it came from.
+    """
+
+    time_s: Array
+    values: Array
+    channels: tuple[Channel, ...]
+    sample_time_s: float
+    source: str
+    sha256: str
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2 or self.values.shape != (len(self.time_s), len(self.channels)):
+            raise ValueError(f"values {self.values.shape} do not match {len(self.time_s)} x {len(self.channels)}")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def names(self, *roles: str) -> tuple[str, ...]:
+        """List the names of the channels with one of these roles, in the order of the roles file."""
+        return tuple(c.name for c in self.of(*roles))
+
+    def of(self, *roles: str) -> tuple[Channel, ...]:
+        """List the channels with one of these roles, in the order of the roles file."""
+        return tuple(c for c in self.channels if c.role in roles)
+
+    def matrix(self, *roles: str) -> Array:
+        """Return the samples (N, k) of the channels with one of these roles."""
+        index = [i for i, c in enumerate(self.channels) if c.role in roles]
+        return self.values[:, index]
+
+    def column(self, name: str) -> Array:
+        """Return the samples (N,) of one channel."""
+        for i, c in enumerate(self.channels):
+            if c.name == name:
+                return self.values[:, i]
+        raise DataError(f"{self.source}: no channel {name!r}; it has {', '.join(c.name for c in self.channels)}")
+
+    def columns(self, names: Sequence[str]) -> Array:
+        """Return the samples (N, k) of the named channels in the order given."""
+        if not names:
+            return np.zeros((len(self), 0))
+        return np.column_stack([self.column(n) for n in names])
+
+    def unit(self, name: str) -> str:
+        """Return the unit of one channel."""
+        for c in self.channels:
+            if c.name == name:
+                return c.unit
+        raise DataError(f"{self.source}: no channel {name!r}")
+
+    def slice(self, start: int, stop: int) -> Record:
+        """Return samples start … stop-1 as a recording of its own."""
+        return replace(self, time_s=self.time_s[start:stop], values=self.values[start:stop])
+
+
+def load_toml(path: str | Path) -> dict[str, Any]:
+    """Read a TOML file; raises DataError that names the file and the line."""
+    try:
+        with open(path, "rb") as handle:
+            return tomllib.load(handle)
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file") from None
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise DataError(f"{path}: not valid TOML: {error}") from None
+
+
+def check_keys(table: Any, allowed: set[str], where: str) -> None:
+    """Refuse keys nobody reads; a mistyped key must not be ignored."""
+    if not isinstance(table, dict):
+        raise DataError(f"{where}: a table is needed here, found {type(table).__name__}")
+    unknown = sorted(set(table) - allowed)
+    if unknown:
+        raise DataError(f"{where}: unknown key {unknown[0]!r}; allowed are {', '.join(sorted(allowed))}")
+
+
+def file_sha256(path: str | Path) -> str:
+    """Return the SHA-256 of a file's bytes, in hexadecimal."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as handle:
+        while block := handle.read(1 << 20):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def require_same_layout(records: Sequence[Record]) -> None:
+    """Refuse an experiment set whose recordings differ in channels, units or sample time."""
+    if not records:
+        raise UsageError("at least one recording is needed")
+    first = records[0]
+    for other in records[1:]:
+        if [(c.name, c.unit, c.role) for c in other.channels] != [(c.name, c.unit, c.role) for c in first.channels]:
+            raise DataError(f"{other.source}: channels, units or roles differ from {first.source}")
+        if abs(other.sample_time_s - first.sample_time_s) > 1e-6 * first.sample_time_s:
+            raise DataError(
+                f"{other.source}: sample time {other.sample_time_s} s differs from {first.sample_time_s} s"
+                f" in {first.source}; resample one of them"
+            )
+
+
+def _read_channel(entry: Any, index: int, source: str) -> Channel:
+    where = f"{source} [[channel]] {index + 1}"
+    check_keys(entry, {"name", "unit", "role", "column"}, where)
+    for key in ("name", "unit", "role"):
+        if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
+            raise DataError(f"{where}: {key} is missing or not a text")
+    if entry["role"] not in ROLES:
+        raise DataError(f"{where}: role {entry['role']!r} is none of {', '.join(ROLES)}")
+    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"))
