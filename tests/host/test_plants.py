@@ -46,12 +46,14 @@ def test_controllers_from_formulas_equal_published_coefficients():
 
 @needs_reference
 def test_closed_loop_reproduces_stored_recording():
-    stored = np.load(SHARED / "reference/data/hawt_00.npz")
-    loop = hawt.ClosedLoop(0)
-    for k in range(4000):
-        _, u, y = loop.advance(stored["r"][k], stored["d"][k], np.zeros(3))
-        np.testing.assert_allclose(u / [1.0, 1e4], stored["u"][k] / [1.0, 1e4], rtol=1e-6, atol=1e-7)
-        np.testing.assert_allclose(y, stored["y"][k], rtol=1e-6, atol=1e-9)
+    stored = dict(np.load(SHARED / "reference/data/hawt_00.npz"))
+    loop, answer = hawt.ClosedLoop(0), []
+    for excitation, wind in zip(stored["r"], stored["d"], strict=True):
+        _, u, y = loop.advance(excitation, wind, np.zeros(3))
+        answer.append(np.r_[u, y])
+    truth = np.hstack([stored["u"], stored["y"]])
+    # coefficients rounded elsewhere in the ninth-order controller leave 4e-8 of the spread
+    assert np.max(abs(answer - truth) / truth.std(axis=0)) < 1e-6
 
 
 def test_poles_of_the_turbine_as_printed():
