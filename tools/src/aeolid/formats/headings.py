@@ -1,0 +1,71 @@
+"""Match the channels of a roles file with the headings of a table, and their units."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Sequence
+
+from aeolid.errors import DataError
+from aeolid.formats.table import listed
+
+_UNIT = re.compile(r"^(?P<name>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*$")
+_SAME = {
+    "sec": "s", "second": "s", "seconds": "s", "°": "deg", "degree": "deg", "degrees": "deg", "radians": "rad",
+    "1/min": "rpm", "/min": "rpm", "rev/min": "rpm", "min1": "rpm", "r/min": "rpm", "ms2": "m/s2", "ms1": "m/s",
+    "°/s": "deg/s", "1": "", "none": "", "unitless": "", "%": "%",
+}  # fmt: skip
+
+
+def split_heading(heading: str) -> tuple[str, str | None]:
+    """Split 'pitch [deg]', 'pitch (deg)' or 'pitch_[deg]' into name and unit; the unit is None where none stands."""
+    match = _UNIT.match(heading)
+    if match is None or not match["name"].strip():
+        return heading.strip(), None
+    unit = match["square"] if match["square"] is not None else match["round"]
+    return match["name"].strip(), unit.strip()
+
+
+def plain_unit(unit: str) -> str:
+    """Reduce the spellings of one unit to one: 'kN·m', 'kN-m' and 'kN m' are the same, so are 'm/s^2' and 'm/s²'."""
+    text = unit.strip().replace("²", "2").replace("³", "3").replace("⁻", "-").replace("¹", "1")
+    text = re.sub(r"[\s·*^\-_()]", "", text)
+    return _SAME.get(text.lower(), text)
+
+
+def same_unit(first: str, second: str) -> bool:
+    """Tell whether two spellings mean the same unit; the case counts, since mW is not MW."""
+    return plain_unit(first) == plain_unit(second)
+
+
+def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
+    """Return the heading that is `wanted`, with or without a unit behind it.
+
+    Raises DataError when it is absent (listing what exists and the nearest name) or stands there twice.
+    """
+    exact = [name for name in names if name == wanted]
+    found = exact or [name for name in names if split_heading(name)[0] == wanted]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise DataError(f"{source}: the heading {wanted!r} stands there {len(found)} times; rename all but one")
+    bare = [split_heading(name)[0] for name in names]
+    folded = {name.lower(): name for name in reversed(bare)}
+    near = [folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)]
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise DataError(
+        f"{source}: no channel {wanted!r}{hint} The file holds {listed(bare) or 'no named channel'};"
+        f" set `column` in the roles file to the heading"
+    )
+
+
+def check_unit(source: str, channel: str, wanted: str, found: str | None) -> None:
+    """Refuse a unit in the file that differs from the roles file; either may be silent about it."""
+    if found is None or not wanted or same_unit(wanted, found):
+        return
+    if not plain_unit(found):
+        return
+    raise DataError(
+        f"{source}: channel {channel!r} is in {found!r} in the file and in {wanted!r} in the roles file;"
+        f" correct the unit in the roles file or convert the column"
+    )

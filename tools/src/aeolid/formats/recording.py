@@ -1,0 +1,153 @@
+"""Turn a file of any known format into a recording."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from aeolid.errors import DataError
+from aeolid.formats.headings import check_unit, find_heading, split_heading
+from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
+from aeolid.formats.timebase import uniform_grid
+from aeolid.record import Record, Roles, file_sha256
+
+SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log")
+_CAN_LOGS = (".blf", ".asc", ".log")
+
+
+def read_record(path: str | Path, roles: Roles) -> Record:
+    """Read the channels that a roles file names, checked and on a uniform clock.
+
+    Channels of the role `ignore` are not read. Missing samples (empty cells, NaN, gaps of whole samples) become
+    NaN. Raises DataError naming file, channel and sample for everything that cannot be used as it stands. Sample
+    numbers in messages count from 1. Cost: one pass over the file; memory for the wanted channels only.
+    """
+    channels = tuple(c for c in roles.channels if c.role != "ignore")
+    source = str(path)
+
+    def choose(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:
+        time = _time_heading(names, roles, clock, source)
+        found = [find_heading(c.heading, names, source) for c in channels]
+        return tuple(dict.fromkeys(([time] if time else []) + found))
+
+    table = _read(Path(path), choose)
+    if table.samples == 0:
+        raise DataError(f"{source}: a heading but no sample; record at least one row")
+    headings = [find_heading(c.heading, table.names, source) for c in channels]
+    for channel, heading in zip(channels, headings, strict=True):
+        check_unit(source, channel.name, channel.unit, _unit(table, heading))
+        _require_usable(table, channel.name, table.columns[heading])
+    time = _time_column(table, roles, source)
+    grid = uniform_grid(table, time, roles.sample_time_s)
+    values = grid.place(np.column_stack([table.columns[h] for h in headings]))
+    return Record(grid.times(), values, channels, grid.sample_time_s, source, file_sha256(path))
+
+
+def read_table(path: str | Path, columns: Sequence[str] | None = None) -> Table:
+    """Read named columns of a file (all where none are named), without roles or checks of the clock.
+
+    Names match headings with or without the unit behind them; the result's columns carry the names asked for.
+    """
+    if columns is None:
+        return _read(Path(path), want_all)
+    source = str(path)
+
+    def choose(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(find_heading(name, names, source) for name in columns))
+
+    table = _read(Path(path), choose)
+    found = {name: find_heading(name, table.names, source) for name in columns}
+    units = {name: unit for name, heading in found.items() if (unit := _unit(table, heading)) is not None}
+    return Table(
+        table.source, table.names, {n: table.columns[h] for n, h in found.items()}, units, table.time, table.first_line
+    )
+
+
+def _read(path: Path, choose: Choose) -> Table:
+    if path.is_dir():
+        raise DataError(f"{path}: a folder; name the recording in it")
+    try:
+        with open(path, "rb") as handle:
+            empty = not handle.read(1)
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file") from None
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}") from None
+    name = path.name.lower()
+    suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {', '.join(SUFFIXES)}; export it as CSV")
+    if empty:
+        raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")
+    return _reader(suffix, path)(path, choose)
+
+
+def _reader(suffix: str, path: Path) -> Callable[[Path, Choose], Table]:
+    """Import the reader only when its format is met: none of the libraries behind them is needed for the others."""
+    if suffix in (".csv", ".csv.gz", ".out"):
+        from aeolid.formats import text
+
+        return text.read_out if suffix == ".out" else text.read_csv
+    if suffix == ".mf4":
+        from aeolid.formats import mdf
+
+        return _read_can_log if mdf.holds_frames(path) else mdf.read_mdf
+    if suffix in _CAN_LOGS:
+        return _read_can_log
+    from aeolid.formats import binary
+
+    return {
+        ".parquet": binary.read_parquet,
+        ".npz": binary.read_npz,
+        ".mat": binary.read_mat,
+        ".outb": binary.read_outb,
+    }[suffix]
+
+
+def _read_can_log(path: Path, choose: Choose) -> Table:
+    """Decode a CAN log with the product's DBC: aeolid.can gives the columns, among them time_s, and their units."""
+    decode = getattr(importlib.import_module("aeolid.can"), "read_log", None)
+    if decode is None:
+        raise DataError(f"{path}: CAN logs are not read by this build; export the samples as CSV")
+    columns, units = decode(path)
+    names = tuple(columns)
+    wanted = choose(names, "time_s")
+    return Table(str(path), names, {n: to_numbers(path, n, columns[n]) for n in wanted}, dict(units), "time_s")
+
+
+def _time_heading(names: Sequence[str], roles: Roles, clock: str | None, source: str) -> str | None:
+    """Find the time column: the one the roles file names, else the format's own, else one called time_s."""
+    bare = {split_heading(name)[0] for name in names}
+    if roles.time is not None and (clock is None or roles.time in bare or roles.time in names):
+        return find_heading(roles.time, names, source)
+    if clock is not None:
+        return clock
+    return find_heading("time_s", names, source) if "time_s" in bare else None
+
+
+def _time_column(table: Table, roles: Roles, source: str) -> Array | None:
+    heading = _time_heading(table.names, roles, table.time, source)
+    if heading is None:
+        return None
+    unit = _unit(table, heading)
+    check_unit(source, split_heading(heading)[0], "s", unit)
+    return table.columns[heading]
+
+
+def _unit(table: Table, heading: str) -> str | None:
+    """Return the unit the file gives a column: its own entry, else the one in the heading."""
+    return table.units.get(heading, split_heading(heading)[1])
+
+
+def _require_usable(table: Table, name: str, values: Array) -> None:
+    infinite = np.flatnonzero(np.isinf(values))
+    if len(infinite):
+        raise DataError(
+            f"{table.source}: channel {name!r} is infinite at {table.place(int(infinite[0]))}"
+            f" ({len(infinite)} in all); leave the cell empty if the sample is missing"
+        )
+    if np.isnan(values).all():
+        raise DataError(f'{table.source}: channel {name!r} holds no value at all; give it the role "ignore"')

@@ -1,0 +1,209 @@
+"""Read delimited text: CSV, plain or gzipped, and OpenFAST text output."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import itertools
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, cast
+
+import numpy as np
+
+from aeolid.errors import DataError
+from aeolid.formats.headings import split_heading
+from aeolid.formats.table import Array, Choose, Table, guard_size, text_error
+
+EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
+_BLOCK = 1 << 22  # bytes read at a time: memory is bounded by the wanted columns, not by the file
+_HEAD_LIMIT = 1 << 20  # a heading longer than this is not a table
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Say how a text table is written: its headings, units, delimiter, decimal sign and lines before sample 1."""
+
+    names: tuple[str, ...]
+    units: dict[str, str]
+    delimiter: str
+    decimal: str
+    skip: int
+    encoding: str
+
+
+def read_csv(path: Path, choose: Choose) -> Table:
+    """Read the chosen columns of a CSV file; comma, semicolon or tab, with decimal comma where semicolons separate."""
+    layout = _csv_layout(path)
+    wanted = choose(layout.names, None)
+    try:
+        columns = _read_columns(path, layout, wanted)
+    except ValueError as error:  # what pyarrow raises for bad cells and ragged rows, without the place
+        raise _locate(path, layout, wanted, str(error)) from None
+    return Table(str(path), layout.names, columns, layout.units, None, layout.skip + 1)
+
+
+def read_out(path: Path, choose: Choose) -> Table:
+    """Read OpenFAST text output: six lines of description, names, units, then rows separated by blanks."""
+    with _open(path) as handle:
+        head = [line.decode("latin-1") for line in itertools.islice(handle, 8)]
+        rows = next((i for i, line in enumerate(head) if line.split()[:1] == ["Time"]), None)
+        if rows is None or rows + 1 >= len(head):
+            raise DataError(f"{path}: no line that starts with 'Time' among the first eight; not OpenFAST text output")
+        names = tuple(head[rows].split())
+        units = [u.strip("()") for u in head[rows + 1].split()]
+        if len(units) != len(names):
+            raise DataError(f"{path}: {len(names)} names but {len(units)} units in line {rows + 2}")
+        wanted = choose(names, "Time")
+        index = [names.index(name) for name in wanted]
+        handle.seek(0)
+        body = itertools.islice(handle, rows + 2, None)
+        values = list(_out_rows(path, body, names, index, rows + 3))
+    table = np.array(values, dtype=float).reshape(len(values), len(wanted))
+    columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(wanted)}
+    return Table(str(path), names, columns, dict(zip(names, units, strict=True)), "Time", rows + 3)
+
+
+def _out_rows(
+    path: Path, body: Iterator[bytes], names: tuple[str, ...], index: list[int], first: int
+) -> Iterator[list[float]]:
+    for number, line in enumerate(body):
+        cells = line.split()
+        if not cells:
+            continue
+        if len(cells) != len(names):
+            raise _ragged(path, number, first, len(names), len(cells))
+        try:
+            yield [float(cells[i]) for i in index]
+        except ValueError:
+            bad = next(i for i in index if not _is_number(cells[i].decode("latin-1")))
+            place = f"sample {number + 1} (line {first + number})"
+            raise text_error(path, names[bad], place, cells[bad].decode("latin-1")) from None
+
+
+def _open(path: Path) -> IO[bytes]:
+    with open(path, "rb") as handle:
+        packed = handle.read(2) == b"\x1f\x8b"
+    return cast(IO[bytes], gzip.open(path, "rb")) if packed else open(path, "rb")
+
+
+def _csv_layout(path: Path) -> Layout:
+    """Read the lines up to sample 1: comments, the heading, an optional row of units."""
+    try:
+        with _open(path) as handle:
+            head = handle.read(_HEAD_LIMIT)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise _broken_gzip(path, error) from None
+    if not head.strip():
+        raise DataError(f"{path}: the file is empty; a heading line and one row a sample are needed")
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        raise DataError(f"{path}: the text is UTF-16; export it as UTF-8")
+    if b"\0" in head:
+        raise DataError(f"{path}: binary data, not a text table; give the file its right suffix or export it as CSV")
+    encoding = "utf-8" if _decodes(head) else "cp1252"
+    lines = head.decode(encoding, errors="replace").removeprefix("\ufeff").splitlines()
+    skip = next((i for i, line in enumerate(lines) if line.strip() and not line.lstrip().startswith("#")), None)
+    if skip is None:
+        raise DataError(f"{path}: comment lines only; a heading line and one row a sample are needed")
+    return _heading(path, lines[skip : skip + 3], skip, encoding)
+
+
+def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
+    delimiter = max(",;\t", key=lines[0].count)
+    names = tuple(cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter)))
+    if all(_is_number(name) for name in names):
+        raise DataError(f"{path}: line {skip + 1} holds numbers where the headings should be; add a heading line")
+    units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
+    rows = [next(csv.reader([line], delimiter=delimiter)) for line in lines[1:]]
+    if rows and len(rows[0]) == len(names) and _is_unit_row(rows[0]) and len(rows) > 1 and not _is_unit_row(rows[1]):
+        units |= {n: u.strip().strip("[]()") for n, u in zip(names, rows.pop(0), strict=True) if u.strip()}
+        skip += 1
+    decimal = "," if delimiter != "," and rows and any("," in cell for cell in rows[0]) else "."
+    return Layout(names, units, delimiter, decimal, skip + 1, encoding)
+
+
+def _is_unit_row(cells: list[str]) -> bool:
+    """Tell a row of units from a row of samples: something stands there and none of it is a number."""
+    return any(c.strip() for c in cells) and not any(_is_number(c) for c in cells if c.strip() not in EMPTY)
+
+
+def _decodes(head: bytes) -> bool:
+    try:
+        head[:-4].decode("utf-8")
+    except UnicodeDecodeError as error:
+        return error.start >= len(head) - 8  # a character cut at the end of the block
+    return True
+
+
+def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[str, Array]:
+    import pyarrow as pa
+    from pyarrow import csv as arrow_csv
+
+    keys = [str(layout.names.index(name)) for name in wanted]
+    types = dict.fromkeys(keys, pa.float64())
+    read = arrow_csv.ReadOptions(
+        column_names=[str(i) for i in range(len(layout.names))], skip_rows=layout.skip, block_size=_BLOCK,
+        encoding=layout.encoding,
+    )  # fmt: skip
+    convert = arrow_csv.ConvertOptions(
+        column_types=types, include_columns=keys, null_values=list(EMPTY), decimal_point=layout.decimal
+    )
+    parts: dict[str, list[Array]] = {key: [] for key in keys}
+    rows = 0
+    try:
+        with _open(path) as handle:
+            parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
+            for batch in arrow_csv.open_csv(handle, read, parse, convert):
+                rows += batch.num_rows
+                guard_size(path, 2 * rows * len(keys) * 8)  # twice: the parts and their concatenation
+                for key in keys:
+                    parts[key].append(batch.column(key).to_numpy(zero_copy_only=False))
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise _broken_gzip(path, error) from None
+    return {
+        name: np.concatenate([np.empty(0), *(np.asarray(p, dtype=float) for p in parts.pop(key))])
+        for name, key in zip(wanted, keys, strict=True)
+    }
+
+
+def _locate(path: Path, layout: Layout, wanted: tuple[str, ...], cause: str) -> DataError:
+    """Walk the file once more, slowly, to name the first row that cannot be read."""
+    index = [layout.names.index(name) for name in wanted]
+    with _open(path) as raw, io.TextIOWrapper(raw, layout.encoding, errors="replace", newline="") as text:
+        body = itertools.islice(text, layout.skip, None)
+        sample = 0
+        for cells in csv.reader(body, delimiter=layout.delimiter):
+            if not cells:
+                continue
+            if len(cells) != len(layout.names):
+                return _ragged(path, sample, layout.skip + 1, len(layout.names), len(cells))
+            for i in index:
+                cell = cells[i].strip()
+                number = cell.replace(",", ".") if layout.decimal == "," else cell
+                if cell not in EMPTY and not _is_number(number):
+                    place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
+                    return text_error(path, layout.names[i], place, cell)
+            sample += 1
+    return DataError(f"{path}: not a readable table: {cause.splitlines()[0][:160]}")
+
+
+def _ragged(path: Path, sample: int, first: int, expected: int, found: int) -> DataError:
+    return DataError(
+        f"{path}: sample {sample + 1} (line {first + sample}) has {found} cells where the heading has {expected};"
+        f" complete the row or remove it"
+    )
+
+
+def _broken_gzip(path: Path, error: Exception) -> DataError:
+    return DataError(f"{path}: the gzip data are cut off or damaged ({str(error).split(chr(10))[0]}); copy it again")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip().replace("_", "x"))  # Python would read 1_000 as a number, nobody's logger writes it
+    except ValueError:
+        return False
+    return True
