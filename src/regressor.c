@@ -1,0 +1,265 @@
+/* regressor.c: the window of regressor.h. */
+#include "aeolid/regressor.h"
+
+#include "linalg.h"
+
+#include <string.h>
+
+/* Channel tables hold finite numbers, so "no limit" is the largest one. */
+#if AEO_REAL_BYTES == 8
+#define REAL_MAX DBL_MAX
+#define REAL_MIN DBL_MIN
+#else
+#define REAL_MAX FLT_MAX
+#define REAL_MIN FLT_MIN
+#endif
+
+static unsigned count_bits(uint32_t mask)
+{
+    unsigned bits = 0;
+    for (; mask != 0u; mask &= mask - 1u) {
+        bits++;
+    }
+    return bits;
+}
+
+static int sizes_hold(const aeo_regressor_config_t *config)
+{
+    const unsigned r = config->inputs, l = config->outputs;
+    if (r < 1u || r > AEO_REGRESSOR_CHANNELS_MAX || l < 1u || l > AEO_REGRESSOR_CHANNELS_MAX || config->past < 1u) {
+        return 0;
+    }
+    if (config->model_set != AEO_VARX && config->model_set != AEO_VARMAX) {
+        return 0;
+    }
+    if (r < 32u && config->feedthrough >> r != 0u) {
+        return 0;
+    }
+    const size_t e = config->model_set == AEO_VARMAX ? 1u : 0u;
+    return AEO_REGRESSOR_LENGTH(r, l, config->past, e, r) <= AEO_REGRESSOR_LENGTH_MAX && config->period_us >= 1u &&
+           config->period_us <= UINT32_C(4000000000);
+}
+
+static aeo_status_t check_tables(const aeo_regressor_config_t *config)
+{
+    const size_t channels = (size_t)config->inputs + config->outputs;
+    const aeo_real_t *tables[4] = {config->offset, config->scale, config->minimum, config->maximum};
+    for (int t = 0; t < 4; t++) {
+        if (tables[t] != NULL && !aeo_linalg_all_finite(tables[t], channels)) {
+            return AEO_E_NOT_FINITE;
+        }
+    }
+    for (size_t i = 0; i < channels; i++) {
+        /* The reciprocal must be a normal number too: a table that can hold 1e-30 must not be allowed 1e-39. */
+        if (config->scale != NULL &&
+            (config->scale[i] < REAL_MIN * AEO_REAL(4) || config->scale[i] > REAL_MAX / AEO_REAL(16))) {
+            return AEO_E_ARG;
+        }
+        if (config->minimum != NULL && config->maximum != NULL && config->minimum[i] > config->maximum[i]) {
+            return AEO_E_ARG;
+        }
+    }
+    return AEO_OK;
+}
+
+static void fill_tables(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory)
+{
+    const size_t channels = (size_t)config->inputs + config->outputs;
+    self->offset = memory;
+    self->inverse = memory + channels;
+    self->minimum = memory + 2 * channels;
+    self->maximum = memory + 3 * channels;
+    for (size_t i = 0; i < channels; i++) {
+        self->offset[i] = config->offset != NULL ? config->offset[i] : AEO_REAL(0);
+        self->inverse[i] = config->scale != NULL ? AEO_REAL(1) / config->scale[i] : AEO_REAL(1);
+        self->minimum[i] = config->minimum != NULL ? config->minimum[i] : -REAL_MAX;
+        self->maximum[i] = config->maximum != NULL ? config->maximum[i] : REAL_MAX;
+    }
+}
+
+aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory,
+                                size_t words)
+{
+    if (self == NULL || config == NULL || memory == NULL || !sizes_hold(config)) {
+        return AEO_E_ARG;
+    }
+    const aeo_status_t status = check_tables(config);
+    if (status != AEO_OK) {
+        return status;
+    }
+    const unsigned r = config->inputs, l = config->outputs, e = config->model_set == AEO_VARMAX ? 1u : 0u;
+    if (words < AEO_REGRESSOR_WORDS(r, l, config->past, e)) {
+        return AEO_E_MEMORY;
+    }
+    memset(self, 0, sizeof *self);
+    self->inputs = config->inputs;
+    self->outputs = config->outputs;
+    self->past = config->past;
+    self->model_set = (uint8_t)config->model_set;
+    self->feedthrough = config->feedthrough;
+    self->period_us = config->period_us;
+    self->block_length = (uint16_t)AEO_REGRESSOR_BLOCK(r, l, e);
+    self->length = (uint16_t)AEO_REGRESSOR_LENGTH(r, l, config->past, e, count_bits(config->feedthrough));
+    self->z = memory;
+    self->block = memory + AEO_REGRESSOR_LENGTH(r, l, config->past, e, r);
+    fill_tables(self, config, self->block + self->block_length);
+    aeo_regressor_reset(self);
+    return AEO_OK;
+}
+
+/* 1 when every value of the channels first ... first+count-1 lies in its plausible range and scales to a number that the
+ * filters' overflow proofs allow. x is finite; (x - offset) * inverse may overflow, so the product is judged by bits. */
+static int in_range(const aeo_regressor_t *self, const aeo_real_t *x, size_t first, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        const size_t channel = first + i;
+        if (x[i] < self->minimum[channel] || x[i] > self->maximum[channel]) {
+            return 0;
+        }
+        const aeo_real_t scaled = (x[i] - self->offset[channel]) * self->inverse[channel];
+        if (!aeo_linalg_all_finite(&scaled, 1) || !aeo_linalg_all_within(&scaled, 1, AEO_SCALED_MAX)) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Accept or refuse by time alone: AEO_OK, AEO_E_GAP or AEO_E_TIME. */
+static aeo_status_t judge_time(const aeo_regressor_t *self, uint64_t time_us)
+{
+    if (self->pending == 0u) {
+        return AEO_OK;
+    }
+    if (time_us <= self->time_us) {
+        return AEO_E_TIME;
+    }
+    const uint64_t step = time_us - self->time_us;
+    const uint64_t half = self->period_us / 2u;
+    if (step < half) {
+        return AEO_E_TIME;
+    }
+    return step > self->period_us + half ? AEO_E_GAP : AEO_OK;
+}
+
+/* Move the last accepted block into the window: the oldest one drops out, the rest moves down by one block. */
+static void shift_window(aeo_regressor_t *self)
+{
+    const size_t m = self->block_length;
+    const size_t kept = (size_t)(self->past - 1u) * m;
+    for (size_t i = 0; i < kept; i++) {
+        self->z[i] = self->z[i + m];
+    }
+    memcpy(self->z + kept, self->block, m * sizeof *self->z);
+    if (self->filled < self->past) {
+        self->filled++;
+    }
+}
+
+static void store_block(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y)
+{
+    const size_t r = self->inputs, l = self->outputs;
+    size_t tail = (size_t)self->past * self->block_length;
+    for (size_t i = 0; i < r; i++) {
+        self->block[i] = (u[i] - self->offset[i]) * self->inverse[i];
+        if ((self->feedthrough >> i & 1u) != 0u) {
+            self->z[tail++] = self->block[i];
+        }
+    }
+    for (size_t i = 0; i < l; i++) {
+        self->block[r + i] = (y[i] - self->offset[r + i]) * self->inverse[r + i];
+    }
+    for (size_t i = r + l; i < self->block_length; i++) {
+        self->block[i] = AEO_REAL(0);
+    }
+}
+
+aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us)
+{
+    if (self == NULL || u == NULL || y == NULL) {
+        return AEO_E_ARG;
+    }
+    if (!aeo_linalg_all_finite(u, self->inputs) || !aeo_linalg_all_finite(y, self->outputs)) {
+        aeo_count_up(&self->count.not_finite);
+        return AEO_E_NOT_FINITE;
+    }
+    if (!in_range(self, u, 0, self->inputs) || !in_range(self, y, self->inputs, self->outputs)) {
+        aeo_count_up(&self->count.range);
+        return AEO_E_RANGE;
+    }
+    const aeo_status_t time = judge_time(self, time_us);
+    if (time == AEO_E_TIME) {
+        aeo_count_up(&self->count.time);
+        return time;
+    }
+    if (time == AEO_E_GAP) {
+        aeo_count_up(&self->count.gaps);
+        self->filled = 0;
+    } else if (self->pending != 0u) {
+        shift_window(self);
+    }
+    store_block(self, u, y);
+    self->pending = 1;
+    self->time_us = time_us;
+    aeo_count_up(&self->count.samples);
+    if (time == AEO_E_GAP) {
+        return time;
+    }
+    return self->filled == self->past ? AEO_OK : AEO_FILLING;
+}
+
+aeo_status_t aeo_regressor_set_innovation(aeo_regressor_t *self, const aeo_real_t *e)
+{
+    if (self == NULL || e == NULL || self->model_set != (uint8_t)AEO_VARMAX || self->pending == 0u) {
+        return AEO_E_ARG;
+    }
+    if (!aeo_linalg_all_finite(e, self->outputs)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!aeo_linalg_all_within(e, self->outputs, AEO_SCALED_MAX)) {
+        return AEO_E_RANGE;
+    }
+    memcpy(self->block + self->inputs + self->outputs, e, self->outputs * sizeof *e);
+    return AEO_OK;
+}
+
+const aeo_real_t *aeo_regressor_z(const aeo_regressor_t *self)
+{
+    return self->z;
+}
+
+const aeo_real_t *aeo_regressor_y(const aeo_regressor_t *self)
+{
+    return self->block + self->inputs;
+}
+
+void aeo_regressor_reset(aeo_regressor_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    self->filled = 0;
+    self->pending = 0;
+    self->time_us = 0;
+    memset(self->z, 0, self->length * sizeof *self->z);
+    memset(self->block, 0, self->block_length * sizeof *self->block);
+}
+
+int aeo_regressor_invariants_hold(const aeo_regressor_t *self)
+{
+    if (self == NULL || self->filled > self->past || self->pending > 1u || self->period_us == 0u) {
+        return 0;
+    }
+    const unsigned e = self->model_set;
+    const size_t channels = (size_t)self->inputs + self->outputs;
+    if (e > 1u || self->block_length != AEO_REGRESSOR_BLOCK(self->inputs, self->outputs, e) ||
+        self->length != (size_t)self->past * self->block_length + count_bits(self->feedthrough)) {
+        return 0;
+    }
+    if (!aeo_linalg_all_finite(self->z, self->length) || !aeo_linalg_all_finite(self->block, self->block_length) ||
+        !aeo_linalg_all_finite(self->offset, 4 * channels)) {
+        return 0;
+    }
+    return aeo_linalg_all_within(self->z, self->length, AEO_SCALED_MAX) &&
+           aeo_linalg_all_within(self->block, self->block_length, AEO_SCALED_MAX);
+}
+/* SPDX-License-Identifier: MIT */

@@ -1,0 +1,347 @@
+/* rls.c: the square-root recursion of rls.h. */
+#include "aeolid/rls.h"
+
+#include "linalg.h"
+
+#include <string.h>
+
+/* Bounds from which nothing below overflows in float. Samples are at most 1e6 (checked), variances at most
+ * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances), so entries of S are below 1.5e5 and
+ *   |S'z|_j <= n 1.5e5 1e6 < 2e14,   alpha <= 1 + n (2e14)^2 < 5e31,   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5.
+ * An innovation beyond INNOVATION_MAX forces a fresh start before it is used, so theta moves by less than 1.1e17 an
+ * update, stays below 1e29 for 1e11 updates, and theta z stays below n 1e29 1e6 < 1.1e38 < FLT_MAX. */
+#define SAMPLE_MAX AEO_REAL(1e6)
+#define INNOVATION_MAX AEO_REAL(1e12)
+#define VARIANCE_MAX AEO_REAL(1e10)
+
+static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
+{
+    return x >= low && x <= high;
+}
+
+static int settings_hold(const aeo_rls_config_t *config)
+{
+    return config->regressors >= 1u && config->regressors <= AEO_RLS_REGRESSORS_MAX && config->outputs >= 1u &&
+           config->outputs <= AEO_RLS_OUTPUTS_MAX &&
+           is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) &&
+           is_between(config->regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)) &&
+           is_between(config->excitation_min, AEO_REAL(0), AEO_REAL(1)) &&
+           is_between(config->growth_max, AEO_REAL(4), AEO_REAL(1e6)) &&
+           config->growth_max / config->regularisation <= VARIANCE_MAX;
+}
+
+/* How many variances to check a sample so that each comes round before forgetting can double it. */
+static uint16_t find_scan_step(uint16_t n, aeo_real_t lambda)
+{
+    aeo_real_t shrink = lambda;
+    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
+    while (samples < n && shrink * lambda >= AEO_REAL(0.5)) {
+        shrink *= lambda;
+        samples++;
+    }
+    return (uint16_t)((n + samples - 1u) / samples);
+}
+
+aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words)
+{
+    if (self == NULL || config == NULL || memory == NULL) {
+        return AEO_E_ARG;
+    }
+    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
+                                    config->growth_max};
+    if (!aeo_linalg_all_finite(settings, 4)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!settings_hold(config)) {
+        return AEO_E_ARG;
+    }
+    const size_t n = config->regressors, l = config->outputs;
+    if (words < AEO_RLS_WORDS(n, l)) {
+        return AEO_E_MEMORY;
+    }
+    memset(self, 0, sizeof *self);
+    self->config = *config;
+    self->factor = memory;
+    self->theta = self->factor + n * (n + 1) / 2;
+    self->gain = self->theta + n * l;
+    self->projection = self->gain + n;
+    self->innovation = self->projection + n;
+    self->residual = self->innovation + l;
+    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting); /* forgetting >= 1/2 */
+    self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)config->regressors;
+    self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
+    self->scan_step = find_scan_step(config->regressors, config->forgetting);
+    aeo_rls_reset(self);
+    return AEO_OK;
+}
+
+void aeo_rls_reset(aeo_rls_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);
+    const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
+    aeo_real_t *entry = self->factor;
+    for (size_t j = 0; j < n; j++) {
+        *entry = diagonal;
+        entry += n - j;
+    }
+    self->scan_row = 0;
+}
+
+/* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */
+static int find_innovation(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    for (size_t i = 0; i < l; i++) {
+        self->innovation[i] = y[i] - aeo_linalg_dot(self->theta + i * n, z, n);
+    }
+    return aeo_linalg_all_within(self->innovation, l, INNOVATION_MAX);
+}
+
+/* Absorb z with the weight lambda, theta included. The gain comes unnormalised: gain = alpha g. */
+static void absorb(aeo_rls_t *self, aeo_real_t lambda, aeo_real_t scale)
+{
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    const aeo_real_t alpha = aeo_linalg_rotate(self->factor, self->projection, n, self->gain, n, lambda, scale);
+    const aeo_real_t inverse = AEO_REAL(1) / alpha; /* alpha >= lambda >= 1/2 */
+    for (size_t i = 0; i < l; i++) {
+        aeo_linalg_axpy(self->innovation[i] * inverse, self->gain, self->theta + i * n, n);
+        self->residual[i] = self->innovation[i] * (lambda * inverse);
+    }
+}
+
+/* Check the next scan_step variances; quarter each that passed the bound by absorbing a measurement of that parameter
+ * which agrees with its present value: theta does not move. With a = (3 / P_ii)^(1/2) row_i, |a|^2 = 3 and
+ * P_ii becomes P_ii / (1 + 3). Only forgetting makes P grow, at most by 2 between two checks, so P_ii <= 2 variance_max. */
+static void bound_variances(aeo_rls_t *self)
+{
+    const size_t n = self->config.regressors;
+    for (unsigned s = 0; s < self->scan_step; s++) {
+        const size_t i = self->scan_row;
+        self->scan_row = (uint16_t)(i + 1u < n ? i + 1u : 0u);
+        const aeo_real_t variance = aeo_linalg_row_norm2(self->factor, n, i, NULL);
+        if (variance <= self->variance_max) {
+            continue;
+        }
+        aeo_linalg_row_norm2(self->factor, n, i, self->projection);
+        const aeo_real_t weight = AEO_SQRT(AEO_REAL(3) / variance); /* variance > variance_max > 0 */
+        for (size_t j = 0; j <= i; j++) {
+            self->projection[j] *= weight;
+        }
+        aeo_linalg_rotate(self->factor, self->projection, i + 1, self->gain, n, AEO_REAL(1), AEO_REAL(1));
+        aeo_count_up(&self->count.bounded);
+        self->health |= AEO_RLS_BOUNDED;
+    }
+}
+
+static aeo_status_t judge_sample(const aeo_real_t *x, size_t count)
+{
+    if (!aeo_linalg_all_finite(x, count)) {
+        return AEO_E_NOT_FINITE;
+    }
+    return aeo_linalg_all_within(x, count, SAMPLE_MAX) ? AEO_OK : AEO_E_RANGE;
+}
+
+aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    if (self == NULL || z == NULL || y == NULL) {
+        return AEO_E_ARG;
+    }
+    aeo_status_t status = judge_sample(z, self->config.regressors);
+    if (status == AEO_OK) {
+        status = judge_sample(y, self->config.outputs);
+    }
+    if (status != AEO_OK) {
+        aeo_count_up(&self->count.rejected);
+        return status;
+    }
+    if (!find_innovation(self, z, y)) {
+        aeo_rls_reset(self);
+        aeo_count_up(&self->count.reinitialised);
+        self->health |= AEO_RLS_REINITIALISED;
+        find_innovation(self, z, y); /* theta = 0: the innovation is y, at most 1e6 */
+    }
+    const aeo_real_t news = aeo_linalg_project(self->factor, z, self->projection, self->config.regressors);
+    if (news < self->gate) {
+        absorb(self, AEO_REAL(1), AEO_REAL(1));
+        aeo_count_up(&self->count.withheld);
+        self->health |= AEO_RLS_WITHHELD;
+    } else {
+        absorb(self, self->config.forgetting, self->inverse_root_forgetting);
+    }
+    if (self->config.forgetting < AEO_REAL(1)) {
+        bound_variances(self);
+    }
+    aeo_count_up(&self->count.updates);
+    return AEO_OK;
+}
+
+const aeo_real_t *aeo_rls_theta(const aeo_rls_t *self)
+{
+    return self->theta;
+}
+
+const aeo_real_t *aeo_rls_innovation(const aeo_rls_t *self)
+{
+    return self->innovation;
+}
+
+const aeo_real_t *aeo_rls_residual(const aeo_rls_t *self)
+{
+    return self->residual;
+}
+
+uint32_t aeo_rls_health(const aeo_rls_t *self)
+{
+    return self != NULL ? self->health : 0u;
+}
+
+void aeo_rls_clear_health(aeo_rls_t *self)
+{
+    if (self != NULL) {
+        self->health = 0u;
+    }
+}
+
+int aeo_rls_invariants_hold(const aeo_rls_t *self)
+{
+    if (self == NULL || !settings_hold(&self->config)) {
+        return 0;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    if (self->theta != self->factor + n * (n + 1) / 2 || self->residual != self->theta + n * l + 2 * n + l ||
+        self->scan_row >= n || !aeo_linalg_all_finite(self->factor, AEO_RLS_WORDS(n, l))) {
+        return 0;
+    }
+    const aeo_real_t *entry = self->factor;
+    for (size_t j = 0; j < n; j++) {
+        if (!(*entry > AEO_REAL(0))) {
+            return 0;
+        }
+        entry += n - j;
+        if (aeo_linalg_row_norm2(self->factor, n, j, NULL) > AEO_REAL(4) * self->variance_max) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* The saved array: version, bytes of a real, n, l, four settings, health, five counters, scan row (unsigned 32-bit
+ * numbers as two halves of 16 bits, exact in float), factor, theta, innovation, residual. */
+static aeo_real_t *put_u32(aeo_real_t *to, uint32_t value)
+{
+    to[0] = (aeo_real_t)(value >> 16);
+    to[1] = (aeo_real_t)(value & 0xFFFFu);
+    return to + 2;
+}
+
+static const aeo_real_t *get_u32(const aeo_real_t *from, uint32_t *value, int *sound)
+{
+    uint32_t halves[2] = {0, 0};
+    for (int i = 0; i < 2; i++) {
+        if (!is_between(from[i], AEO_REAL(0), AEO_REAL(65535))) {
+            *sound = 0;
+            continue;
+        }
+        halves[i] = (uint32_t)from[i];
+        if (from[i] > (aeo_real_t)halves[i]) {
+            *sound = 0; /* not a whole number */
+        }
+    }
+    *value = halves[0] << 16 | halves[1];
+    return from + 2;
+}
+
+static void fill_head(const aeo_rls_t *self, aeo_real_t head[8])
+{
+    head[0] = AEO_REAL(AEO_RLS_SAVED_VERSION);
+    head[1] = AEO_REAL(AEO_REAL_BYTES);
+    head[2] = (aeo_real_t)self->config.regressors;
+    head[3] = (aeo_real_t)self->config.outputs;
+    head[4] = self->config.forgetting;
+    head[5] = self->config.regularisation;
+    head[6] = self->config.excitation_min;
+    head[7] = self->config.growth_max;
+}
+
+aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t length)
+{
+    if (self == NULL || saved == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    if (length < AEO_RLS_SAVED_WORDS(n, l)) {
+        return AEO_E_MEMORY;
+    }
+    fill_head(self, saved);
+    saved = put_u32(saved + 8, self->health);
+    saved = put_u32(saved, self->count.updates);
+    saved = put_u32(saved, self->count.rejected);
+    saved = put_u32(saved, self->count.withheld);
+    saved = put_u32(saved, self->count.bounded);
+    saved = put_u32(saved, self->count.reinitialised);
+    saved = put_u32(saved, self->scan_row);
+    const size_t kept = n * (n + 1) / 2 + n * l; /* factor and theta lie side by side */
+    memcpy(saved, self->factor, kept * sizeof *saved);
+    memcpy(saved + kept, self->innovation, 2 * l * sizeof *saved);
+    return AEO_OK;
+}
+
+/* The numbers after the head: finite, and a factor whose diagonal is above 0. */
+static int body_holds(const aeo_real_t *body, size_t n, size_t l)
+{
+    if (!aeo_linalg_all_within(body + n * (n + 1) / 2 + n * l, 2 * l, INNOVATION_MAX)) {
+        return 0;
+    }
+    for (size_t j = 0; j < n; j++) {
+        if (!(*body > AEO_REAL(0))) {
+            return 0;
+        }
+        body += n - j;
+    }
+    return 1;
+}
+
+aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length)
+{
+    if (self == NULL || saved == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs, kept = n * (n + 1) / 2 + n * l;
+    if (length < AEO_RLS_SAVED_WORDS(n, l)) {
+        return AEO_E_MEMORY;
+    }
+    if (!aeo_linalg_all_finite(saved, AEO_RLS_SAVED_WORDS(n, l))) {
+        return AEO_E_NOT_FINITE;
+    }
+    aeo_real_t head[8];
+    fill_head(self, head);
+    for (int i = 0; i < 8; i++) {
+        if (saved[i] < head[i] || saved[i] > head[i]) {
+            return i == 0 ? AEO_E_VERSION : AEO_E_MISMATCH;
+        }
+    }
+    uint32_t numbers[7];
+    int sound = 1;
+    const aeo_real_t *body = saved + 8;
+    for (int i = 0; i < 7; i++) {
+        body = get_u32(body, &numbers[i], &sound);
+    }
+    if (!sound || numbers[6] >= n || !body_holds(body, n, l)) {
+        return AEO_E_DAMAGED;
+    }
+    self->health = numbers[0];
+    self->count.updates = numbers[1];
+    self->count.rejected = numbers[2];
+    self->count.withheld = numbers[3];
+    self->count.bounded = numbers[4];
+    self->count.reinitialised = numbers[5];
+    self->scan_row = (uint16_t)numbers[6];
+    memcpy(self->factor, body, kept * sizeof *body);
+    memcpy(self->innovation, body + kept, 2 * l * sizeof *body);
+    return AEO_OK;
+}
+/* SPDX-License-Identifier: MIT */

@@ -1,0 +1,173 @@
+/* replay.c: runs whole recordings through the filters, sample by sample as a controller would; called from Python.
+ *
+ * One structure carries everything, so the caller needs no other declaration. No allocation here either: the caller asks
+ * aeo_replay_bytes and hands over that much memory, aligned for double.
+ */
+#include "aeolid/markov.h"
+#include "aeolid/regressor.h"
+#include "aeolid/rls.h"
+
+#include <string.h>
+
+#if defined(__GNUC__)
+#define EXPORTED __attribute__((visibility("default")))
+#else
+#define EXPORTED
+#endif
+
+/* Lengths: N samples, r inputs, l outputs, n regressors; all arrays by rows. */
+typedef struct {
+    uint64_t samples;        /* N */
+    const double *u;         /* N x r, channel units */
+    const double *y;         /* N x l */
+    const uint64_t *time_us; /* N */
+    const double *offset;    /* r + l */
+    const double *scale;     /* r + l */
+    const double *minimum;   /* r + l */
+    const double *maximum;   /* r + l */
+    uint32_t inputs, outputs, past, model_set, feedthrough, period_us;
+    double forgetting, regularisation, excitation_min, growth_max;
+    double *innovation;   /* N x l, channel units, a priori; untouched where no update took place */
+    double *residual;     /* N x l, a posteriori */
+    int8_t *status;       /* N, aeo_status_t of the sample */
+    double *theta;        /* l x n, channel units */
+    double *theta_scaled; /* l x n */
+    uint32_t regressors;  /* n, written */
+    uint32_t health;      /* flags, written */
+    uint32_t count[10];   /* samples, not_finite, range, time, gaps; updates, rejected, withheld, bounded, reinitialised */
+} aeo_replay_t;
+
+EXPORTED size_t aeo_replay_bytes(const aeo_replay_t *replay);
+EXPORTED int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes);
+
+/* What one replay keeps between samples, at the start of the caller's memory; words of the filters follow. */
+typedef struct {
+    aeo_regressor_t regressor;
+    aeo_rls_t rls;
+    aeo_real_t table[4][AEO_REGRESSOR_CHANNELS_MAX * 2];
+    aeo_real_t u[AEO_REGRESSOR_CHANNELS_MAX];
+    aeo_real_t y[AEO_REGRESSOR_CHANNELS_MAX];
+    double words[]; /* double only for its alignment */
+} workspace_t;
+
+static size_t count_regressor_words(const aeo_replay_t *replay)
+{
+    return AEO_REGRESSOR_WORDS(replay->inputs, replay->outputs, replay->past, replay->model_set);
+}
+
+static size_t count_regressors_max(const aeo_replay_t *replay)
+{
+    return AEO_REGRESSOR_LENGTH(replay->inputs, replay->outputs, replay->past, replay->model_set, replay->inputs);
+}
+
+size_t aeo_replay_bytes(const aeo_replay_t *replay)
+{
+    const size_t words =
+        count_regressor_words(replay) + AEO_RLS_WORDS(count_regressors_max(replay), replay->outputs) + 2u * replay->outputs;
+    return sizeof(workspace_t) + words * sizeof(aeo_real_t);
+}
+
+static void narrow(const double *from, aeo_real_t *to, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        to[i] = (aeo_real_t)from[i];
+    }
+}
+
+static aeo_status_t init_regressor(const aeo_replay_t *replay, workspace_t *work)
+{
+    const size_t channels = (size_t)replay->inputs + replay->outputs;
+    const double *tables[4] = {replay->offset, replay->scale, replay->minimum, replay->maximum};
+    for (int t = 0; t < 4; t++) {
+        narrow(tables[t], work->table[t], channels);
+    }
+    const aeo_regressor_config_t config = {
+        .inputs = (uint16_t)replay->inputs,
+        .outputs = (uint16_t)replay->outputs,
+        .past = (uint16_t)replay->past,
+        .model_set = (aeo_model_set_t)replay->model_set,
+        .feedthrough = replay->feedthrough,
+        .period_us = replay->period_us,
+        .offset = work->table[0],
+        .scale = work->table[1],
+        .minimum = work->table[2],
+        .maximum = work->table[3],
+    };
+    return aeo_regressor_init(&work->regressor, &config, (aeo_real_t *)work->words, count_regressor_words(replay));
+}
+
+static aeo_status_t init_rls(const aeo_replay_t *replay, workspace_t *work)
+{
+    const aeo_rls_config_t config = {
+        .regressors = work->regressor.length,
+        .outputs = (uint16_t)replay->outputs,
+        .forgetting = (aeo_real_t)replay->forgetting,
+        .regularisation = (aeo_real_t)replay->regularisation,
+        .excitation_min = (aeo_real_t)replay->excitation_min,
+        .growth_max = (aeo_real_t)replay->growth_max,
+    };
+    aeo_real_t *memory = (aeo_real_t *)work->words + count_regressor_words(replay);
+    return aeo_rls_init(&work->rls, &config, memory, AEO_RLS_WORDS(config.regressors, config.outputs));
+}
+
+static aeo_status_t step(const aeo_replay_t *replay, workspace_t *work, size_t k)
+{
+    const size_t r = replay->inputs, l = replay->outputs;
+    narrow(replay->u + k * r, work->u, r);
+    narrow(replay->y + k * l, work->y, l);
+    aeo_status_t status = aeo_regressor_push(&work->regressor, work->u, work->y, replay->time_us[k]);
+    if (status != AEO_OK) {
+        return status;
+    }
+    status = aeo_rls_update(&work->rls, aeo_regressor_z(&work->regressor), aeo_regressor_y(&work->regressor));
+    if (status != AEO_OK) {
+        return status;
+    }
+    for (size_t i = 0; i < l; i++) {
+        const double scale = (double)work->table[1][r + i];
+        replay->innovation[k * l + i] = (double)aeo_rls_innovation(&work->rls)[i] * scale;
+        replay->residual[k * l + i] = (double)aeo_rls_residual(&work->rls)[i] * scale;
+    }
+    return AEO_OK;
+}
+
+static void read_out(aeo_replay_t *replay, workspace_t *work)
+{
+    const aeo_real_t *theta = aeo_rls_theta(&work->rls);
+    const size_t count = AEO_MARKOV_WORDS(work->regressor.length, replay->outputs);
+    for (size_t i = 0; i < count; i++) {
+        replay->theta_scaled[i] = (double)theta[i];
+        replay->theta[i] = (double)aeo_markov_at(&work->regressor, theta, i);
+    }
+    replay->regressors = work->regressor.length;
+    replay->health = aeo_rls_health(&work->rls);
+    memcpy(replay->count, &work->regressor.count, 5 * sizeof *replay->count);
+    memcpy(replay->count + 5, &work->rls.count, 5 * sizeof *replay->count);
+}
+
+int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes)
+{
+    if (replay == NULL || memory == NULL) {
+        return AEO_E_ARG;
+    }
+    if (replay->inputs > AEO_REGRESSOR_CHANNELS_MAX || replay->outputs > AEO_REGRESSOR_CHANNELS_MAX) {
+        return AEO_E_ARG;
+    }
+    if (bytes < aeo_replay_bytes(replay)) {
+        return AEO_E_MEMORY;
+    }
+    workspace_t *work = memory;
+    aeo_status_t status = init_regressor(replay, work);
+    if (status == AEO_OK) {
+        status = init_rls(replay, work);
+    }
+    if (status != AEO_OK) {
+        return status;
+    }
+    for (uint64_t k = 0; k < replay->samples; k++) {
+        replay->status[k] = (int8_t)step(replay, work, (size_t)k);
+    }
+    read_out(replay, work);
+    return AEO_OK;
+}
+/* SPDX-License-Identifier: MIT */
