@@ -38,6 +38,7 @@ typedef struct {
 } aeo_replay_t;
 
 EXPORTED size_t aeo_replay_bytes(const aeo_replay_t *replay);
+EXPORTED const char *aeo_replay_status_text(int status);
 EXPORTED int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes);
 
 /* What one replay keeps between samples, at the start of the caller's memory; words of the filters follow. */
@@ -65,6 +66,11 @@ size_t aeo_replay_bytes(const aeo_replay_t *replay)
     const size_t words =
         count_regressor_words(replay) + AEO_RLS_WORDS(count_regressors_max(replay), replay->outputs) + 2u * replay->outputs;
     return sizeof(workspace_t) + words * sizeof(aeo_real_t);
+}
+
+const char *aeo_replay_status_text(int status)
+{
+    return aeo_status_text((aeo_status_t)status);
 }
 
 static void narrow(const double *from, aeo_real_t *to, size_t count)

@@ -1,0 +1,62 @@
+"""aeolid filter: replay a recording through the C filters."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.errors import DataError, UsageError
+
+OFFERED = ("rls",)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command to the application."""
+    app.command("filter")(run)
+
+
+def run(
+    recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording to replay.")],
+    roles: RolesOption,
+    method: Annotated[str, typer.Option("--method", help=f"Filter; this version offers: {', '.join(OFFERED)}.")],
+    past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
+    out: Annotated[Path, typer.Option("--out", help="Where the Markov parameters go (.npz).")],
+    forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; 1 forgets nothing.")] = 1.0,
+    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero, 1e-8 to 1e8.")] = 1.0,
+    precision: Annotated[str, typer.Option("--precision", help="f32 as in a controller, or f64.")] = "f32",
+    feedthrough: Annotated[
+        list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Replay a recording through the C filters and write its Markov parameters.
+
+    The file holds theta (outputs x regressors, oldest block first, the channels' units), innovation (samples x
+    outputs), health and the settings.
+    """
+    if method not in OFFERED:
+        raise UsageError(f"--method {method}: this version offers {', '.join(OFFERED)}")
+    from aeolid.filters import filter_record, save_markov
+    from aeolid.formats import read_record
+    from aeolid.record import Roles
+
+    record = read_record(recording, Roles.load(roles))
+    result = filter_record(
+        record,
+        past=past,
+        forgetting=forget,
+        regularisation=regularize,
+        precision=precision,
+        feedthrough=tuple(feedthrough or ()),
+    )
+    try:
+        with open(out, "wb") as handle:
+            save_markov(handle, result, record)
+    except OSError as error:
+        raise DataError(f"{out}: cannot be written: {error.strerror}") from None
+    emit_json({"source": record.source, "sha256": record.sha256, "out": out, **result.to_json()}, json)
+    if json != "-":
+        console.print(f"{recording}: {result.summary()} → {out}")
