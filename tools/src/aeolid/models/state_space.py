@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
+from aeolid.models.recursion import run_states
 from aeolid.record import check_keys
 
 Array = NDArray[np.float64]
@@ -63,12 +64,8 @@ class StateSpace:
     def simulate(self, u: Array, x0: Array | None = None) -> Array:
         """Run the model free on inputs u (N, r) in the channels' units; returns y (N, l) in theirs."""
         deviation = u - self.u_offset
-        x = self.x0.copy() if x0 is None else np.asarray(x0, float).copy()
-        forced = deviation @ self.B.T  # (N, n)
-        states = np.empty((len(u), self.order))
-        for k in range(len(u)):
-            states[k] = x
-            x = self.A @ x + forced[k]
+        start = self.x0 if x0 is None else np.asarray(x0, float)
+        states = run_states(self.A, deviation @ self.B.T, start)[:-1]  # (N, n)
         out: Array = states @ self.C.T + deviation @ self.D.T + self.y_offset
         return out
 

@@ -1,0 +1,97 @@
+"""Identify a model from recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.errors import UsageError
+
+if TYPE_CHECKING:
+    from aeolid.identify.result import Identification
+
+METHODS = ("varx",)
+LATER = ("varmax", "lpv", "lpv-kernel", "ort")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command(name="identify")(identify)
+
+
+def identify(
+    recordings: Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one experiment set.")],
+    roles: RolesOption,
+    past: Annotated[
+        int, typer.Option("--past", help="Past window p in samples, about one period of the slowest mode.")
+    ],
+    out: Annotated[Path, typer.Option("--out", help="Where to write the model (model.json).")],
+    method: Annotated[str, typer.Option("--method", help="varx.")] = "varx",
+    future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
+    order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
+    markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
+    feedthrough: Annotated[
+        list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
+    ] = None,
+    regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
+    decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
+    stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
+    json_target: JsonOption = None,
+) -> None:
+    """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
+    _check_method(method)
+    from aeolid.formats import read_record
+    from aeolid.identify.streamed import StreamedMarkov
+    from aeolid.identify.varx import identify_varx
+    from aeolid.record import Roles
+
+    table = Roles.load(roles)
+    streamed = None if markov is None else StreamedMarkov.load(markov)
+    with progress_console.status("reading"):
+        records = [read_record(path, table) for path in recordings]
+    with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
+        result = identify_varx(
+            records, past=past, future=future, order=_order(order), feedthrough=feedthrough or (),
+            regularization=_regularization(regularize), markov=streamed, decimation=decimate, stable=stable,
+        )  # fmt: skip
+    _write(result, out)
+    if json_target != "-":
+        console.print(result.summary(), markup=False)
+        console.print(f"model written to {out}")
+    emit_json(result.to_json(), json_target)
+
+
+def _check_method(method: str) -> None:
+    if method in METHODS:
+        return
+    if method in LATER:
+        raise UsageError(f"method {method} is not in this release; it has {', '.join(METHODS)}")
+    raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
+
+
+def _order(text: str) -> int | None:
+    if text == "auto":
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise UsageError(f"--order {text!r} is neither a whole number nor auto") from None
+
+
+def _regularization(text: str) -> str | float:
+    if text in ("gcv", "none"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--regularize {text!r} is none of gcv, none or a number") from None
+
+
+def _write(result: Identification, out: Path) -> None:
+    try:
+        emit_json(result.model_json(), str(out))
+    except OSError as error:
+        raise UsageError(f"{out}: {error.strerror}") from None

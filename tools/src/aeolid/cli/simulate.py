@@ -1,0 +1,60 @@
+"""Simulate a model on the inputs of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command(name="simulate")(simulate)
+
+
+def simulate(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, model.toml, or a folder with one.")],
+    recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording with the model's inputs.")],
+    roles: RolesOption,
+    out: Annotated[Path, typer.Option("--out", help="Where to write the outputs (.csv, .csv.gz or .parquet).")],
+    initial: Annotated[
+        str, typer.Option("--initial", help="First state of a state-space model: estimate, model or zero.")
+    ] = "estimate",
+    json_target: JsonOption = None,
+) -> None:
+    """Run a model free on the recorded inputs and write its outputs."""
+    if initial not in ("estimate", "model", "zero"):
+        raise UsageError(f"--initial {initial!r} is none of estimate, model, zero")
+    from dataclasses import replace
+
+    import numpy as np
+
+    from aeolid.formats import read_record, write_table
+    from aeolid.identify.fit import score
+    from aeolid.models.load import LinearModel, load_model, matched
+    from aeolid.record import Roles
+
+    model = load_model(model_file)
+    if isinstance(model, LinearModel):
+        model = replace(model, initial=initial)
+    record = read_record(recording, Roles.load(roles))
+    matched(record, model.inputs)
+    y = model.simulate(record)
+    names = [s.name for s in model.outputs]
+    columns = {"time_s": record.time_s} | {n: y[:, i] for i, n in enumerate(names)}
+    write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
+    facts = {"model": str(model_file), "recording": str(recording), "samples": len(record), "outputs": names}
+    lines = [f"{len(record)} samples written to {out}"]
+    if not np.isfinite(y).all():
+        lines.append("the model diverges on this recording: part of the outputs is not finite")
+    if set(names) <= {c.name for c in record.channels}:
+        fit = score(names, matched(record, model.outputs), y)
+        facts["free_run"] = fit.to_json()
+        lines += [f"  {n}: {fit.text(n)}" for n in names]
+    if json_target != "-":
+        console.print("\n".join(lines), markup=False)
+    emit_json(facts, json_target)

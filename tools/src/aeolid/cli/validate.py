@@ -1,0 +1,69 @@
+"""Validate a model on a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.errors import UsageError
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command(name="validate")(validate)
+
+
+def validate(
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, model.toml, or a folder with one.")],
+    recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording, best one the model has not seen.")],
+    roles: RolesOption,
+    steps: Annotated[
+        str, typer.Option("--steps", help="Horizons of the k-step prediction, comma-separated.")
+    ] = "5,10,50",
+    fail_above: Annotated[
+        float | None, typer.Option("--fail-above", help="Exit with 1 when an output's NRMSE exceeds this.")
+    ] = None,
+    metric: Annotated[
+        str, typer.Option("--metric", help="What --fail-above looks at: free-run or one-step.")
+    ] = "free-run",
+    json_target: JsonOption = None,
+) -> None:
+    """Measure one-step, k-step and free-run fit, and test the innovations of the predictor."""
+    if metric not in ("free-run", "one-step"):
+        raise UsageError(f"--metric {metric!r} is neither free-run nor one-step")
+    horizons = _horizons(steps)
+    from aeolid.formats import read_record
+    from aeolid.identify.validation import validate_model
+    from aeolid.models.load import load_model
+    from aeolid.record import Roles
+
+    result = validate_model(load_model(model_file), read_record(recording, Roles.load(roles)), horizons)
+    facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
+    worst = result.worst_nrmse(metric)
+    bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too
+    facts["fail_above"] = {
+        "metric": metric,
+        "threshold": fail_above,
+        "worst": worst if worst < 1e300 else None,
+        "bad": bad,
+    }
+    if json_target != "-":
+        console.print(result.summary(), markup=False)
+        if bad:
+            console.print(f"worst {metric} NRMSE {worst:.4g} exceeds {fail_above:g}")
+    emit_json(facts, json_target)
+    if bad:
+        raise typer.Exit(1)
+
+
+def _horizons(text: str) -> tuple[int, ...]:
+    try:
+        values = sorted({int(part) for part in text.split(",") if part.strip()})
+    except ValueError:
+        raise UsageError(f"--steps {text!r} is not a list of whole numbers such as 5,10,50") from None
+    if any(not 1 <= v <= 100_000 for v in values):
+        raise UsageError(f"--steps {text!r}: every horizon must be within 1 … 100000 samples")
+    return tuple(v for v in values if v > 1)

@@ -1,0 +1,92 @@
+"""Measure how well a model fits recordings: one-step, k-step and free run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import NotIdentifiable
+from aeolid.models.load import matched, require_sample_time
+from aeolid.models.prediction import complete_stretches, estimate_initial_state, free_run, nrmse, predict, vaf
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+SHORTEST = 10  # samples; a shorter complete stretch says nothing about a free run
+LONGEST = 200_000  # samples of each recording that are used: enough for three digits, bounded memory
+
+
+@dataclass(frozen=True)
+class Score:
+    """Hold VAF in percent and NRMSE (rms error / standard deviation) for each output name."""
+
+    vaf: dict[str, float]
+    nrmse: dict[str, float]
+
+    def text(self, name: str) -> str:
+        """Return the scores of one output as text; "diverges" for a free run that left all bounds."""
+        if not np.isfinite(self.vaf[name]) or self.vaf[name] < -1e4:
+            return "diverges"
+        return f"VAF {self.vaf[name]:.2f} % (NRMSE {self.nrmse[name]:.4f})"
+
+    def to_json(self) -> dict[str, dict[str, float | None]]:
+        """Return {"vaf": …, "nrmse": …}; a value that is not finite (a diverging model) as null."""
+        tables = (("vaf", self.vaf), ("nrmse", self.nrmse))
+        return {key: {n: v if np.isfinite(v) else None for n, v in table.items()} for key, table in tables}
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Hold the fit on a set of recordings; `steps` maps a horizon k to its score, innovations is (N, l)."""
+
+    samples: int
+    one_step: Score
+    free_run: Score
+    steps: dict[int, Score]
+    innovations: Array
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the scores as JSON facts."""
+        facts = {"samples": self.samples, "one_step": self.one_step.to_json(), "free_run": self.free_run.to_json()}
+        return facts | {"k_step": {str(k): s.to_json() for k, s in self.steps.items()}}
+
+
+def stretches(model: StateSpace, record: Record, longest: int = LONGEST) -> Iterator[tuple[int, Array, Array]]:
+    """Yield (first sample, u (N, r), y (N, l)) of each complete stretch of a recording, in the channels' units."""
+    require_sample_time(model, record)
+    head = record.slice(0, longest) if len(record) > longest else record
+    u, y = matched(head, model.inputs), matched(head, model.outputs)
+    for start, stop in complete_stretches(np.hstack([u, y]), SHORTEST):
+        yield start, u[start:stop], y[start:stop]
+
+
+def measure_fit(model: StateSpace, records: Sequence[Record], steps: Sequence[int] = ()) -> Fit:
+    """Predict and simulate the recordings with the model.
+
+    steps: horizons k > 1 of the k-step prediction, default none. Each complete stretch starts from its own estimated
+    state; at most 200 000 samples of each recording are used. Raises NotIdentifiable where no complete stretch is left.
+    """
+    parts: list[tuple[Array, ...]] = []
+    for record in records:
+        for _, u, y in stretches(model, record):
+            x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset)
+            with np.errstate(all="ignore"):  # an unstable model may overflow: its score is then not finite
+                ahead = [predict(model, u, y, k, x0) for k in (1, *steps)]
+                parts.append((y, free_run(model, u, x0), *ahead))
+    if not parts:
+        raise NotIdentifiable(f"{records[0].source}: no {SHORTEST} samples in a row without a missing value")
+    y, free, one, *later = (np.concatenate(column) for column in zip(*parts, strict=True))
+    names = [s.name for s in model.outputs]
+    scores = [score(names, y, estimate) for estimate in later]
+    return Fit(len(y), score(names, y, one), score(names, y, free), dict(zip(steps, scores, strict=True)), y - one)
+
+
+def score(names: Sequence[str], y: Array, estimate: Array) -> Score:
+    """Return the score of an estimate (N, l) of y (N, l); samples missing in either are left out."""
+    with np.errstate(all="ignore"):
+        tables = (vaf(y, estimate), nrmse(y, estimate))
+    return Score(*({n: float(v) for n, v in zip(names, t, strict=True)} for t in tables))

@@ -1,0 +1,122 @@
+"""Estimate the Markov parameters of the VARX predictor from a window factor: paper 000 eq. (9), (23).
+
+min ‖Y − Ξ Ψ‖², solved per output through the singular value decomposition Ψᵀ = U S Vᵀ of the triangular factor with
+filter factors s²/(s² + λ²). The generalised cross-validation that picks λ scores exactly these filter factors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.windows import WindowFactor, triangularise
+
+Array = NDArray[np.float64]
+EXACT = 1e-13  # residual power below this fraction of an output's power is rounding: the data are interpolated
+
+
+@dataclass(frozen=True, eq=False)
+class MarkovEstimate:
+    """Hold Ξ (l, p m + r) in the order of eq. (9), scaled units; columns of inputs without feedthrough are zero.
+
+    rank of `regressors` is the number of directions the data excite; penalty (l,) the λ of each output relative to the
+    largest singular value; spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) =
+    residual_covariance ⊗ spread spreadᵀ (with the outputs' mean filter factors, where those differ).
+    """
+
+    theta: Array
+    rank: int
+    regressors: int
+    condition: float
+    penalty: Array
+    spread: Array
+    residual_covariance: Array
+
+
+def regressor_columns(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> list[int]:
+    """Return the columns of a window that are regressors: the past, and the present inputs with feedthrough."""
+    past = factor.past * factor.channels
+    return [*range(past), *(past + i for i, through in enumerate(feedthrough) if through)]
+
+
+def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regularization: str | float) -> MarkovEstimate:
+    """Solve eq. (23) from the window factor.
+
+    feedthrough: for each input, whether u_k acts on y_k; in a loop whose controller has feedthrough itself, D of that
+    input cannot be identified without bias. regularization: "gcv", "none" or λ relative to the largest singular value.
+    Singular values below max(N, q) ε of the largest are left out: they are rounding, and the rank says so.
+    """
+    keep = regressor_columns(factor, feedthrough)
+    size, outputs = len(keep), factor.outputs
+    targets = factor.past * factor.channels + factor.inputs
+    R = triangularise(np.hstack([factor.R[:, keep], factor.R[:, targets:]]))
+    U, s, Vt = np.linalg.svd(R[:size, :size])
+    condition = float(s[0] / max(s[-1], np.finfo(float).tiny))
+    rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
+    projected = U[:, :rank].T @ R[:size, size:]  # (rank, l)
+    total = (R[:, size:] ** 2).sum(axis=0)  # (l,): power of each output
+    outside = np.maximum(total - (projected**2).sum(axis=0), 0.0)  # power no regressor reaches
+    s = s[:rank]
+    penalty = np.array(
+        [_penalty(regularization, s, projected[:, j], outside[j], factor.windows) for j in range(outputs)]
+    )
+    shrink = s / (s**2 + penalty[:, None] ** 2)  # (l, rank)
+    theta = np.zeros((outputs, targets))
+    theta[:, keep] = (shrink * projected.T) @ Vt[:rank]
+    error = np.hstack([-theta, np.eye(outputs)]) @ factor.R.T  # (l, q): residuals in the coordinates of R
+    freedom = max(factor.windows - rank, 1)
+    spread = np.zeros((targets, rank))
+    spread[keep] = Vt[:rank].T * shrink.mean(axis=0)
+    return MarkovEstimate(theta, rank, size, condition, penalty / s[0], spread, error @ error.T / freedom)
+
+
+def gcv_score(penalty: float, s: Array, projected: Array, outside: float, windows: int) -> float:
+    """Return the generalised cross-validation score N ‖(I − F) y‖²/(N − tr F)², F = U diag(s²/(s² + λ²)) Uᵀ."""
+    leftover = penalty**2 / (s**2 + penalty**2)
+    residual = float(((leftover * projected) ** 2).sum() + outside)
+    freedom = windows - len(s) + float(leftover.sum())
+    return windows * residual / max(freedom, 1e-9 * windows) ** 2
+
+
+def _penalty(regularization: str | float, s: Array, projected: Array, outside: float, windows: int) -> float:
+    """Return λ of one output."""
+    if isinstance(regularization, str):
+        if regularization == "none":
+            return 0.0
+        if regularization != "gcv":
+            raise UsageError(f"regularization {regularization!r} is none of gcv, none or a number")
+        # with the residual at rounding level the score is 0/0 noise: nothing needs damping then
+        if outside <= EXACT * float((projected**2).sum()):
+            return 0.0
+        return _best_penalty(s, projected, outside, windows)
+    if not 0 <= regularization < 1:
+        raise UsageError(
+            f"regularization {regularization} is not within 0 … 1 (relative to the largest singular value)"
+        )
+    return float(regularization * s[0])
+
+
+def _best_penalty(s: Array, projected: Array, outside: float, windows: int) -> float:
+    grid = np.linspace(np.log(s[-1] * 1e-2), np.log(s[0]), 60)
+    scores = [gcv_score(float(np.exp(g)), s, projected, outside, windows) for g in grid]
+    place = int(np.argmin(scores))
+    if gcv_score(0.0, s, projected, outside, windows) <= scores[place]:
+        return 0.0
+    around = (grid[max(place - 1, 0)], grid[min(place + 1, len(grid) - 1)])
+    found = minimize_scalar(
+        lambda g: gcv_score(float(np.exp(g)), s, projected, outside, windows), bounds=around, method="bounded"
+    )
+    return float(np.exp(found.x))
+
+
+def require_excitation(estimate: MarkovEstimate, source: str) -> None:
+    """Refuse data that excite fewer than half the regressors: whatever came out would be invention."""
+    if estimate.rank * 2 < estimate.regressors:
+        raise NotIdentifiable(
+            f"{source}: the data excite {estimate.rank} of {estimate.regressors} regressors; excite every input "
+            "over the frequencies of interest, or use a shorter past window"
+        )

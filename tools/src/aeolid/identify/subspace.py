@@ -1,0 +1,190 @@
+"""Recover the state and the system matrices from Markov parameters: PBSIDopt, paper 000 eq. (20)–(27).
+
+Everything is computed from the window factor R: with ΓK Z = ΓK R_zᵀ Qᵀ the singular values and left singular vectors
+of (26) are those of the small matrix ΓK R_zᵀ (f l × p m), and since the state x_k = T z̄_k, the inputs and the outputs
+are linear in a window v_k, the regressions of (1) need R alone. No array of the length of the recording is formed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from aeolid.identify.windows import WindowFactor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class StateBasis:
+    """Hold the singular value decomposition (26) and what turns windows into states.
+
+    singular_values (f l,), those of ΓK Z/√N; left (f l, k) singular vectors; gamma_k (f l, p m) of eq. (22).
+    """
+
+    singular_values: Array
+    left: Array
+    gamma_k: Array
+    windows: int
+
+    def selector(self, order: int) -> Array:
+        """Return S (n, f l) with x = S ΓK z̄, eq. (27), states scaled to the square root of their singular value."""
+        values = self.singular_values[:order] * np.sqrt(self.windows)
+        scaled: Array = self.left[:, :order].T / np.sqrt(values)[:, None]
+        return scaled
+
+    def state_map(self, order: int) -> Array:
+        """Return T (n, p m) with x_k = T [z_{k-p} … z_{k-1}]."""
+        mapped: Array = self.selector(order) @ self.gamma_k
+        return mapped
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledModel:
+    """Hold A, B, C, D, K of eq. (1) in scaled units, the innovation covariance and how K was found."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    K: Array
+    covariance: Array
+    gain_method: str
+
+
+def gamma_k(theta: Array, past: int, future: int, channels: int) -> Array:
+    """Return ΓK (f l, p m) of eq. (22) from Ξ (l, ≥ p m).
+
+    [ Ξ_1 Ξ_2 … Ξ_p     ]
+    [  0  Ξ_1 … Ξ_{p−1} ]      Ξ_j (l, m): the j-th block of Ξ, oldest first
+    [  0   0  … Ξ_{p−f+1} ]
+    """
+    outputs, width = theta.shape[0], past * channels
+    stacked = np.zeros((future * outputs, width))
+    for i in range(future):
+        stacked[i * outputs : (i + 1) * outputs, i * channels :] = theta[:, : width - i * channels]
+    return stacked
+
+
+def find_states(factor: WindowFactor, theta: Array, future: int) -> StateBasis:
+    """Decompose ΓK Z, eq. (26), through the triangular factor of Z."""
+    width = factor.past * factor.channels
+    stacked = gamma_k(theta, factor.past, future, factor.channels)
+    left, values, _ = np.linalg.svd(stacked @ factor.R[:width, :width].T, full_matrices=False)
+    return StateBasis(values / np.sqrt(factor.windows), left, stacked, factor.windows)
+
+
+def largest_useful_order(basis: StateBasis) -> int:
+    """Return the number of singular values above rounding."""
+    values = basis.singular_values
+    return int(np.count_nonzero(values > values[0] * len(values) * 1e-13)) if values[0] > 0 else 0
+
+
+def system_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) -> ScaledModel:
+    """Solve the two regressions of eq. (1) for the state map T (n, p m) and stabilise K by the Riccati equation.
+
+    C, D: y_k on [x_k; u_k of the inputs with feedthrough]; A, B: x_{k+1} on [x_k; u_k; e_k], e_k the residual of the
+    first: with e_k in the regression A and B stay consistent when the inputs come from a feedback of y.
+    """
+    R, m, r, n = factor.R, factor.channels, factor.inputs, T.shape[0]
+    width = factor.past * m
+    now = R[:, :width] @ T.T  # (q, n): states in the coordinates of R
+    following = R[:, m : width + m] @ T.T  # the window moved on by one sample
+    u, y = R[:, width : width + r], R[:, width + r :]
+    through = np.flatnonzero(feedthrough)
+    first = _least_squares(np.hstack([now, u[:, through]]), y)
+    C, D = first[:, :n], np.zeros((y.shape[1], r))
+    D[:, through] = first[:, n:]
+    e = y - now @ C.T - u @ D.T
+    second = _least_squares(np.hstack([now, u, e]), following)
+    A, B, direct = second[:, :n], second[:, n : n + r], second[:, n + r :]
+    w = following - now @ A.T - u @ B.T
+    N = max(factor.windows - n - m, 1)
+    K, covariance, method = kalman_gain(A, C, w.T @ w / N, w.T @ e / N, e.T @ e / N, direct)
+    return ScaledModel(A, B, C, D, K, covariance, method)
+
+
+def kalman_gain(A: Array, C: Array, Q: Array, S: Array, V: Array, direct: Array) -> tuple[Array, Array, str]:
+    """Return K (n, l), the innovation covariance (l, l) and the way they were found.
+
+    Q (n, n), S (n, l), V (l, l): covariances of the state and output residuals. K solves the Riccati equation
+    P = A P Aᵀ + Q − K (C P Aᵀ + Sᵀ), K = (A P Cᵀ + S)(C P Cᵀ + V)⁻¹, and makes A − K C stable; `direct` (n, l), the
+    least-squares gain, is the fallback. V may be singular (fewer noise sources than outputs): a floor of 1e-9 of its
+    largest eigenvalue keeps the equation solvable.
+    """
+    floor = 1e-9 * float(np.linalg.eigvalsh(V)[-1]) * np.eye(len(V))
+    V = V + floor
+    joint = np.block([[Q, S], [S.T, V]])
+    joint = (joint + joint.T) / 2
+    n = len(A)
+    try:
+        P = solve_discrete_are(A.T, C.T, joint[:n, :n], joint[n:, n:], s=joint[:n, n:])
+        covariance = C @ P @ C.T + joint[n:, n:]
+        K = np.linalg.solve(covariance, (A @ P @ C.T + joint[:n, n:]).T).T
+        if spectral_radius(A - K @ C) < 1:
+            return K, covariance, "riccati"
+    except (np.linalg.LinAlgError, ValueError):
+        pass
+    if spectral_radius(A - direct @ C) < 1:
+        return direct, V, "least squares"
+    return (*_iterate_riccati(A, C, joint), "riccati iteration")
+
+
+def _iterate_riccati(A: Array, C: Array, joint: Array, steps: int = 2000) -> tuple[Array, Array]:
+    """Run the Riccati recursion from a large P: it ends at the stabilising solution where one exists."""
+    n = len(A)
+    Q, S, V = joint[:n, :n], joint[:n, n:], joint[n:, n:]
+    P: Array = np.eye(n) * max(float(np.trace(Q)) / n, 1e-12) * 1e3
+    K = np.asarray(S, dtype=np.float64)
+    covariance: Array = V
+    for _ in range(steps):
+        covariance = C @ P @ C.T + V
+        K = np.asarray(np.linalg.solve(covariance, (A @ P @ C.T + S).T).T, dtype=np.float64)
+        closed = A - K @ C
+        noise = np.hstack([np.eye(n), -K])
+        P = closed @ P @ closed.T + noise @ joint @ noise.T  # the Joseph form keeps P positive
+        P = (P + P.T) / 2
+    return K, covariance
+
+
+def spectral_radius(A: Array) -> float:
+    """Return the largest eigenvalue magnitude of A (n, n)."""
+    return float(abs(np.linalg.eigvals(A)).max()) if len(A) else 0.0
+
+
+def stabilise(factor: WindowFactor, model: ScaledModel, T: Array, radius: float = 0.9999) -> ScaledModel:
+    """Return the model with every pole inside `radius`: growing poles are moved radially, then B and K fitted again.
+
+    The states stay those of T (n, p m). Poles on or outside the circle come from an integrator or from noise; a user
+    who needs a model that does not drift asks for this.
+    """
+    values, vectors = np.linalg.eig(model.A)
+    size = abs(values)
+    if size.max() <= radius:
+        return model
+    moved = np.where(size > radius, values / np.maximum(size, radius) * radius, values)
+    A: Array = np.real(vectors @ np.diag(moved) @ np.linalg.inv(vectors))
+    R, m, r, n = factor.R, factor.channels, factor.inputs, len(A)
+    width = factor.past * m
+    now, following = R[:, :width] @ T.T, R[:, m : width + m] @ T.T
+    u, y = R[:, width : width + r], R[:, width + r :]
+    e = y - now @ model.C.T - u @ model.D.T
+    rest = following - now @ A.T
+    fitted = _least_squares(np.hstack([u, e]), rest)
+    B = fitted[:, :r]
+    w = rest - u @ B.T
+    N = max(factor.windows - n - m, 1)
+    K, covariance, method = kalman_gain(A, model.C, w.T @ w / N, w.T @ e / N, e.T @ e / N, fitted[:, r:])
+    return ScaledModel(A, B, model.C, model.D, K, covariance, method)
+
+
+def _least_squares(regressors: Array, targets: Array) -> Array:
+    """Return X with targets ≈ regressors Xᵀ; columns are scaled first, so that rcond means rank, not units."""
+    norm = np.sqrt((regressors**2).sum(axis=0))
+    norm = np.where(norm > 0, norm, 1.0)
+    solution = np.linalg.lstsq(regressors / norm, targets, rcond=1e-11)[0]
+    X: Array = solution.T / norm
+    return X

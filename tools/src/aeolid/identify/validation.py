@@ -1,0 +1,70 @@
+"""Validate a model of any kind on one recording."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aeolid.identify.fit import Fit, Score, measure_fit, score, stretches
+from aeolid.identify.residuals import ResidualReport, run_residual_tests
+from aeolid.models.load import LinearModel, Model, discretise, matched
+from aeolid.record import Record
+
+
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Hold the fit of a model on one recording; what needs a noise model is None where there is none."""
+
+    free_run: Score
+    fit: Fit | None
+    residuals: ResidualReport | None
+
+    def worst_nrmse(self, metric: str) -> float:
+        """Return the largest NRMSE of the outputs, infinite where it is not a number or not available."""
+        scores = self.free_run if metric == "free-run" else None if self.fit is None else self.fit.one_step
+        values = [np.inf] if scores is None else list(scores.nrmse.values())
+        return float(np.max([v if np.isfinite(v) else np.inf for v in values]))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the facts for machines."""
+        facts: dict[str, Any] = {"free_run": self.free_run.to_json(), "one_step": None, "k_step": {}, "residuals": None}
+        if self.fit is not None:
+            facts |= self.fit.to_json() | {"free_run": self.free_run.to_json()}
+        if self.residuals is not None:
+            facts["residuals"] = self.residuals.to_json()
+        return facts
+
+    def summary(self) -> str:
+        """Return a few lines of text."""
+        lines = []
+        for name in self.free_run.vaf:
+            lines.append(f"{name}\n    free run  {self.free_run.text(name)}")
+            if self.fit is not None:
+                lines.append(f"    one step  {self.fit.one_step.text(name)}")
+                lines += [f"  {k:4d} steps  {s.text(name)}" for k, s in self.fit.steps.items()]
+        if self.residuals is None:
+            return "\n".join([*lines, "no noise model: one-step prediction and residual tests are not available"])
+        lines.append(f"innovations: {self.residuals.verdict} ({len(self.residuals.tests)} tests, level 1 % together)")
+        for test in self.residuals.tests:
+            if test.verdict != "pass":
+                past = "its own" if test.against == test.output else f"{test.against}'s"
+                lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} past ({test.verdict})")
+        return "\n".join(lines)
+
+
+def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:
+    """Measure free run, one-step and k-step fit of a model and test its innovations.
+
+    steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
+    """
+    if not isinstance(model, LinearModel) or model.state_space.K is None:
+        matched(record, model.inputs)
+        y = matched(record, model.outputs)
+        return Validation(score([s.name for s in model.outputs], y, model.simulate(record)), None, None)
+    state_space = discretise(model.state_space, record.sample_time_s)
+    fit = measure_fit(state_space, [record], steps)
+    u = np.concatenate([u for _, u, _ in stretches(state_space, record)])
+    names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
+    return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names))

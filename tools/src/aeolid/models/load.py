@@ -1,0 +1,161 @@
+"""Load a model of any kind and simulate it on a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete
+
+from aeolid.errors import DataError, UsageError
+from aeolid.models import state_space
+from aeolid.models.prediction import complete_stretches, estimate_initial_state
+from aeolid.models.state_space import Signal, StateSpace
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+
+
+class Named(Protocol):
+    """Say what a model's input or output tells about itself."""
+
+    @property
+    def name(self) -> str:
+        """Return the name of the channel."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Return its unit, empty where the model does not say."""
+        ...
+
+
+class Model(Protocol):
+    """Say what every model offers: named inputs and outputs and a free run on a recording."""
+
+    @property
+    def inputs(self) -> Sequence[Named]:
+        """Return the inputs."""
+        ...
+
+    @property
+    def outputs(self) -> Sequence[Named]:
+        """Return the outputs."""
+        ...
+
+    def simulate(self, record: Record) -> Array:
+        """Run the model free on the recorded inputs; returns the outputs (N, l) in the model's units."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """Run a state-space model on recordings; initial is "estimate", "model" (x0 of the file) or "zero"."""
+
+    state_space: StateSpace
+    initial: str = "estimate"
+
+    @property
+    def inputs(self) -> tuple[Signal, ...]:
+        """Return the inputs."""
+        return self.state_space.inputs
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """Return the outputs."""
+        return self.state_space.outputs
+
+    def simulate(self, record: Record) -> Array:
+        """Run free on the recorded inputs; where the outputs are recorded too, the first state is estimated."""
+        model = discretise(self.state_space, record.sample_time_s)
+        require_sample_time(model, record)
+        u = require_complete(record, model.inputs)
+        with np.errstate(all="ignore"):  # an unstable model may overflow; the caller sees what is not finite
+            return model.simulate(u, self._start(model, record, u))
+
+    def _start(self, model: StateSpace, record: Record, u: Array) -> Array:
+        names = [c.name for c in record.channels]
+        recorded = all(s.name in names for s in model.outputs)
+        if self.initial == "zero":
+            return np.zeros(model.order)
+        if self.initial == "model" or not recorded:
+            return model.x0
+        y = matched(record, model.outputs)
+        runs = complete_stretches(y, max(2 * model.order, 10))
+        if not runs or runs[0][0] != 0:
+            return model.x0  # nothing recorded at the start to estimate from
+        stop = runs[0][1]
+        return estimate_initial_state(model, u[:stop] - model.u_offset, y[:stop] - model.y_offset)
+
+
+def load_model(path: str | Path) -> Model:
+    """Read model.json (state space) or model.toml (equations), or the one of them that a folder holds.
+
+    Raises DataError that names file and key, UsageError on another suffix.
+    """
+    source = Path(path)
+    if source.is_dir():
+        found = [p for p in (source / "model.json", source / "model.toml") if p.exists()]
+        if len(found) != 1:
+            raise DataError(f"{path}: the folder holds {len(found)} of model.json and model.toml, one is needed")
+        source = found[0]
+    if source.suffix == ".toml":
+        from aeolid.models import equations  # brings the compiled loops along, which linear models do without
+
+        return equations.load(source)
+    if source.suffix == ".json":
+        return LinearModel(state_space.load(source))
+    raise UsageError(f"{path}: a model is a .json (state space) or .toml (equations) file")
+
+
+def discretise(model: StateSpace, sample_time_s: float) -> StateSpace:
+    """Return a continuous-time model with inputs held over a sample; a discrete-time one as it is.
+
+    A Kalman gain of continuous time is dropped: its discrete counterpart needs the noise intensities.
+    """
+    if model.sample_time_s > 0:
+        return model
+    A, B, C, D, _ = cont2discrete((model.A, model.B, model.C, model.D), sample_time_s, method="zoh")
+    return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=sample_time_s)
+
+
+def matched(record: Record, signals: Sequence[Named]) -> Array:
+    """Return the samples (N, k) of a model's signals; raises DataError on a missing channel or another unit."""
+    names = [c.name for c in record.channels]
+    for s in signals:
+        if s.name not in names:
+            have = ", ".join(names)
+            raise DataError(f"{record.source}: the model's channel {s.name!r} is missing; the recording has {have}")
+        unit = record.unit(s.name)
+        if s.unit and unit != s.unit:
+            raise DataError(
+                f"{record.source}: channel {s.name!r} is in {unit or 'no unit'!r}, the model has it in {s.unit!r}; "
+                "convert the recording or correct its unit in the roles file"
+            )
+    return record.columns([s.name for s in signals])
+
+
+def require_complete(record: Record, signals: Sequence[Named]) -> Array:
+    """Return the samples of a model's inputs; a free run cannot go over a missing one."""
+    values = matched(record, signals)
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        sample, column = bad[0]
+        raise DataError(
+            f"{record.source}: input {signals[column].name!r} is missing at sample {sample}; "
+            "a free run needs every input sample, cut the recording or fill it"
+        )
+    return values
+
+
+def require_sample_time(model: StateSpace, record: Record) -> None:
+    """Refuse a discrete-time model on a recording of another sample time."""
+    if model.sample_time_s > 0 and abs(model.sample_time_s - record.sample_time_s) > 1e-3 * model.sample_time_s:
+        raise DataError(
+            f"{record.source}: sample time {record.sample_time_s:g} s, the model has {model.sample_time_s:g} s; "
+            "decimate or resample the recording"
+        )

@@ -1,0 +1,119 @@
+"""Turn the poles of a discrete-time model into modes: frequency in Hz and damping."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """Hold one mode; standard deviations are None where no uncertainty is known.
+
+    frequency_hz is the undamped natural frequency |s|/2π, damping the ratio −Re s/|s| of the continuous-time pole s
+    (1 for a decaying real pole, −1 for a growing one, 0 with frequency 0 for a pure integrator); eigenvalue the pole
+    in the z-plane with Im ≥ 0; shares maps each output to its part of the mode's motion, in units of the outputs'
+    scales, sum 1.
+    rotor_order is k where the mode sits on k times the rotor speed and is more likely its harmonic than a mode.
+    """
+
+    frequency_hz: float
+    damping: float
+    eigenvalue: complex
+    frequency_std_hz: float | None
+    damping_std: float | None
+    shares: dict[str, float]
+    rotor_order: int | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
+        return {
+            "frequency_hz": self.frequency_hz,
+            "frequency_std_hz": self.frequency_std_hz,
+            "damping": self.damping,
+            "damping_std": self.damping_std,
+            "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
+            "outputs": self.shares,
+            "rotor_order": self.rotor_order,
+        }
+
+
+def continuous_poles(eigenvalues: ComplexArray, sample_time_s: float) -> ComplexArray:
+    """Return the continuous-time poles log(z)/h; sample_time_s = 0 returns the poles as they are."""
+    z: ComplexArray = np.asarray(eigenvalues, dtype=np.complex128)
+    if sample_time_s == 0:
+        return z
+    # a pole at z = 0 (pure delay) has no finite logarithm; the floor keeps it a very fast real mode
+    floored = np.where(abs(z) < 1e-12, 1e-12, z).astype(np.complex128)
+    return np.asarray(np.log(floored) / sample_time_s, dtype=np.complex128)
+
+
+def frequency_and_damping(s: complex) -> tuple[float, float]:
+    """Return |s|/2π in Hz and −Re s/|s|; an integrator (s = 0) has damping 0."""
+    size = abs(s)
+    return size / (2 * np.pi), (-s.real / size if size > 0 else 0.0)
+
+
+def modes_of(
+    model: StateSpace, *, output_scale: Array | None = None, pole_covariance: NDArray[np.float64] | None = None
+) -> tuple[Mode, ...]:
+    """List the modes of a model, one for each real pole or conjugate pair, by frequency.
+
+    output_scale: (l,) by which outputs of different units are made comparable in the shares, default 1.
+    pole_covariance: (n, 2, 2) covariance of real and imaginary part of each eigenvalue in the order of
+    numpy.linalg.eig(model.A), default unknown. The standard deviations follow by linearisation of s = log(z)/h.
+    """
+    values, vectors = np.linalg.eig(model.A)
+    values, vectors = values.astype(complex), vectors.astype(complex)
+    scale = np.ones(len(model.outputs)) if output_scale is None else output_scale
+    shape = abs(model.C @ vectors) / scale[:, None]  # (l, n)
+    poles = continuous_poles(values, model.sample_time_s)
+    found = []
+    for i, s in enumerate(poles):
+        if values[i].imag < 0:
+            continue
+        frequency, damping = frequency_and_damping(complex(s))
+        deviation: tuple[float | None, float | None] = (None, None)
+        if pole_covariance is not None:
+            deviation = _spread(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
+        total = shape[:, i].sum() or 1.0
+        shares = {o.name: float(v / total) for o, v in zip(model.outputs, shape[:, i], strict=True)}
+        found.append(Mode(frequency, damping, complex(values[i]), deviation[0], deviation[1], shares))
+    return tuple(sorted(found, key=lambda m: m.frequency_hz))
+
+
+def mark_harmonics(modes: Sequence[Mode], rotor_hz: float) -> tuple[Mode, ...]:
+    """Mark modes with less than 5 % damping near a multiple of rotor_hz (1.5 % or 3 deviations, never over 0.05 P)."""
+    marked = []
+    for mode in modes:
+        order = round(mode.frequency_hz / rotor_hz)
+        near = max(0.015 * mode.frequency_hz, 3 * (mode.frequency_std_hz or 0.0))
+        close = order >= 1 and abs(mode.frequency_hz - order * rotor_hz) <= min(near, 0.05 * rotor_hz)
+        marked.append(replace(mode, rotor_order=order if close and abs(mode.damping) < 0.05 else None))
+    return tuple(marked)
+
+
+def _spread(z: complex, s: complex, h: float, covariance: Array) -> tuple[float, float]:
+    """Push the covariance (2, 2) of (Re z, Im z) through s = log(z)/h to frequency and damping.
+
+    ds = dz/(h z); d|s| = Re(s̄ ds)/|s|; dζ = −Re(ds)/|s| + Re(s) d|s|/|s|².
+    """
+    g = 1 / (h * z) if h > 0 and z != 0 else 1.0  # ds/dz
+    g = complex(g)
+    to_s = np.array([[g.real, -g.imag], [g.imag, g.real]])
+    size = max(abs(s), 1e-12)
+    d_size = np.array([s.real, s.imag]) / size
+    d_damping = np.array([-1.0, 0.0]) / size + s.real / size**2 * d_size
+    around = to_s @ covariance @ to_s.T
+    frequency_std = float(np.sqrt(max(d_size @ around @ d_size, 0.0))) / (2 * np.pi)
+    damping_std = float(np.sqrt(max(d_damping @ around @ d_damping, 0.0)))
+    return frequency_std, damping_std

@@ -1,0 +1,100 @@
+"""Predict and simulate with a state-space model, and measure how well it fits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.models.recursion import run_states
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+
+def gain(model: StateSpace) -> Array:
+    """Return K (n, l), zero where the model has no noise model."""
+    return np.zeros((model.order, len(model.outputs))) if model.K is None else model.K
+
+
+def predictor_states(model: StateSpace, u: Array, y: Array, x0: Array) -> Array:
+    """Return the states x_0 … x_N of the predictor x⁺ = (A − K C) x + (B − K D) u + K y, paper 000 eq. (6).
+
+    u (N, r), y (N, l) deviations from the operating point without missing samples; returns (N + 1, n).
+    """
+    K = gain(model)
+    forced = u @ (model.B - K @ model.D).T + y @ K.T
+    return run_states(model.A - K @ model.C, forced, x0)
+
+
+def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
+    """Estimate x_0 (n,) from the start of a recording by least squares on the innovations.
+
+    e_k(x_0) = e_k(0) − C (A − K C)^k x_0 over k < max(20 n, 200): the maximum-likelihood start under the model's own
+    noise model (output error where it has none). u (N, r), y (N, l): deviations, no missing samples.
+    """
+    horizon = min(len(u), max(20 * model.order, 200))
+    u, y = u[:horizon], y[:horizon]
+    states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
+    innovation = y - states @ model.C.T - u @ model.D.T  # (N, l)
+    weight = 1.0 / np.maximum(y.std(axis=0), 1e-12 * (abs(y).max() or 1.0))
+    transition = model.A - gain(model) @ model.C
+    rows = np.empty((horizon, len(model.outputs), model.order))
+    block = model.C * weight[:, None]
+    for k in range(horizon):
+        rows[k] = block
+        block = block @ transition
+    with np.errstate(all="ignore"):
+        good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
+    matrix = rows[good].reshape(-1, model.order)
+    x0: Array = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
+    return x0
+
+
+def predict(model: StateSpace, u: Array, y: Array, steps: int = 1, x0: Array | None = None) -> Array:
+    """Predict y_k from data up to sample k − steps (and the inputs in between); returns (N, l).
+
+    u (N, r), y (N, l) in the channels' units; steps ≥ 1. The first steps − 1 rows are predictions from x_0. x0:
+    state at sample 0, default estimated.
+    """
+    du, dy = u - model.u_offset, y - model.y_offset
+    start = estimate_initial_state(model, du, dy) if x0 is None else x0
+    states = predictor_states(model, du, dy, start)[:-1]  # row k: x given data up to k − 1
+    for _ in range(steps - 1):
+        later = states[:-1] @ model.A.T + du[:-1] @ model.B.T
+        states = np.vstack([states[:1], later])  # the first row has no older start
+    if steps > 1:  # rows younger than the horizon run free from x_0
+        free = run_states(model.A, du[: steps - 1] @ model.B.T, start)
+        states[:steps] = free[: len(states[:steps])]
+    out: Array = states @ model.C.T + du @ model.D.T + model.y_offset
+    return out
+
+
+def free_run(model: StateSpace, u: Array, x0: Array) -> Array:
+    """Simulate from x_0 on the inputs alone; u (N, r) in the channels' units, returns (N, l) in theirs."""
+    du = u - model.u_offset
+    states = run_states(model.A, du @ model.B.T, x0)[:-1]
+    out: Array = states @ model.C.T + du @ model.D.T + model.y_offset
+    return out
+
+
+def vaf(y: Array, estimate: Array) -> Array:
+    """Return 100 (1 − var(y − ŷ)/var(y)) in percent, (l,), samples with NaN left out; may be below 0."""
+    with np.errstate(all="ignore"):
+        ratio = np.nanvar(y - estimate, axis=0) / np.nanvar(y, axis=0)
+    out: Array = 100.0 * (1.0 - ratio)
+    return out
+
+
+def nrmse(y: Array, estimate: Array) -> Array:
+    """Return rms(y − ŷ)/std(y), (l,): 0 is exact, 1 as good as the mean; samples with NaN left out."""
+    with np.errstate(all="ignore"):
+        out: Array = np.sqrt(np.nanmean((y - estimate) ** 2, axis=0)) / np.nanstd(y, axis=0)
+    return out
+
+
+def complete_stretches(values: Array, shortest: int) -> list[tuple[int, int]]:
+    """List [start, stop) of the runs of at least `shortest` samples without a missing value; values (N, channels)."""
+    good = np.isfinite(values).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
+    runs = zip(edges[::2], edges[1::2], strict=True)
+    return [(int(a), int(b)) for a, b in runs if b - a >= shortest]
