@@ -11,15 +11,15 @@
 #ifdef AEO_REAL_DOUBLE
 #define aeo_linalg_all_finite aeo_linalg_all_finite_f64
 #define aeo_linalg_all_within aeo_linalg_all_within_f64
-#define aeo_linalg_dot aeo_linalg_dot_f64
-#define aeo_linalg_axpy aeo_linalg_axpy_f64
-#define aeo_linalg_project aeo_linalg_project_f64
-#define aeo_linalg_rotate aeo_linalg_rotate_f64
-#define aeo_linalg_row_norm2 aeo_linalg_row_norm2_f64
+#define aeo_linalg_dot        aeo_linalg_dot_f64
+#define aeo_linalg_axpy       aeo_linalg_axpy_f64
+#define aeo_linalg_project    aeo_linalg_project_f64
+#define aeo_linalg_rotate     aeo_linalg_rotate_f64
+#define aeo_linalg_row_norm2  aeo_linalg_row_norm2_f64
 #endif
 
-/* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on the exponent bits: a compiler told that there are
- * no NaNs (-ffast-math) would drop x != x. */
+/* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on the exponent bits: a compiler told that there
+ * are no NaNs (-ffast-math) would drop x != x. */
 int aeo_linalg_all_finite(const aeo_real_t *x, size_t count);
 
 /* Return 1 when -limit <= x[i] <= limit for all i; every x[i] is finite. */

@@ -107,8 +107,9 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
     return AEO_OK;
 }
 
-/* 1 when every value of the channels first ... first+count-1 lies in its plausible range and scales to a number that the
- * filters' overflow proofs allow. x is finite; (x - offset) * inverse may overflow, so the product is judged by bits. */
+/* 1 when every value of the channels first ... first+count-1 lies in its plausible range and scales to a number that
+ * the filters' overflow proofs allow. x is finite; (x - offset) * inverse may overflow, so the product is judged by
+ * bits. */
 static int in_range(const aeo_regressor_t *self, const aeo_real_t *x, size_t first, size_t count)
 {
     for (size_t i = 0; i < count; i++) {

@@ -10,9 +10,9 @@
  *   |S'z|_j <= n 1.5e5 1e6 < 2e14,   alpha <= 1 + n (2e14)^2 < 5e31,   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5.
  * An innovation beyond INNOVATION_MAX forces a fresh start before it is used, so theta moves by less than 1.1e17 an
  * update, stays below 1e29 for 1e11 updates, and theta z stays below n 1e29 1e6 < 1.1e38 < FLT_MAX. */
-#define SAMPLE_MAX AEO_REAL(1e6)
+#define SAMPLE_MAX     AEO_REAL(1e6)
 #define INNOVATION_MAX AEO_REAL(1e12)
-#define VARIANCE_MAX AEO_REAL(1e10)
+#define VARIANCE_MAX   AEO_REAL(1e10)
 
 static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
 {
@@ -22,8 +22,7 @@ static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
 static int settings_hold(const aeo_rls_config_t *config)
 {
     return config->regressors >= 1u && config->regressors <= AEO_RLS_REGRESSORS_MAX && config->outputs >= 1u &&
-           config->outputs <= AEO_RLS_OUTPUTS_MAX &&
-           is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) &&
+           config->outputs <= AEO_RLS_OUTPUTS_MAX && is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) &&
            is_between(config->regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)) &&
            is_between(config->excitation_min, AEO_REAL(0), AEO_REAL(1)) &&
            is_between(config->growth_max, AEO_REAL(4), AEO_REAL(1e6)) &&
@@ -115,7 +114,8 @@ static void absorb(aeo_rls_t *self, aeo_real_t lambda, aeo_real_t scale)
 
 /* Check the next scan_step variances; quarter each that passed the bound by absorbing a measurement of that parameter
  * which agrees with its present value: theta does not move. With a = (3 / P_ii)^(1/2) row_i, |a|^2 = 3 and
- * P_ii becomes P_ii / (1 + 3). Only forgetting makes P grow, at most by 2 between two checks, so P_ii <= 2 variance_max. */
+ * P_ii becomes P_ii / (1 + 3). Only forgetting makes P grow, at most by 2 between two checks, so P_ii <= 2
+ * variance_max. */
 static void bound_variances(aeo_rls_t *self)
 {
     const size_t n = self->config.regressors;

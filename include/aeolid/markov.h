@@ -23,10 +23,10 @@ extern "C" {
 #endif
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_markov_read aeo_markov_read_f64
+#define aeo_markov_read        aeo_markov_read_f64
 #define aeo_markov_read_scaled aeo_markov_read_scaled_f64
-#define aeo_markov_at aeo_markov_at_f64
-#define aeo_markov_channel aeo_markov_channel_f64
+#define aeo_markov_at          aeo_markov_at_f64
+#define aeo_markov_channel     aeo_markov_channel_f64
 #endif
 
 /* Values of a read-out for n regressors and l outputs. */

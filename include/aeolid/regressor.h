@@ -36,24 +36,24 @@ extern "C" {
 #endif
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_regressor_init aeo_regressor_init_f64
-#define aeo_regressor_push aeo_regressor_push_f64
-#define aeo_regressor_set_innovation aeo_regressor_set_innovation_f64
-#define aeo_regressor_z aeo_regressor_z_f64
-#define aeo_regressor_y aeo_regressor_y_f64
-#define aeo_regressor_reset aeo_regressor_reset_f64
+#define aeo_regressor_init            aeo_regressor_init_f64
+#define aeo_regressor_push            aeo_regressor_push_f64
+#define aeo_regressor_set_innovation  aeo_regressor_set_innovation_f64
+#define aeo_regressor_z               aeo_regressor_z_f64
+#define aeo_regressor_y               aeo_regressor_y_f64
+#define aeo_regressor_reset           aeo_regressor_reset_f64
 #define aeo_regressor_invariants_hold aeo_regressor_invariants_hold_f64
 #endif
 
 /* Limits: inputs 1 ... 32 (the mask has 32 bits), outputs 1 ... 32, p m + r at most AEO_REGRESSOR_LENGTH_MAX. */
 #define AEO_REGRESSOR_CHANNELS_MAX 32
-#define AEO_REGRESSOR_LENGTH_MAX 1024
+#define AEO_REGRESSOR_LENGTH_MAX   1024
 
 /* A scaled sample beyond this is refused with AEO_E_RANGE; the overflow proofs of the filters start from it. */
 #define AEO_SCALED_MAX AEO_REAL(1e6)
 
 /* Entries of one block; entries of z with d inputs in the feedthrough mask; words of memory (for any mask). */
-#define AEO_REGRESSOR_BLOCK(r, l, e) ((size_t)(r) + (size_t)(l) * (1u + (size_t)(e)))
+#define AEO_REGRESSOR_BLOCK(r, l, e)        ((size_t)(r) + (size_t)(l) * (1u + (size_t)(e)))
 #define AEO_REGRESSOR_LENGTH(r, l, p, e, d) ((size_t)(p)*AEO_REGRESSOR_BLOCK(r, l, e) + (size_t)(d))
 #define AEO_REGRESSOR_WORDS(r, l, p, e)                                                                                \
     (AEO_REGRESSOR_LENGTH(r, l, p, e, r) + AEO_REGRESSOR_BLOCK(r, l, e) + 4u * ((size_t)(r) + (size_t)(l)))
@@ -64,10 +64,10 @@ typedef enum {
 } aeo_model_set_t;
 
 typedef struct {
-    uint16_t inputs;           /* r, 1 ... 32 */
-    uint16_t outputs;          /* l, 1 ... 32 */
-    uint16_t past;             /* p, blocks in z, 1 ...; too small: biased, coloured innovation; too large: more variance
-                                  and p^2 time and memory. Start: one slowest period over two, 10 ... 30 */
+    uint16_t inputs;  /* r, 1 ... 32 */
+    uint16_t outputs; /* l, 1 ... 32 */
+    uint16_t past;    /* p, blocks in z, 1 ...; too small: biased, coloured innovation; too large: more variance
+                         and p^2 time and memory. Start: one slowest period over two, 10 ... 30 */
     aeo_model_set_t model_set; /* start: AEO_VARX */
     uint32_t feedthrough;      /* bit i: u_i of the present sample is a regressor. Start: 0. A bit set for an input that
                                   a controller with direct feedthrough computes from the present output biases the result */
@@ -119,10 +119,10 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
 /* Take the sample u (r values, read), y (l values, read), both in the channels' units, taken at time_us.
  * AEO_OK: z and y of this sample are ready. AEO_FILLING: accepted, the past window is not full yet.
  * AEO_E_GAP: accepted as the first sample of a new window (see above), count.gaps + 1.
- * Rejected, nothing changed but one counter: AEO_E_NOT_FINITE (judged on the bit pattern, so -ffast-math does not remove
- * it), AEO_E_RANGE (outside minimum ... maximum, or beyond AEO_SCALED_MAX once scaled), AEO_E_TIME (less than half a
- * period after the last accepted sample, or before it). When several hold, the first in this list is counted.
- * A clock that was set back is not guessed at: call aeo_regressor_reset. AEO_E_ARG: null pointer, nothing changed. */
+ * Rejected, nothing changed but one counter: AEO_E_NOT_FINITE (judged on the bit pattern, so -ffast-math does not
+ * remove it), AEO_E_RANGE (outside minimum ... maximum, or beyond AEO_SCALED_MAX once scaled), AEO_E_TIME (less than
+ * half a period after the last accepted sample, or before it). When several hold, the first in this list is counted. A
+ * clock that was set back is not guessed at: call aeo_regressor_reset. AEO_E_ARG: null pointer, nothing changed. */
 aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us);
 
 /* VARMAX only: give the innovation e (l scaled values, read) of the last accepted sample before the next push; without
@@ -130,7 +130,8 @@ aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, cons
  * AEO_E_RANGE (beyond AEO_SCALED_MAX): the innovation is not taken. On failure nothing changes. */
 aeo_status_t aeo_regressor_set_innovation(aeo_regressor_t *self, const aeo_real_t *e);
 
-/* Return the regressor z_k, self->length scaled values, after a push that returned AEO_OK; valid until the next push. */
+/* Return the regressor z_k, self->length scaled values, after a push that returned AEO_OK; valid until the next push.
+ */
 const aeo_real_t *aeo_regressor_z(const aeo_regressor_t *self);
 
 /* Return the outputs y_k of the last accepted sample, l scaled values; valid until the next push. */

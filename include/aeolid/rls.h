@@ -2,12 +2,11 @@
  *
  * MODEL
  *   y_k = theta z_k + e_k minimises, over theta (l x n),
- *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2        (P_{-1} = I / rho, theta_{-1} = 0)
- *   Houtzager, van Wingerden, Verhaegen, "VARMAX-based closed-loop subspace model identification", 2009, section II-E,
- *   eq. (24), whose rho^2 Pi is our rho I. The recursion there,
- *       g_k = P_{k-1} z_k / (lambda + z_k' P_{k-1} z_k),   eps_k = y_k - theta_{k-1} z_k,
- *       theta_k = theta_{k-1} + eps_k g_k',                P_k = (P_{k-1} - g_k z_k' P_{k-1}) / lambda,
- *   is carried out on the lower triangular factor S of P = S S' by n plane rotations (inverse QR, array form):
+ *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2        (P_{-1} = I / rho, theta_{-1}
+ * = 0) Houtzager, van Wingerden, Verhaegen, "VARMAX-based closed-loop subspace model identification", 2009, section
+ * II-E, eq. (24), whose rho^2 Pi is our rho I. The recursion there, g_k = P_{k-1} z_k / (lambda + z_k' P_{k-1} z_k),
+ * eps_k = y_k - theta_{k-1} z_k, theta_k = theta_{k-1} + eps_k g_k',                P_k = (P_{k-1} - g_k z_k' P_{k-1})
+ * / lambda, is carried out on the lower triangular factor S of P = S S' by n plane rotations (inverse QR, array form):
  *       [ lambda^(1/2)  z'S ]          [ a^(1/2)      0    ]
  *       [      0         S  ]  Theta = [ g a^(1/2)  S_new lambda^(1/2) ],   a = lambda + z'Pz,
  *   so P cannot lose symmetry or sign; all outputs share S. Deviations, both off when lambda = 1:
@@ -16,9 +15,9 @@
  *   2 bound: when a parameter's variance P_ii exceeds growth_max / rho, its present value is absorbed as if it had been
  *     measured, which halves P_ii twice and leaves theta as it is: directions never excited cannot wind up while the
  *     excited ones go on forgetting.
- *   Why this form: on closed-loop turbine data (regressors singular to rounding, n = 50, 10,000 samples, lambda = 1) the
- *   float result lies 1.6e-5 (rho = 1), 1.2e-4 (0.1), 1.5e-3 (0.01) from the double batch solution, and its predictions
- *   7e-6 at any of them; DESIGN.md has the rivals.
+ *   Why this form: on closed-loop turbine data (regressors singular to rounding, n = 50, 10,000 samples, lambda = 1)
+ * the float result lies 1.6e-5 (rho = 1), 1.2e-4 (0.1), 1.5e-3 (0.01) from the double batch solution, and its
+ * predictions 7e-6 at any of them; DESIGN.md has the rivals.
  *
  * CONTRACT
  *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 2 l.
@@ -41,22 +40,22 @@ extern "C" {
 #endif
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_rls_init aeo_rls_init_f64
-#define aeo_rls_update aeo_rls_update_f64
-#define aeo_rls_theta aeo_rls_theta_f64
-#define aeo_rls_innovation aeo_rls_innovation_f64
-#define aeo_rls_residual aeo_rls_residual_f64
-#define aeo_rls_health aeo_rls_health_f64
-#define aeo_rls_clear_health aeo_rls_clear_health_f64
-#define aeo_rls_reset aeo_rls_reset_f64
-#define aeo_rls_save aeo_rls_save_f64
-#define aeo_rls_restore aeo_rls_restore_f64
+#define aeo_rls_init            aeo_rls_init_f64
+#define aeo_rls_update          aeo_rls_update_f64
+#define aeo_rls_theta           aeo_rls_theta_f64
+#define aeo_rls_innovation      aeo_rls_innovation_f64
+#define aeo_rls_residual        aeo_rls_residual_f64
+#define aeo_rls_health          aeo_rls_health_f64
+#define aeo_rls_clear_health    aeo_rls_clear_health_f64
+#define aeo_rls_reset           aeo_rls_reset_f64
+#define aeo_rls_save            aeo_rls_save_f64
+#define aeo_rls_restore         aeo_rls_restore_f64
 #define aeo_rls_invariants_hold aeo_rls_invariants_hold_f64
 #endif
 
 /* Sizes accepted by init. */
 #define AEO_RLS_REGRESSORS_MAX 1024
-#define AEO_RLS_OUTPUTS_MAX 32
+#define AEO_RLS_OUTPUTS_MAX    32
 
 /* Words of memory, and words of a saved filter, for n regressors and l outputs. */
 #define AEO_RLS_WORDS(n, l)                                                                                            \
@@ -69,18 +68,18 @@ extern "C" {
 #define AEO_RLS_SAVED_VERSION 1
 
 /* Health flags; once set they stay until aeo_rls_clear_health. */
-#define AEO_RLS_WITHHELD 1u      /* forgetting was withheld: a sample carried almost no news */
-#define AEO_RLS_BOUNDED 2u       /* a variance met its bound: some direction is not excited */
+#define AEO_RLS_WITHHELD      1u /* forgetting was withheld: a sample carried almost no news */
+#define AEO_RLS_BOUNDED       2u /* a variance met its bound: some direction is not excited */
 #define AEO_RLS_REINITIALISED 4u /* theta ran away (innovation beyond 1e12); the estimator started afresh */
 
 typedef struct {
-    uint16_t regressors;       /* n, 1 ... 1024 */
-    uint16_t outputs;          /* l, 1 ... 32 */
-    aeo_real_t forgetting;     /* lambda, 0.5 ... 1; memory is 1 / (1 - lambda) samples. Too small: noisy parameters; too
-                                  large: slow to follow. Start: 1, or 1 - 1 / (10 n) to follow changes */
+    uint16_t regressors;   /* n, 1 ... 1024 */
+    uint16_t outputs;      /* l, 1 ... 32 */
+    aeo_real_t forgetting; /* lambda, 0.5 ... 1; memory is 1 / (1 - lambda) samples. Too small: noisy parameters; too
+                              large: slow to follow. Start: 1, or 1 - 1 / (10 n) to follow changes */
     aeo_real_t regularisation; /* rho, 1e-8 ... 1e8: as if rho samples of size 1 with output 0 had been seen in each
-                                  direction. Too small: in float, directions the data leave open fill with rounding noise
-                                  (below 0.01); too large: bias. Start: 1 with scaled channels */
+                                  direction. Too small: in float, directions the data leave open fill with rounding
+                                  noise (below 0.01); too large: bias. Start: 1 with scaled channels */
     aeo_real_t excitation_min; /* gate, 0 ... 1; 0: off. Too small: noise counts as excitation; too large: forgetting
                                   stops in normal operation. Start: 0.05 */
     aeo_real_t growth_max;     /* bound on P_ii relative to 1 / rho, 4 ... 1e6 and growth_max / rho <= 1e10. Too small:
@@ -114,10 +113,10 @@ typedef struct {
     aeo_rls_count_t count;
 } aeo_rls_t;
 
-/* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The config
- * is copied. Memory must outlive self and serve nothing else.
- * AEO_E_ARG: null pointer, or a size or setting out of its range; AEO_E_NOT_FINITE: a setting is NaN or infinite;
- * AEO_E_MEMORY: words < AEO_RLS_WORDS(n, l). On failure neither self nor memory is written. */
+/* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The
+ * config is copied. Memory must outlive self and serve nothing else. AEO_E_ARG: null pointer, or a size or setting out
+ * of its range; AEO_E_NOT_FINITE: a setting is NaN or infinite; AEO_E_MEMORY: words < AEO_RLS_WORDS(n, l). On failure
+ * neither self nor memory is written. */
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words);
 
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory.
@@ -154,8 +153,8 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
  * filter. On failure self is unchanged. */
 aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length);
 
-/* Return 1 when every number is finite, the factor's diagonal is above 0, every variance is at most four times its bound
- * and the sizes agree, else 0; O(n^2), for tests and debugging. A null pointer answers 0. */
+/* Return 1 when every number is finite, the factor's diagonal is above 0, every variance is at most four times its
+ * bound and the sizes agree, else 0; O(n^2), for tests and debugging. A null pointer answers 0. */
 int aeo_rls_invariants_hold(const aeo_rls_t *self);
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* replay.c: runs whole recordings through the filters, sample by sample as a controller would; called from Python.
  *
- * One structure carries everything, so the caller needs no other declaration. No allocation here either: the caller asks
- * aeo_replay_bytes and hands over that much memory, aligned for double.
+ * One structure carries everything, so the caller needs no other declaration. No allocation here either: the caller
+ * asks aeo_replay_bytes and hands over that much memory, aligned for double.
  */
 #include "aeolid/markov.h"
 #include "aeolid/regressor.h"
@@ -34,7 +34,8 @@ typedef struct {
     double *theta_scaled; /* l x n */
     uint32_t regressors;  /* n, written */
     uint32_t health;      /* flags, written */
-    uint32_t count[10];   /* samples, not_finite, range, time, gaps; updates, rejected, withheld, bounded, reinitialised */
+    uint32_t
+        count[10]; /* samples, not_finite, range, time, gaps; updates, rejected, withheld, bounded, reinitialised */
 } aeo_replay_t;
 
 EXPORTED size_t aeo_replay_bytes(const aeo_replay_t *replay);
@@ -63,8 +64,8 @@ static size_t count_regressors_max(const aeo_replay_t *replay)
 
 size_t aeo_replay_bytes(const aeo_replay_t *replay)
 {
-    const size_t words =
-        count_regressor_words(replay) + AEO_RLS_WORDS(count_regressors_max(replay), replay->outputs) + 2u * replay->outputs;
+    const size_t words = count_regressor_words(replay) + AEO_RLS_WORDS(count_regressors_max(replay), replay->outputs) +
+                         2u * replay->outputs;
     return sizeof(workspace_t) + words * sizeof(aeo_real_t);
 }
 

@@ -1,0 +1,99 @@
+/* The contract suite over the square-root RLS. */
+#include "aeolid/rls.h"
+#include "contract.h"
+#include "unity.h"
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static size_t words(size_t n, size_t l)
+{
+    return AEO_RLS_WORDS(n, l);
+}
+
+static size_t saved_words(size_t n, size_t l)
+{
+    return AEO_RLS_SAVED_WORDS(n, l);
+}
+
+static aeo_status_t init(void *object, size_t n, size_t l, double lambda, double rho, aeo_real_t *memory, size_t given)
+{
+    const aeo_rls_config_t config = {.regressors = (uint16_t)n,
+                                     .outputs = (uint16_t)l,
+                                     .forgetting = (aeo_real_t)lambda,
+                                     .regularisation = (aeo_real_t)rho,
+                                     .excitation_min = AEO_REAL(0),
+                                     .growth_max = AEO_REAL(1e6)};
+    return aeo_rls_init(object, &config, memory, given);
+}
+
+static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)
+{
+    return aeo_rls_update(object, z, y);
+}
+
+static const aeo_real_t *theta(const void *object)
+{
+    return aeo_rls_theta(object);
+}
+
+static const aeo_real_t *innovation(const void *object)
+{
+    return aeo_rls_innovation(object);
+}
+
+static const aeo_real_t *residual(const void *object)
+{
+    return aeo_rls_residual(object);
+}
+
+static void reset(void *object)
+{
+    aeo_rls_reset(object);
+}
+
+static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)
+{
+    return aeo_rls_save(object, saved, length);
+}
+
+static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)
+{
+    return aeo_rls_restore(object, saved, length);
+}
+
+static int invariants_hold(const void *object)
+{
+    return aeo_rls_invariants_hold(object);
+}
+
+static uint32_t *rejected(void *object)
+{
+    return &((aeo_rls_t *)object)->count.rejected;
+}
+
+int main(void)
+{
+    static const filter_face_t face = {.name = "rls",
+                                       .object_bytes = sizeof(aeo_rls_t),
+                                       .words = words,
+                                       .saved_words = saved_words,
+                                       .init = init,
+                                       .update = update,
+                                       .theta = theta,
+                                       .innovation = innovation,
+                                       .residual = residual,
+                                       .reset = reset,
+                                       .save = save,
+                                       .restore = restore,
+                                       .invariants_hold = invariants_hold,
+                                       .rejected = rejected};
+    UNITY_BEGIN();
+    run_contract(&face);
+    return UNITY_END();
+}

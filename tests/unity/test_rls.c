@@ -1,0 +1,292 @@
+/* What is particular to the square-root RLS: its gate, its bound, its settings, its saved form. */
+#include "aeolid/rls.h"
+#include "linalg.h"
+#include "samples.h"
+#include "unity.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { N = 6, L = 2, WORDS = AEO_RLS_WORDS(N, L), SAVED = AEO_RLS_SAVED_WORDS(N, L) };
+
+static aeo_rls_t rls;
+static aeo_real_t memory[WORDS];
+static aeo_real_t z[N], y[L];
+static uint64_t seed = 7;
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static aeo_rls_config_t make_config(double lambda, double gate, double growth)
+{
+    const aeo_rls_config_t config = {N, L, (aeo_real_t)lambda, AEO_REAL(1), (aeo_real_t)gate, (aeo_real_t)growth};
+    return config;
+}
+
+static void start(double lambda, double gate, double growth)
+{
+    const aeo_rls_config_t config = make_config(lambda, gate, growth);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, WORDS));
+}
+
+/* y = sums of z, so that theta has a known answer of ones and minus ones */
+static void feed(double amplitude)
+{
+    fill(z, N, &seed);
+    y[0] = y[1] = AEO_REAL(0);
+    for (size_t j = 0; j < N; j++) {
+        z[j] = (aeo_real_t)((double)z[j] * amplitude);
+        y[0] += z[j];
+        y[1] -= z[j];
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+    TEST_ASSERT_TRUE(aeo_rls_invariants_hold(&rls));
+}
+
+static double variance(size_t i)
+{
+    return (double)aeo_linalg_row_norm2(rls.factor, N, i, NULL);
+}
+
+static void words_are_known_at_compile_time(void)
+{
+    TEST_ASSERT_EQUAL_UINT(1262, AEO_RLS_WORDS(44, 4));
+    TEST_ASSERT_EQUAL_UINT(8502, AEO_RLS_WORDS(124, 4));
+}
+
+static void covariance_matches_the_conventional_recursion(void)
+{
+    double p[N][N] = {{0}};
+    const double lambda = (double)AEO_REAL(0.97);
+    for (size_t i = 0; i < N; i++) {
+        p[i][i] = 1.0;
+    }
+    start(0.97, 0, 1e6);
+    for (int k = 0; k < 300; k++) {
+        double pz[N] = {0}, news = lambda;
+        feed(1.0);
+        for (size_t i = 0; i < N; i++) {
+            for (size_t j = 0; j < N; j++) {
+                pz[i] += p[i][j] * (double)z[j];
+            }
+            news += (double)z[i] * pz[i];
+        }
+        for (size_t i = 0; i < N; i++) {
+            for (size_t j = 0; j < N; j++) {
+                p[i][j] = (p[i][j] - pz[i] * pz[j] / news) / lambda;
+            }
+        }
+        for (size_t i = 0; i < N; i++) {
+            TEST_ASSERT_TRUE(fabs(variance(i) - p[i][i]) < 200.0 * (double)AEO_REAL_EPSILON * p[i][i]);
+        }
+    }
+}
+
+static void quiet_samples_do_not_forget(void)
+{
+    start(0.99, 0.05, 1000);
+    for (int k = 0; k < 1000; k++) {
+        feed(1.0);
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_rls_health(&rls));
+    aeo_real_t theta[N * L], before[N];
+    memcpy(theta, aeo_rls_theta(&rls), sizeof theta);
+    for (size_t i = 0; i < N; i++) {
+        before[i] = (aeo_real_t)variance(i);
+    }
+    memset(z, 0, sizeof z);
+    memset(y, 0, sizeof y);
+    for (int k = 0; k < 100000; k++) {
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(theta, aeo_rls_theta(&rls), sizeof theta);
+    for (size_t i = 0; i < N; i++) {
+        const aeo_real_t after = (aeo_real_t)variance(i);
+        TEST_ASSERT_EQUAL_MEMORY(&before[i], &after, sizeof after);
+    }
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_WITHHELD, aeo_rls_health(&rls));
+    TEST_ASSERT_EQUAL_UINT32(100000, rls.count.withheld);
+}
+
+static void without_the_gate_variances_stay_bounded(void)
+{
+    /* one direction excited, the others never: P must not grow for ever and the excited one must go on forgetting */
+    start(0.99, 0, 100);
+    double largest = 0.0;
+    for (int k = 0; k < 50000; k++) {
+        memset(z, 0, sizeof z);
+        z[2] = (aeo_real_t)draw(&seed);
+        y[0] = y[1] = (k < 40000 ? 1 : -1) * z[2];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        for (size_t i = 0; i < N; i++) {
+            largest = variance(i) > largest ? variance(i) : largest;
+        }
+    }
+    TEST_ASSERT_TRUE(largest <= 200.0); /* twice growth_max / rho, the proven bound */
+    TEST_ASSERT_TRUE(largest > 50.0);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_BOUNDED, aeo_rls_health(&rls));
+    TEST_ASSERT_TRUE(rls.count.bounded > 100);
+    TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[2] + 1.0) < 1e-3);
+}
+
+static void bounding_leaves_theta_alone(void)
+{
+    /* same samples with a tight and with a loose bound: until the next sample that matters, theta is the same bits */
+    start(0.9, 0, 1e6);
+    for (int k = 0; k < 50; k++) {
+        feed(1.0);
+    }
+    aeo_real_t theta[N * L];
+    memcpy(theta, aeo_rls_theta(&rls), sizeof theta);
+    rls.variance_max = AEO_REAL(1e-4);
+    memset(z, 0, sizeof z);
+    memset(y, 0, sizeof y);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+    TEST_ASSERT_TRUE(rls.count.bounded > 0);
+    TEST_ASSERT_EQUAL_MEMORY(theta, aeo_rls_theta(&rls), sizeof theta);
+}
+
+static void runaway_starts_afresh(void)
+{
+    start(1.0, 0, 1000);
+    for (int k = 0; k < 100; k++) {
+        feed(1.0);
+    }
+    rls.theta[0] = AEO_REAL(1e20); /* as a flipped bit would */
+    feed(1.0);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_REINITIALISED, aeo_rls_health(&rls));
+    TEST_ASSERT_EQUAL_UINT32(1, rls.count.reinitialised);
+    for (int k = 0; k < 2000; k++) {
+        feed(1.0);
+    }
+    for (size_t j = 0; j < N; j++) {
+        TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[j] - 1.0) < 1e-2);
+        TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[N + j] + 1.0) < 1e-2);
+    }
+}
+
+static void settings_out_of_range_are_refused(void)
+{
+    static const double BAD[][4] = {{0.49, 1, 0, 4},   {1.01, 1, 0, 4}, {1, 0.9e-8, 0, 4}, {1, 1.1e8, 0, 4},
+                                    {1, 1, -0.1, 4},   {1, 1, 1.1, 4},  {1, 1, 0, 3.9},    {1, 1, 0, 1.1e6},
+                                    {1, 1e-8, 0, 200}, {0, 1, 0, 4},    {-1.0, 1, 0, 4},   {1, 0, 0, 4},
+                                    {1, -1, 0, 4}};
+    const aeo_rls_t untouched = rls;
+    for (size_t t = 0; t < sizeof BAD / sizeof BAD[0]; t++) {
+        aeo_rls_config_t config = make_config(BAD[t][0], BAD[t][2], BAD[t][3]);
+        config.regularisation = (aeo_real_t)BAD[t][1];
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(&rls, &config, memory, WORDS));
+    }
+    for (int t = 0; t < 16; t++) {
+        aeo_rls_config_t config = make_config(1, 0, 4);
+        aeo_real_t *const fields[4] = {&config.forgetting, &config.regularisation, &config.excitation_min,
+                                       &config.growth_max};
+        *fields[t / 4] = make_not_finite(t % 4);
+        TEST_ASSERT_EQUAL_INT(AEO_E_NOT_FINITE, aeo_rls_init(&rls, &config, memory, WORDS));
+    }
+    aeo_rls_config_t config = make_config(1, 0, 4);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(NULL, &config, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(&rls, NULL, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(&rls, &config, NULL, WORDS));
+    static const uint16_t SIZES[][2] = {{0, 1}, {1025, 1}, {1, 0}, {1, 33}, {65535, 1}, {1, 65535}};
+    for (size_t t = 0; t < sizeof SIZES / sizeof SIZES[0]; t++) {
+        config.regressors = SIZES[t][0];
+        config.outputs = SIZES[t][1];
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(&rls, &config, memory, WORDS));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &rls, sizeof rls);
+}
+
+static void restore_names_what_is_wrong(void)
+{
+    static aeo_real_t saved[SAVED];
+    start(0.99, 0.05, 1000);
+    feed(1.0);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(&rls, saved, SAVED));
+    static const aeo_status_t HEAD[8] = {AEO_E_VERSION,  AEO_E_MISMATCH, AEO_E_MISMATCH, AEO_E_MISMATCH,
+                                         AEO_E_MISMATCH, AEO_E_MISMATCH, AEO_E_MISMATCH, AEO_E_MISMATCH};
+    const aeo_rls_t before = rls;
+    for (size_t i = 0; i < 22; i++) { /* head, then health, counters and scan row in halves */
+        const aeo_real_t wrong[3] = {saved[i] + AEO_REAL(0.5), AEO_REAL(-1), AEO_REAL(65536)};
+        for (int t = 0; t < 3; t++) {
+            const aeo_real_t good = saved[i];
+            saved[i] = wrong[t];
+            TEST_ASSERT_EQUAL_INT(i < 8 ? HEAD[i] : AEO_E_DAMAGED, aeo_rls_restore(&rls, saved, SAVED));
+            saved[i] = good;
+            TEST_ASSERT_EQUAL_MEMORY(&before, &rls, sizeof rls);
+        }
+    }
+    saved[21] = N; /* scan row at n */
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_rls_restore(&rls, saved, SAVED));
+    saved[21] = 0;
+    saved[22] = AEO_REAL(0); /* first diagonal entry of the factor */
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_rls_restore(&rls, saved, SAVED));
+}
+
+static void saved_head_is_counted_right(void)
+{
+    /* the formula, the writer and this test agree: the factor starts right after the head */
+    static aeo_real_t saved[SAVED];
+    start(1, 0, 4);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(&rls, saved, SAVED));
+    TEST_ASSERT_EQUAL_MEMORY(rls.factor, saved + AEO_RLS_SAVED_HEAD, sizeof *saved * N * (N + 1) / 2);
+}
+
+static void health_is_sticky_until_cleared(void)
+{
+    start(0.99, 0.9, 1000);
+    feed(1e-6);
+    feed(1.0);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_WITHHELD, aeo_rls_health(&rls));
+    aeo_rls_reset(&rls);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_WITHHELD, aeo_rls_health(&rls));
+    aeo_rls_clear_health(&rls);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_rls_health(&rls));
+    TEST_ASSERT_TRUE(rls.count.withheld >= 1);
+    rls.count.updates = UINT32_MAX;
+    feed(1.0);
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, rls.count.updates); /* never decreases */
+    aeo_rls_reset(NULL);
+    aeo_rls_clear_health(NULL);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_rls_health(NULL));
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(NULL));
+}
+
+static void invariants_notice_damage(void)
+{
+    start(0.99, 0, 100);
+    feed(1.0);
+    const aeo_real_t good = rls.factor[0];
+    rls.factor[0] = AEO_REAL(0);
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+    rls.factor[0] = make_not_finite(0);
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+    rls.factor[0] = AEO_REAL(21); /* variance 441 > 4 * 100 */
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+    rls.factor[0] = good;
+    TEST_ASSERT_TRUE(aeo_rls_invariants_hold(&rls));
+    rls.theta[3] = make_not_finite(2);
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(words_are_known_at_compile_time);
+    RUN_TEST(covariance_matches_the_conventional_recursion);
+    RUN_TEST(quiet_samples_do_not_forget);
+    RUN_TEST(without_the_gate_variances_stay_bounded);
+    RUN_TEST(bounding_leaves_theta_alone);
+    RUN_TEST(runaway_starts_afresh);
+    RUN_TEST(settings_out_of_range_are_refused);
+    RUN_TEST(restore_names_what_is_wrong);
+    RUN_TEST(saved_head_is_counted_right);
+    RUN_TEST(health_is_sticky_until_cleared);
+    RUN_TEST(invariants_notice_damage);
+    return UNITY_END();
+}
