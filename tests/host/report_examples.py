@@ -1,0 +1,116 @@
+"""Make the facts of an identification and of a diagnosis for the tests of the pages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+def model(scale: float = 1.0) -> dict[str, Any]:
+    """Return a model.json of two lightly damped modes, two inputs and two outputs; `scale` shifts the frequencies."""
+    h = 0.1
+    blocks = []
+    for frequency, damping in ((0.32 * scale, 0.05), (1.7 * scale, 0.02)):
+        s = 2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2))
+        z = np.exp(s * h)
+        blocks.append(np.array([[z.real, z.imag], [-z.imag, z.real]]))
+    A = np.zeros((4, 4))
+    A[:2, :2], A[2:, 2:] = blocks
+    return {
+        "kind": "state_space", "sample_time_s": h, "A": A.tolist(),
+        "B": [[0.1, 0.0], [0.0, 0.02], [0.05, 0.01], [0.0, 0.1]], "C": [[1.0, 0.0, 0.5, 0.0], [0.0, 1.0, 0.0, 0.2]],
+        "D": [[0.0, 0.0], [0.0, 0.0]],
+        "inputs": [{"name": "pitch", "unit": "deg"}, {"name": "torque", "unit": "kN m"}],
+        "outputs": [{"name": "generator_speed", "unit": "rad/s"}, {"name": "tower_fore_aft", "unit": "m/s"}],
+    }  # fmt: skip
+
+
+def eigenvalues(entry: dict[str, Any]) -> list[list[float]]:
+    return [[float(v.real), float(v.imag)] for v in np.linalg.eigvals(np.array(entry["A"]))]
+
+
+def identification() -> dict[str, Any]:
+    true, found = model(), model(1.004)
+    modes = [
+        {"frequency_hz": 0.3213, "damping": 0.0512, "frequency_std_hz": 0.0008, "damping_std": 0.0022},
+        {"frequency_hz": 1.7068, "damping": 0.0196, "frequency_std_hz": 0.0011, "damping_std": 0.0007},
+    ]
+    return {
+        "title": "5 MW turbine <prototype>", "command": "aeolid identify rec.csv --past 30", "order": 4,
+        "recordings": [{"file": "rec.csv", "samples": 10000, "sample_time_s": 0.1}],
+        "settings": {"method": "varx", "past window": 30, "future window": 30, "regularisation": 1.2e-7},
+        "singular_values": [52.0, 31.0, 9.0, 4.2, *(0.2 * 0.9**k for k in range(26))],
+        "order_reason": "the largest gap among the singular values is after 4 (factor 21).",
+        "model": found, "true_model": true, "eigenvalues": eigenvalues(found), "true_eigenvalues": eigenvalues(true),
+        "modes": modes,
+        "true_modes": [
+            {"name": "tower fore-aft", "frequency_hz": 0.32, "damping": 0.05},
+            {"name": "drive train", "frequency_hz": 1.7, "damping": 0.02},
+        ],
+        "fit": {"generator_speed": {"VAF one step (%)": 98.2}, "tower_fore_aft": {"VAF one step (%)": 95.06}},
+        "stream": {"frames": 123456, "frames lost": 0, "bus load": {"value": 4.83, "unit": "%"}},
+    }  # fmt: skip
+
+
+def diagnosis() -> dict[str, Any]:
+    return {
+        "schema": 1, "verdict": "named",
+        "effects": [{
+            "id": "actuator_lag", "family": "input_lag",
+            "statement": "The pitch drive follows its demand with a first-order lag of 0.31 s that the model lacks",
+            "location": {"entry": "input:pitch", "outputs": ["generator_speed", "tower_fore_aft"], "inputs": ["pitch"],
+                         "frequency_hz": [0.1, 0.6], "azimuth_order": None, "region": None, "time_s": None},
+            "equation": "d(beta)/dt = (beta_cmd - beta)/tau",
+            "parameters": {"tau": {"value": 0.3123, "std": 0.0212, "unit": "s"}},
+            "rivals": [{"id": "transport_delay", "weight": 0.2}], "weight": 0.75}],
+        "location": {"entry": "input:pitch", "outputs": ["generator_speed"], "frequency_hz": [0.1, 0.6]},
+        "sealed": {"data": "480 s to 600 s of rec.csv", "log_likelihood_gain": 312.4, "interval": [251.0, 371.0],
+                   "nrmse_before": {"generator_speed": 0.412, "tower_fore_aft": 0.271},
+                   "nrmse_after": {"generator_speed": 0.043, "tower_fore_aft": 0.061}, "recovered_fraction": 0.94},
+        "false_alarm": {"sham_runs": 20, "false_names": 0, "threshold": 14.2},
+        "not_excluded": [{"id": "cubic_stiffness", "minimum_detectable": {"value": 0.12, "unit": "1/m²"}}],
+        "next_experiment": {"text": "Pitch PRBS of 0.5 deg with a dwell of 0.4 s", "minutes": 12,
+                            "separates": ["actuator_lag", "transport_delay"]},
+    }  # fmt: skip
+
+
+def evidence() -> dict[str, Any]:
+    rng = np.random.default_rng(1)
+    t = 480 + 0.1 * np.arange(1200)
+    clean = np.sin(2 * np.pi * 0.32 * t) * (1 + 0.5 * np.sin(2 * np.pi * 0.01 * t))
+    late = np.sin(2 * np.pi * 0.32 * (t - 0.3)) * (1 + 0.5 * np.sin(2 * np.pi * 0.01 * t))
+    series = {}
+    for name, unit, size in (("generator_speed", "rad/s", 0.1), ("tower_fore_aft", "m/s", 0.3)):
+        series[name] = {
+            "time_s": t.tolist(), "measured": (size * late + 0.02 * size * rng.standard_normal(1200)).tolist(),
+            "before": (size * clean).tolist(), "after": (0.98 * size * late).tolist(), "unit": unit,
+        }  # fmt: skip
+    f = np.linspace(0.01, 5, 300)
+    spectrum = {
+        "frequency_hz": f.tolist(), "before": (1e-4 + 0.1 / (1 + ((f - 0.32) / 0.05) ** 2)).tolist(),
+        "after": (1e-4 + 0.001 / (1 + f)).tolist(),
+    }  # fmt: skip
+    ids = ["actuator_lag", "transport_delay", "coulomb_friction", "cubic_stiffness", "parameter_error"]
+    bank = [
+        {"id": name, "family": "f", "entry": "input:pitch" if i < 2 else "output:generator_speed", "statistic": s,
+         "threshold": 14.2, "p_value": p, "estimate": 0.3, "unit": "s", "minimum_detectable": 0.02}
+        for i, (name, s, p) in enumerate(zip(ids, (312.0, 181.0, 9.0, 3.1, 1.2), (1e-60, 1e-30, 0.01, 0.2, 0.7),
+                                             strict=True))
+    ]  # fmt: skip
+    cos2 = np.eye(5)
+    cos2[0, 1] = cos2[1, 0] = 0.86
+    steps = [1, 2, 5, 10, 20, 50]
+    return {
+        "title": "Turbine with a concealed effect", "series": series,
+        "spectra": dict.fromkeys(series, spectrum), "bank": bank,
+        "confusion": {"ids": ids, "cos2": cos2.tolist()},
+        "forensics": [{"check": "units", "channel": "pitch", "finding": "as declared", "severity": "none"}],
+        "split": [{"file": "rec.csv", "start_s": 0.0, "stop_s": 240.0, "use": "fit"},
+                  {"file": "rec.csv", "start_s": 480.0, "stop_s": 600.0, "use": "sealed"}],
+        "parameters": [{"name": "k_beta", "unit": "N m/deg", "prior": -37710.0, "fitted": -37102.0, "std": 310.0,
+                        "pull": 0.61}],
+        "horizon": {"generator_speed": {"steps": steps, "before": [0.1, 0.15, 0.25, 0.4, 0.41, 0.41],
+                                        "after": [0.03, 0.03, 0.04, 0.04, 0.045, 0.045]}},
+        "timing_s": {"predictor": 2.31, "score_bank": 3.9, "sham_runs": 24.1},
+    }  # fmt: skip

@@ -1,0 +1,197 @@
+"""The pages say what the facts say, escape every text, and need nothing but themselves."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import report_examples
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aeolid.errors import UsageError
+from aeolid.report import render_demo, render_diagnosis, render_identification
+from aeolid.report.charts import thin
+from aeolid.report.diagnosis import verdict_sentence
+from aeolid.report.markup import Html, tag, write_page
+from aeolid.report.numbers import number, with_std
+from aeolid.report.response import response
+
+SINGLE = ["no_mismatch", "immaterial", "data_fault", "parameter", "named"]
+VERDICTS = [*SINGLE, "ambiguous", "multiple", "unnamed", "not_testable"]
+
+
+class Text(HTMLParser):
+    """Collect what a reader sees outside the drawings, and check that every element is closed."""
+
+    VOID = frozenset({"meta", "br", "path", "use", "rect", "image"})
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen = ""
+        self.feed(page)
+
+    def handle_starttag(self, name: str, attributes: Any) -> None:
+        if name not in self.VOID:
+            self.open.append(name)
+
+    def handle_endtag(self, name: str) -> None:
+        if name not in self.VOID:
+            assert self.open.pop() == name
+
+    def handle_data(self, data: str) -> None:
+        if not {"style", "svg"} & set(self.open):
+            self.seen += data
+
+
+def page_of(render: Callable[[Path], None], folder: Path) -> str:
+    path = folder / "page.html"
+    render(path)
+    page = path.read_text(encoding="utf-8")
+    assert not Text(page).open
+    return page
+
+
+def test_identification_page_says_the_facts(tmp_path: Path) -> None:
+    seen = Text(page_of(lambda p: render_identification(report_examples.identification(), p), tmp_path)).seen
+    for part in ("5 MW turbine <prototype>", "0.32130 ± 0.00080", "1.960 ± 0.070", "tower fore-aft", "+0.41 %",
+                 "the largest gap among the singular values is after 4", "95.1", "4.83 %"):  # fmt: skip
+        assert part in seen, part
+
+
+def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
+    diagnosis, evidence = report_examples.diagnosis(), report_examples.evidence()
+    seen = Text(page_of(lambda p: render_diagnosis(diagnosis, evidence, p), tmp_path)).seen
+    order = ["Verdict: Named", diagnosis["effects"][0]["statement"], "Before and after", "41.2 %", "4.30 %",
+             "0.312 ± 0.021", "transport_delay", "Every effect that was tried", "Where it sits", "0.12 1/m²",
+             "Pitch PRBS of 0.5 deg", "20 recordings generated", "as declared", "−37\u202f100 ± 310"]  # fmt: skip
+    place = 0
+    for part in order:  # each one after the one before it
+        place = seen.index(part, place)
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_every_verdict_has_a_sentence(verdict: str, tmp_path: Path) -> None:
+    diagnosis = {"schema": 1, "verdict": verdict, "effects": []}
+    sentence = verdict_sentence(diagnosis)
+    assert len(sentence) > 20 and sentence.endswith(".")
+    assert sentence in Text(page_of(lambda p: render_diagnosis(diagnosis, {}, p), tmp_path)).seen
+
+
+@pytest.mark.parametrize("key", ["none", *report_examples.evidence()])
+def test_every_part_of_the_evidence_stands_alone(key: str, tmp_path: Path) -> None:
+    evidence = {k: v for k, v in report_examples.evidence().items() if k == key}
+    page_of(lambda p: render_diagnosis(report_examples.diagnosis(), evidence, p), tmp_path)
+
+
+@pytest.mark.parametrize("key", ["none", *report_examples.identification()])
+def test_every_fact_stands_alone(key: str, tmp_path: Path) -> None:
+    facts = {k: v for k, v in report_examples.identification().items() if k == key}
+    page_of(lambda p: render_demo(facts, {}, {}, p), tmp_path)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.text(min_size=1, max_size=60))
+def test_no_text_becomes_markup(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
+    folder = tmp_path_factory.mktemp("page")
+    page = page_of(lambda p: write_page(p, text, tag("p", text, title=text)), folder)
+    plain = page_of(lambda p: write_page(p, "t", tag("p", "t", title="t")), folder)
+    assert page.count("<") == plain.count("<")
+    assert page.count('"') == plain.count('"')
+    assert isinstance(tag("p", Html("<b>")), Html) and "<b>" in tag("p", Html("<b>"))
+
+
+def test_pages_refer_to_nothing_outside(tmp_path: Path) -> None:
+    examples = report_examples.identification(), report_examples.diagnosis(), report_examples.evidence()
+    page = page_of(lambda p: render_demo(*examples, p), tmp_path)
+    assert not re.search(r"<(script|link|iframe|object|embed|base)\b", page)
+    assert not re.search(r"(?:src|href)\s*=\s*[\"'](?!#|data:)", page.replace('xlink:href="#', 'href="#'))
+    assert not re.search(r"@import|url\((?!#)", page)
+    assert "Content-Security-Policy" in page
+    assert len(page) < 1_000_000
+
+
+def test_a_page_is_the_same_every_time(tmp_path: Path) -> None:
+    pages = {page_of(lambda p: render_identification(report_examples.identification(), p), tmp_path) for _ in range(2)}
+    assert len(pages) == 1
+
+
+def test_a_folder_that_is_not_there_is_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="cannot be written"):
+        write_page(tmp_path / "no" / "page.html", "t")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.floats(allow_nan=False, allow_infinity=False, min_value=-1e12, max_value=1e12))
+def test_numbers_keep_three_digits(value: float) -> None:
+    text = number(value).replace("−", "-").replace("\u202f", "")
+    mantissa, _, power = text.partition("·10")
+    exponent = power.translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")) or "0"
+    assert float(mantissa) * 10.0 ** int(exponent) == pytest.approx(value, rel=0.0051, abs=1e-320)
+    assert len(text) <= 12
+
+
+def test_numbers_are_cut_where_the_uncertainty_begins() -> None:
+    assert with_std(0.312345, 0.0212) == "0.312 ± 0.021"
+    assert with_std(20431.0, 1300.0) == "20\u202f400 ± 1300"
+    assert with_std(-3.0, None) == "−3.00"
+    assert number(float("nan")) == "–" and number(None) == "–" and number(12) == "12"
+
+
+def test_frequency_response_agrees_with_scipy() -> None:
+    from scipy import signal
+
+    model = report_examples.model()
+    frequency = np.array([0.01, 0.3, 2.0])
+    system = [np.array(model[k]) for k in "ABCD"]
+    for column in range(2):
+        numerator, denominator = signal.ss2tf(*system, input=column)
+        for row in range(2):
+            _, expected = signal.freqz(numerator[row], denominator, worN=2 * np.pi * frequency * 0.1)
+            np.testing.assert_allclose(response(model, frequency)[:, row, column], expected, rtol=1e-9)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(1, 20_000), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_extremes(length: int, seed: int) -> None:
+    y = np.random.default_rng(seed).standard_normal(length)
+    x, kept = thin(np.arange(length), y)
+    assert len(kept) <= 1500 and kept.min() == y.min() and kept.max() == y.max()
+    assert np.all(np.diff(x) > 0)
+
+
+def chromium_messages(page: Path, tmp_path: Path) -> list[str]:
+    """Open a page in headless Chromium and return what it says on the console."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("chromium is not installed")
+    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0",
+               "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}",
+               f"--screenshot={tmp_path / 'page.png'}", "--window-size=1200,4000", f"file://{page}"]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+
+
+def test_pages_render_in_a_browser_without_complaint(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    render_demo(report_examples.identification(), report_examples.diagnosis(), report_examples.evidence(), page)
+    assert chromium_messages(page, tmp_path) == []
+    from matplotlib.image import imread
+
+    picture = imread(tmp_path / "page.png")
+    assert picture.shape[:2] == (4000, 1200)
+    assert np.mean(picture[..., :3] < 0.5) > 0.005  # there is ink on it
+
+
+def test_a_page_that_reaches_for_the_network_is_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    write_page(page, "t", Html('<img src="http://127.0.0.1:9/x.png">'))
+    assert any("Content Security Policy" in line for line in chromium_messages(page, tmp_path))

@@ -1,0 +1,99 @@
+"""Draw the figures of the pages as SVG text.
+
+Colours are Okabe and Ito's, told apart in every colour vision and, with dashes and markers, on grey paper too.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.report.markup import Html
+from aeolid.report.numbers import number
+
+Array = NDArray[np.float64]
+INK, BEFORE, AFTER, TRUTH, GREY = "#1b1f24", "#d55e00", "#0072b2", "#d55e00", "#9aa4b0"
+WIDE, HALF = (10.6, 3.2), (5.6, 3.6)  # inches: the full width of the page, and one of two columns
+_POINTS = 1500  # per line: more cannot be told apart on the width of a page
+
+_RC: dict[Any, Any] = {
+    "svg.fonttype": "none", "svg.hashsalt": "aeolid", "font.family": "DejaVu Sans", "font.size": 9.5,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#5a6470", "axes.labelcolor": INK,
+    "axes.grid": True, "grid.color": "#e3e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True, "axes.titlesize": 10,
+    "axes.titlelocation": "left", "xtick.color": "#5a6470", "ytick.color": "#5a6470", "legend.frameon": False,
+    "lines.linewidth": 1.3, "figure.constrained_layout.use": True, "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False, "axes.formatter.limits": (-4, 6),
+}  # fmt: skip
+
+
+class Sketch:
+    """Collect one figure: `axes` to draw on (rows, columns), then `svg`, its markup, once the drawing is done."""
+
+    def __init__(self, figure: Any, axes: Any) -> None:
+        self.figure, self.axes = figure, axes
+        self.svg = Html("")
+
+
+@contextmanager
+def sketch(size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any) -> Iterator[Sketch]:
+    """Open a figure of a size in inches; leaving the block turns it into markup."""
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_RC):
+        figure = Figure(figsize=size)
+        drawing = Sketch(figure, figure.subplots(rows, columns, squeeze=False, **options))
+        yield drawing
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    markup = text.getvalue()
+    fonts = "'DejaVu Sans', Verdana, Arial, sans-serif"  # the first is the widest: others fit where it does
+    drawing.svg = Html(markup[markup.index("<svg") :].replace("'DejaVu Sans'", fonts).rstrip())
+
+
+def thin(x: Sequence[float] | Array, y: Sequence[float] | Array) -> tuple[Array, Array]:
+    """Reduce a line to what the page can show: least and greatest value of each stretch of samples."""
+    a, b = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if len(a) <= _POINTS:
+        return a, b
+    stretches = np.array_split(np.arange(len(a)), _POINTS // 2)
+    keep: list[int] = []
+    for part in stretches:
+        values = b[part]
+        if np.isnan(values).all():
+            keep.append(int(part[0]))
+            continue
+        keep += sorted({int(part[np.nanargmin(values)]), int(part[np.nanargmax(values)])})
+    return a[keep], b[keep]
+
+
+def label(name: str, unit: str | None) -> str:
+    """Write an axis label: name and unit."""
+    return f"{name} ({unit})" if unit else name
+
+
+def bars(
+    axes: Any, names: Sequence[str], values: Sequence[float], threshold: Sequence[float | None], marked: set[int]
+) -> None:
+    """Draw horizontal bars, best first, each with its own threshold as a tick; numbers stand at their ends."""
+    place = np.arange(len(names))[::-1]
+    colours = [AFTER if i in marked else GREY for i in range(len(names))]
+    axes.barh(place, values, color=colours, height=0.62)
+    known = [(p, t) for p, t in zip(place, threshold, strict=True) if t is not None]
+    for p, t in known:
+        axes.plot([t, t], [p - 0.42, p + 0.42], color=BEFORE, linewidth=2)
+    reach = max([*values, *(t for _, t in known), 1e-12])
+    for p, value, tick in zip(place, values, threshold, strict=True):
+        end = value
+        if tick is not None and value < tick < value + 0.1 * reach:  # the number would lie on the tick
+            end = tick
+        axes.text(end + 0.01 * reach, p, number(float(value)), va="center", fontsize=8.5)
+    axes.set_yticks(place, names)
+    axes.set_xlim(0, 1.12 * reach)
+    axes.grid(axis="y", visible=False)
+    axes.tick_params(axis="y", length=0)

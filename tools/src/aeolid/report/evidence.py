@@ -1,0 +1,188 @@
+"""Draw the evidence behind a diagnosis: sealed data before and after, score bank, confusion, appendix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from aeolid.report import charts
+from aeolid.report.charts import INK
+from aeolid.report.markup import Html, figure, join, section, table, tag
+from aeolid.report.numbers import number, percent, with_std
+
+Facts = dict[str, Any]
+_ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
+_MOST_OUTPUTS = 6
+_MOST_BARS = 24
+
+
+def before_after(evidence: Facts, sealed: Facts) -> Html:
+    """Show every output on sealed data: a stretch in time, its error spectrum, and the numbers."""
+    series, spectra = evidence.get("series") or {}, evidence.get("spectra") or {}
+    parts: list[Html] = [_numbers(sealed)]
+    for name in list(dict.fromkeys([*series, *spectra]))[:_MOST_OUTPUTS]:
+        if name in series:
+            parts.append(_time_figure(name, series[name]))
+        if name in spectra:
+            parts.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
+    data = tag("p", f"Sealed data: {sealed['data']}.") if sealed.get("data") and any(parts) else None
+    return section("Before and after, on data never used for the fit", data if any(parts) else None, *parts)
+
+
+def _numbers(sealed: Facts) -> Html:
+    before, after = sealed.get("nrmse_before") or {}, sealed.get("nrmse_after") or {}
+    rows = [(name, percent(before.get(name)), percent(after.get(name))) for name in dict.fromkeys([*before, *after])]
+    return table(["output", "#error before (NRMSE)", "#error after (NRMSE)"], rows)
+
+
+def _time_figure(name: str, data: Facts) -> Html:
+    time = np.asarray(data["time_s"], dtype=float)
+    lines = {k: np.asarray(data[k], dtype=float) for k in ("measured", "before", "after") if data.get(k)}
+    start = _busiest(lines)
+    window = slice(start, start + _ZOOM_SAMPLES)
+    with charts.sketch((charts.WIDE[0], 4.2), 2, 1, sharex=True, gridspec_kw={"height_ratios": [3, 2]}) as drawing:
+        top, bottom = drawing.axes[:, 0]
+        styles: dict[str, Facts] = {
+            "measured": {"color": INK, "linewidth": 2.2, "alpha": 0.55},
+            "before": {"color": charts.BEFORE, "linestyle": (0, (4, 2))},
+            "after": {"color": charts.AFTER},
+        }
+        for key, values in lines.items():
+            top.plot(time[window], values[window], label=key, **styles[key])
+            if key != "measured" and "measured" in lines:
+                bottom.plot(time[window], (values - lines["measured"])[window], label=f"{key}: error", **styles[key])
+        top.set_ylabel(charts.label(name, data.get("unit")))
+        bottom.set_ylabel(charts.label("error", data.get("unit")))
+        bottom.set_xlabel("time (s)")
+        bottom.axhline(0, color=charts.GREY, linewidth=0.8)
+        top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    whole = f" of {number(float(time[-1] - time[0]))} s" if len(time) > _ZOOM_SAMPLES else ""
+    return figure(
+        drawing.svg,
+        f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model as it was;"
+        f" blue: with the effect. Below: model minus measured.",
+    )
+
+
+def _busiest(lines: dict[str, Any]) -> int:
+    """Return the start of the window in which the two models differ most."""
+    if "before" not in lines or "after" not in lines or len(lines["before"]) <= _ZOOM_SAMPLES:
+        return 0
+    square = np.nan_to_num((lines["before"] - lines["after"]) ** 2)
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    return int(np.argmax(total[_ZOOM_SAMPLES:] - total[:-_ZOOM_SAMPLES]))
+
+
+def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
+    with charts.sketch((charts.WIDE[0], 2.7)) as drawing:
+        axes = drawing.axes[0, 0]
+        frequency = np.asarray(data["frequency_hz"], dtype=float)
+        axes.loglog(*charts.thin(frequency, data["before"]), color=charts.BEFORE, linestyle=(0, (4, 2)), label="before")
+        axes.loglog(*charts.thin(frequency, data["after"]), color=charts.AFTER, label="after")
+        axes.set_xlabel("frequency (Hz)")
+        axes.set_ylabel(f"error spectrum\n(({unit})²/Hz)" if unit else "error spectrum (per Hz)")
+        axes.legend(loc="best")
+    return figure(drawing.svg, f"{name}: at which frequencies the error was, and is.")
+
+
+def score_bank(bank: list[Facts], found: set[Any]) -> Html:
+    """Show the statistic of every effect tried against its threshold."""
+    if not bank:
+        return Html("")
+    ranked = sorted(bank, key=lambda e: -(e.get("statistic") or 0.0))
+    shown = ranked[:_MOST_BARS]
+    names = [f"{e.get('id')}, {e['entry']}" if e.get("entry") else str(e.get("id")) for e in shown]
+    with charts.sketch((charts.WIDE[0], 0.9 + 0.27 * len(shown))) as drawing:
+        marked = {i for i, e in enumerate(shown) if e.get("id") in found}
+        values = [float(e.get("statistic") or 0.0) for e in shown]
+        charts.bars(drawing.axes[0, 0], names, values, [e.get("threshold") for e in shown], marked)
+        drawing.axes[0, 0].set_xlabel("score statistic")
+    rows = [
+        (e.get("id"), e.get("entry", ""), number(e.get("statistic")), number(e.get("p_value"), 2),
+         number(e.get("estimate")), number(e.get("minimum_detectable"), 2), e.get("unit", ""))
+        for e in shown
+    ]  # fmt: skip
+    head = ["effect", "where", "#statistic", "#p value", "#one-step estimate", "#minimum detectable", "unit"]
+    caption = (
+        f"{len(bank)} effects tried. Right of its orange tick an effect is beyond what chance gives; blue: the effect"
+        " named above. What the model's own parameters could imitate has been projected out."
+    )
+    return section("Every effect that was tried", figure(drawing.svg, caption), table(head, rows))
+
+
+def confusion(data: Facts) -> Html:
+    """Show which effects these data cannot tell apart: cos² of the angle between their scores."""
+    names, values = data.get("ids") or [], np.asarray(data.get("cos2") or [], dtype=float)
+    if len(names) < 2 or values.shape != (len(names), len(names)):
+        return Html("")
+    side = 2.2 + 0.34 * len(names)
+    with charts.sketch((side + 1.6, side)) as drawing:
+        axes = drawing.axes[0, 0]
+        image = axes.pcolormesh(values, cmap="Blues", vmin=0, vmax=1, edgecolors="#e3e7eb", linewidth=0.5)
+        axes.invert_yaxis()
+        axes.set_aspect("equal")
+        centres = np.arange(len(names)) + 0.5
+        axes.set_xticks(centres, names, rotation=45, ha="right", fontsize=8)
+        axes.set_yticks(centres, names, fontsize=8)
+        axes.grid(visible=False)
+        style: Facts = {"ha": "center", "va": "center", "fontsize": 6.5}
+        for i, j in np.argwhere(values >= 0.5):
+            if i != j:
+                axes.text(j + 0.5, i + 0.5, f"{values[i, j]:.2f}", color="#fff" if values[i, j] > 0.6 else INK, **style)
+        drawing.figure.colorbar(image, ax=axes, label="cos²", shrink=0.8)
+    drawn = tag("div", drawing.svg, style=f"max-width:{100 * (side + 1.6):.0f}px")
+    caption = "cos² of the angle between the scores of two effects. Near 1: these data cannot tell the two apart."
+    return section("Which effects these data tell apart", figure(drawn, caption))
+
+
+def appendix(evidence: Facts) -> Html:
+    """Show forensics, split, parameters with their pulls, prediction horizon and times."""
+    return section(
+        "Evidence",
+        section("Checks of the recording", _forensics(evidence.get("forensics") or []), level="h3"),
+        section("Use of the data", _split(evidence.get("split") or []), level="h3"),
+        section("Parameters of the model, refitted", _parameters(evidence.get("parameters") or []), level="h3"),
+        section("Prediction horizon", *_horizon(evidence.get("horizon") or {}), level="h3"),
+        section("Times", _timing(evidence.get("timing_s") or {}), level="h3"),
+    )
+
+
+def _forensics(entries: list[Facts]) -> Html:
+    rows = [(e.get("check"), e.get("channel") or "", e.get("finding"), e.get("severity")) for e in entries]
+    return table(["check", "channel", "finding", "severity"], rows)
+
+
+def _split(entries: list[Facts]) -> Html:
+    rows = [(e.get("file"), number(e.get("start_s"), 4), number(e.get("stop_s"), 4), e.get("use")) for e in entries]
+    return table(["file", "#from (s)", "#to (s)", "use"], rows)
+
+
+def _parameters(entries: list[Facts]) -> Html:
+    rows = [
+        (e.get("name"), number(e.get("prior")), with_std(e.get("fitted"), e.get("std")), e.get("unit", ""),
+         number(e.get("pull"), 2))
+        for e in entries
+    ]  # fmt: skip
+    note = tag("p", "Pull: how many prior standard deviations the fit moved the parameter.", class_="soft")
+    return join([table(["parameter", "#declared", "#fitted ± std", "unit", "#pull"], rows), note]) if rows else Html("")
+
+
+def _horizon(horizon: dict[str, Facts]) -> Sequence[Html]:
+    figures = []
+    for name, data in list(horizon.items())[:_MOST_OUTPUTS]:
+        with charts.sketch((charts.WIDE[0], 2.4)) as drawing:
+            axes = drawing.axes[0, 0]
+            axes.plot(data["steps"], data["before"], "s--", color=charts.BEFORE, markersize=4, label="before")
+            axes.plot(data["steps"], data["after"], "o-", color=charts.AFTER, markersize=4, label="after")
+            axes.set_xlabel("prediction horizon (samples)")
+            axes.set_ylabel("error (NRMSE)")
+            axes.set_ylim(bottom=0)
+            axes.legend(loc="best")
+        figures.append(figure(drawing.svg, f"{name}: error of the prediction so many samples ahead."))
+    return figures
+
+
+def _timing(times: dict[str, float]) -> Html:
+    return table(["part", "#seconds"], [(name.replace("_", " "), number(value)) for name, value in times.items()])

@@ -1,0 +1,244 @@
+"""Write the page of an identification: what was run, order, poles, modes, frequency response, fit, stream."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aeolid.report import charts
+from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
+from aeolid.report.numbers import number, percent, quantity, with_std
+from aeolid.report.response import frequencies, poles, response
+
+Facts = dict[str, Any]
+_MOST_PAIRS = 12  # frequency responses on one page; the others are named
+
+
+def render_identification(facts: Facts, path: str | Path) -> None:
+    """Write one page from the facts of an identification.
+
+    Every key is optional. `title`, `command`, `recordings` [{file, samples, sample_time_s}], `settings` {name: value},
+    `singular_values`, `order`, `order_reason`, `eigenvalues` and `true_eigenvalues` [[re, im]], `modes` and
+    `true_modes` [{frequency_hz, damping, frequency_std_hz, damping_std, name}], `model` and `true_model` (the content
+    of model.json), `fit` {output: {measure: value}}, `stream` {name: value}.
+    """
+    title = str(facts.get("title") or "Identification")
+    write_page(path, title, tag("h1", title), identification_parts(facts))
+
+
+def identification_parts(facts: Facts) -> Html:
+    """Build the parts of the page below its title."""
+    return join(
+        [
+            tag("p", _summary(facts)),
+            _modes(facts),
+            tag("div", join([_singular_values(facts), _poles(facts)]), class_="pair"),
+            _bode(facts),
+            _fit(facts.get("fit") or {}),
+            _run(facts),
+            _stream(facts.get("stream") or {}),
+        ]
+    )
+
+
+def _summary(facts: Facts) -> str:
+    modes, true = facts.get("modes") or [], facts.get("true_modes") or []
+    if not modes:
+        return ""
+    parts = [f"{len(modes)} mode{'s' if len(modes) != 1 else ''} identified"]
+    if facts.get("order"):
+        parts[0] += f" by a model of order {facts['order']}"
+    errors = [abs(m["frequency_hz"] / t["frequency_hz"] - 1) for m, t in _paired(modes, true) if t and _oscillates(t)]
+    if errors:
+        parts.append(f"the frequencies are within {percent(max(errors), 2)} of the true ones")
+    return "; ".join(parts) + "."
+
+
+def _run(facts: Facts) -> Html:
+    rows: list[tuple[str, object]] = []
+    if facts.get("command"):
+        rows.append(("command", tag("code", facts["command"])))
+    for entry in facts.get("recordings") or []:
+        samples, step = entry.get("samples"), entry.get("sample_time_s")
+        length = f", {samples * step:.4g} s at {1 / step:.4g} Hz" if samples and step else ""
+        rows.append(("recording", Html(f"{tag('code', entry.get('file', ''))} {number(samples)} samples{length}")))
+    for key, value in (facts.get("settings") or {}).items():
+        if value is not None:
+            rows.append((key.replace("_", " "), f"{value:.4g}" if isinstance(value, float) else str(value)))
+    return section("What was run", table(["", ""], rows))
+
+
+def _stream(stream: Facts) -> Html:
+    rows = [(key.replace("_", " "), quantity(value)) for key, value in stream.items() if value is not None]
+    return section("The stream from the controller", table(["", "#"], rows))
+
+
+def _oscillates(mode: Facts) -> bool:
+    return bool(mode.get("frequency_hz")) and abs(mode.get("damping") or 0.0) < 1
+
+
+def _paired(modes: list[Facts], true: list[Facts]) -> list[tuple[Facts, Facts | None]]:
+    """Give each identified mode the true one nearest in frequency, every true one at most once."""
+    left = list(range(len(true)))
+    pairs: dict[int, int] = {}
+    order = sorted(
+        ((abs(m.get("frequency_hz", 0) - t.get("frequency_hz", 0)), i, j)
+         for i, m in enumerate(modes) for j, t in enumerate(true))
+    )  # fmt: skip
+    for _, i, j in order:
+        if i not in pairs and j in left:
+            pairs[i] = j
+            left.remove(j)
+    return [(m, true[pairs[i]] if i in pairs else None) for i, m in enumerate(modes)]
+
+
+def _modes(facts: Facts) -> Html:
+    modes, true = facts.get("modes") or [], facts.get("true_modes") or []
+    if not modes:
+        return Html("")
+    rows = []
+    for mode, real in _paired(modes, true):
+        row = [
+            mode.get("name") or (real or {}).get("name") or "",
+            with_std(mode.get("frequency_hz"), mode.get("frequency_std_hz"), 4),
+            with_std(_hundred(mode.get("damping")), _hundred(mode.get("damping_std")), 3),
+        ]
+        if true:
+            row += [number((real or {}).get("frequency_hz"), 4), number(_hundred((real or {}).get("damping")), 3)]
+            row.append(_signed_error(mode, real))
+        rows.append(row)
+    head = ["mode", "#frequency (Hz)", "#damping (%)"]
+    head += ["#true frequency (Hz)", "#true damping (%)", "#frequency error"] if true else []
+    return section(
+        "Modes", table(head, rows), tag("p", "± is one standard deviation.", class_="soft") if _has_std(modes) else None
+    )
+
+
+def _has_std(modes: list[Facts]) -> bool:
+    return any(mode.get("frequency_std_hz") for mode in modes)
+
+
+def _hundred(value: Any) -> Any:
+    return 100.0 * value if isinstance(value, int | float) else value
+
+
+def _signed_error(mode: Facts, real: Facts | None) -> str:
+    if real is None or not real.get("frequency_hz"):
+        return "–"
+    error = mode["frequency_hz"] / real["frequency_hz"] - 1
+    return ("+" if error > 0 else "") + percent(error, 2)
+
+
+def _singular_values(facts: Facts) -> Html:
+    values = np.asarray(facts.get("singular_values") or [], dtype=float)
+    if not len(values):
+        return Html("")
+    order = facts.get("order")
+    shown = values[: max(30, 2 * (order or 0))]
+    with charts.sketch(charts.HALF) as drawing:
+        axes = drawing.axes[0, 0]
+        index = np.arange(1, len(shown) + 1)
+        kept = index <= (order or 0)
+        axes.semilogy(index[kept], shown[kept], "o", color=charts.AFTER, label="kept")
+        axes.semilogy(index[~kept], shown[~kept], "o", color=charts.GREY, fillstyle="none", label="left out")
+        if order:
+            axes.axvline(order + 0.5, color=charts.BEFORE, linestyle="--", linewidth=1)
+            axes.legend(loc="upper right")
+        axes.set_xlabel("index")
+        axes.set_ylabel("singular value")
+    reason = f"Order {order}: {facts['order_reason']}" if order and facts.get("order_reason") else "Singular values."
+    return tag("section", tag("h3", "Order"), figure(drawing.svg, reason))
+
+
+def _poles(facts: Facts) -> Html:
+    found = poles(facts.get("eigenvalues") or [])
+    true = poles(facts.get("true_eigenvalues") or [])
+    if not len(found):
+        return Html("")
+    everything = np.concatenate([found, true])
+    with charts.sketch(charts.HALF) as drawing:
+        axes = drawing.axes[0, 0]
+        angle = np.linspace(-np.pi, np.pi, 721)
+        axes.plot(np.cos(angle), np.sin(angle), color=charts.GREY, linewidth=1, label="unit circle")
+        if len(true):
+            axes.plot(true.real, true.imag, "o", color=charts.TRUTH, fillstyle="none", markersize=10, label="true")
+        cross: Facts = {"color": charts.AFTER, "markersize": 7, "markeredgewidth": 1.8, "label": "identified"}
+        axes.plot(found.real, found.imag, "x", **cross)
+        _frame_square(axes, everything)
+        axes.set_xlabel("real part")
+        axes.set_ylabel("imaginary part")
+        axes.legend(loc="best", fontsize=8.5)
+    caption = "Eigenvalues in the z plane"
+    if len(true) == len(found):
+        distance = max(float(np.min(np.abs(found - t))) for t in true)
+        caption += f"; the largest distance from a true one to the nearest identified is {number(distance, 2)}"
+    return tag("section", tag("h3", "Poles"), figure(drawing.svg, caption + "."))
+
+
+def _frame_square(axes: Any, points: Any) -> None:
+    """Show all poles with equal scales on both axes, filling the drawing's width-to-height ratio."""
+    centre = complex(points.real.min() + points.real.max(), points.imag.min() + points.imag.max()) / 2
+    half = 0.6 * max(np.ptp(points.imag), np.ptp(points.real) / 1.6, 0.05)
+    axes.set_xlim(centre.real - 1.6 * half, centre.real + 1.6 * half)
+    axes.set_ylim(centre.imag - half, centre.imag + half)
+    axes.set_aspect("equal", adjustable="box")
+
+
+def _bode(facts: Facts) -> Html:
+    model, true = facts.get("model"), facts.get("true_model")
+    if not model or model.get("scheduling"):
+        return Html("")
+    inputs, outputs = model["inputs"], model["outputs"]
+    columns = max(1, min(len(inputs), 3))
+    shown = outputs[: max(1, _MOST_PAIRS // columns)]
+    grid = frequencies(model)
+    gains = response(model, grid)
+    real = response(true, grid) if true else None
+    sources, dashed = ", ".join(_names(inputs[:columns])), " Dashed: the true system." if true else ""
+    figures = [
+        figure(
+            _bode_row(row, inputs[:columns], out, grid, gains, real),
+            f"From {sources} to {out['name']}: gain above, phase below.{dashed}",
+        )
+        for row, out in enumerate(shown)
+    ]
+    hidden = _names(outputs[len(shown) :]) + _names(inputs[columns:])
+    note = tag("p", f"Not shown: {', '.join(hidden)}.", class_="soft") if hidden else None
+    return section("Frequency response", *figures, note)
+
+
+def _names(signals: list[Facts]) -> list[str]:
+    return [str(s["name"]) for s in signals]
+
+
+def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, real: Any) -> Html:
+    size = (charts.WIDE[0], 3.9)
+    with charts.sketch(
+        size, 2, len(inputs), sharex=True, gridspec_kw={"height_ratios": [3, 2]}
+    ) as drawing:  # one column an input
+        for column, signal in enumerate(inputs):
+            gain_axes, phase_axes = drawing.axes[:, column]
+            lines = [(gains, {"color": charts.AFTER, "linewidth": 1.8, "label": "identified"})]
+            if real is not None:
+                lines.append((real, {"color": charts.TRUTH, "linestyle": (0, (4, 2)), "label": "true"}))
+            for values, style in lines:
+                g = values[:, row, column]
+                gain_axes.loglog(grid, np.maximum(np.abs(g), 1e-300), **style)
+                phase_axes.semilogx(grid, np.degrees(np.unwrap(np.angle(g))), **style)
+            unit = f"{out.get('unit') or '1'} / {signal.get('unit') or '1'}"
+            gain_axes.set_title(f"{signal['name']} → {out['name']}")
+            gain_axes.set_ylabel(f"gain ({unit})")
+            phase_axes.set_ylabel("phase (deg)")
+            phase_axes.set_xlabel("frequency (Hz)")
+        if real is not None:
+            drawing.axes[0, 0].legend(loc="best")
+    return drawing.svg
+
+
+def _fit(fit: Facts) -> Html:
+    rows = {name: entry for name, entry in fit.items() if isinstance(entry, dict)}
+    measures = list(dict.fromkeys(key for entry in rows.values() for key in entry))
+    body = [[name, *(number(entry.get(m)) for m in measures)] for name, entry in rows.items()]
+    return section("Fit", table(["output", *(f"#{m.replace('_', ' ')}" for m in measures)], body))

@@ -1,0 +1,109 @@
+"""Build HTML in which every text is escaped unless it was built here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from pathlib import Path
+
+from aeolid import __version__
+from aeolid.errors import UsageError
+
+STYLE = """
+:root { --ink: #1b1f24; --soft: #5a6470; --line: #d5dae0; --tint: #f4f6f8; --accent: #0072b2; }
+* { box-sizing: border-box; }
+body { font: 16px/1.5 "Segoe UI", "Helvetica Neue", "DejaVu Sans", Arial, sans-serif; color: var(--ink);
+  background: #fff; margin: 0 auto; padding: 1.5rem 1.5rem 4rem; max-width: 72rem; }
+h1 { font-size: 1.5rem; line-height: 1.25; margin: 0 0 .3rem; }
+h2 { font-size: 1.2rem; margin: 2.4rem 0 .5rem; padding-top: .7rem; border-top: 1px solid var(--line); }
+h3 { font-size: 1rem; margin: 1.2rem 0 .3rem; }
+p { margin: .4rem 0 .7rem; max-width: 62rem; }
+.soft, figcaption, .unit { color: var(--soft); }
+figcaption { font-size: .875rem; max-width: 60rem; }
+figure { margin: .6rem 0 1.2rem; break-inside: avoid; }
+figure svg { width: 100%; height: auto; display: block; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(26rem, 1fr)); gap: 0 1.5rem; }
+.verdict { border-left: .45rem solid var(--accent); background: var(--tint); padding: .9rem 1.2rem; margin: 1rem 0; }
+.verdict .word { font-size: .8rem; letter-spacing: .06em; text-transform: uppercase; color: var(--soft); }
+.verdict .sentence { font-size: 1.3rem; line-height: 1.35; margin: .15rem 0 .4rem; font-weight: 600; }
+.verdict.good { border-color: #009e73; } .verdict.open { border-color: #e69f00; }
+.verdict.found { border-color: #0072b2; }
+.scroll { overflow-x: auto; }
+table { border-collapse: collapse; margin: .4rem 0 1rem; font-size: .925rem; break-inside: avoid; }
+th, td { text-align: left; padding: .28rem .9rem .28rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }
+th { font-weight: 600; color: var(--soft); border-bottom: 1.5px solid #9aa4b0; }
+td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
+tr.mark td { font-weight: 600; }
+code { font: .9em/1.4 "DejaVu Sans Mono", Consolas, monospace; background: var(--tint); padding: .05rem .3rem;
+  overflow-wrap: anywhere; }
+footer { margin-top: 3rem; font-size: .8rem; color: var(--soft); border-top: 1px solid var(--line);
+  padding-top: .6rem; }
+@page { margin: 16mm 14mm; }
+@media print {
+  body { font-size: 10.5pt; padding: 0; max-width: none; }
+  table { font-size: 8pt; } th { white-space: normal; } th, td { padding-right: .6rem; }
+  .scroll { overflow: visible; } .pair { grid-template-columns: 1fr 1fr; }
+  h2, h3, p:has(+ .scroll), p:has(+ figure) { break-after: avoid; }
+  .verdict { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
+}
+"""
+
+
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # the browser itself holds us to "no network"
+
+
+class Html(str):
+    """Mark text that is markup already; any other text is escaped where it enters a page."""
+
+    __slots__ = ()
+
+
+def tag(name: str, *children: object, **attributes: str) -> Html:
+    """Build one element; attribute `class_` stands for class."""
+    listed = "".join(f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items())
+    return Html(f"<{name}{listed}>{join(children)}</{name}>")
+
+
+def join(children: Iterable[object]) -> Html:
+    """Join parts, escaping those that are not markup and leaving out None."""
+    return Html("".join(c if isinstance(c, Html) else escape(str(c)) for c in children if c is not None))
+
+
+def table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, marked: int | None = None) -> Html:
+    """Build a table; a heading that starts with '#' marks a column of numbers, `marked` the row to stress."""
+    kinds = ["n" if h.startswith("#") else "t" for h in headings]
+    head = tag("tr", *(tag("th", h.removeprefix("#"), class_=k) for h, k in zip(headings, kinds, strict=True)))
+    body = [
+        tag("tr", *(tag("td", cell, class_=k) for cell, k in zip(row, kinds, strict=True)),
+            class_="mark" if i == marked else "row")
+        for i, row in enumerate(rows)
+    ]  # fmt: skip
+    return tag("div", tag("table", tag("thead", head), tag("tbody", *body)), class_="scroll") if body else Html("")
+
+
+def section(title: str, *parts: object, level: str = "h2") -> Html:
+    """Build a titled part; nothing at all where every part is empty."""
+    content = join(parts)
+    return tag("section", tag(level, title), content) if content else Html("")
+
+
+def figure(drawing: Html, caption: str) -> Html:
+    """Put a drawing and the sentence that says what to see in it together."""
+    return tag("figure", drawing, tag("figcaption", caption))
+
+
+def write_page(path: str | Path, title: str, *parts: object) -> None:
+    """Write one self-contained page; raises UsageError where the file cannot be written."""
+    head = tag(
+        "head",
+        Html('<meta charset="utf-8">'),
+        Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
+        Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        tag("title", title), tag("style", Html(STYLE)),
+    )  # fmt: skip
+    footer = tag("footer", f"aeolid {__version__}. This page holds everything it shows; it needs no network.")
+    page = Html("<!doctype html>\n") + tag("html", head, tag("body", *parts, footer), lang="en")
+    try:
+        Path(path).write_text(page + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None

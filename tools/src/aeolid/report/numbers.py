@@ -1,0 +1,60 @@
+"""Write numbers as people read them: three or four significant digits, with unit and uncertainty."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Return e.g. '0.312', '20 400', '1.23·10⁻⁵'; a dash for what is absent or not finite."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return "–" if value is None else str(value)
+    if isinstance(value, int) and abs(value) < 10**9:
+        return _grouped(str(value))
+    if not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if not -4 <= exponent < 6:
+        mantissa = f"{value:.{digits - 1}e}".split("e")[0]
+        return f"{mantissa}·10{str(exponent).translate(_SUPERSCRIPT)}".replace("-", "−")
+    return _grouped(f"{round(value, digits - 1 - exponent):.{max(0, digits - 1 - exponent)}f}")
+
+
+def with_std(value: Any, std: Any, digits: int = 3) -> str:
+    """Return value ± standard deviation, the value cut where the uncertainty begins (two of its digits)."""
+    if not (isinstance(std, int | float) and isinstance(value, int | float)):
+        return number(value, digits)
+    if not (math.isfinite(std) and math.isfinite(value) and std > 0):
+        return number(value, digits)
+    last = math.floor(math.log10(std)) - 1
+    if not -6 <= last <= 4:
+        return f"{number(value, digits)} ± {number(std, 2)}"
+    decimals = max(0, -last)
+    return f"{_grouped(f'{round(value, -last):.{decimals}f}')} ± {_grouped(f'{round(std, -last):.{decimals}f}')}"
+
+
+def percent(value: Any, digits: int = 3) -> str:
+    """Return a fraction as a percentage."""
+    return number(100.0 * value, digits) + " %" if isinstance(value, int | float) else "–"
+
+
+def quantity(entry: Any, digits: int = 3) -> str:
+    """Return {"value", "std", "unit"} or a bare number as text."""
+    if not isinstance(entry, dict):
+        return number(entry, digits)
+    unit = entry.get("unit") or ""
+    return f"{with_std(entry.get('value'), entry.get('std'), digits)} {unit}".strip()
+
+
+def _grouped(text: str) -> str:
+    """Group thousands from five digits on, with a narrow space; the minus is a minus."""
+    sign, digits = ("−", text[1:]) if text.startswith("-") else ("", text)
+    whole, dot, rest = digits.partition(".")
+    if len(whole) > 4:
+        whole = f"{int(whole):,}".replace(",", "\u202f")
+    return sign + whole + dot + rest
