@@ -68,8 +68,8 @@ aeo_real_t aeo_linalg_project(const aeo_real_t *factor, const aeo_real_t *z, aeo
 }
 
 /* Rotate the pivot column into one column of the factor: with b the pivot column kept unnormalised (g alpha), which
- * saves a multiplication a term over the textbook rotation, b_new = b + a s,   s_new = c s - k b,   c = scale (alpha /
- * alpha_new)^(1/2),   k = c a / alpha. */
+ * saves a multiplication a term over the textbook rotation,
+ *     b_new = b + a s,   s_new = c s - k b,   c = scale (alpha / alpha_new)^(1/2),   k = c a / alpha. */
 static void rotate_column(aeo_real_t *restrict s, aeo_real_t *restrict b, size_t count, aeo_real_t a, aeo_real_t c,
                           aeo_real_t k)
 {

@@ -8,17 +8,17 @@
  *   Every translation unit of one program must see the same settings. A program that includes these headers for one
  *   precision and links the library of the other does not link: in the double build each function that touches
  *   aeo_real_t carries the suffix _f64 in its symbol, so the name asked for does not exist in the float library, and
- * the other way round. Sources never write the suffix; each header maps its own functions with AEO_REAL_DOUBLE defined.
- *   Functions free of aeo_real_t (status.h) keep one name in both libraries.
+ *   the other way round. Sources never write the suffix; each header maps its own functions with AEO_REAL_DOUBLE
+ *   defined. Functions free of aeo_real_t (status.h) keep one name in both libraries.
  *
  * HOOKS
  *   AEO_CONFIG_HEADER  name of a header, in quotes or angle brackets, read before anything else; it may define any
- * macro below. Default: none. Example: -DAEO_CONFIG_HEADER='"my_aeolid_config.h"'. AEO_REAL_DOUBLE    defined (to
- * anything): aeo_real_t is double. Default: not defined, aeo_real_t is float. AEO_SQRT(x)        square root of an
- * aeo_real_t that is finite and not negative, correctly rounded; sqrtf or sqrt. Define it to an intrinsic where the C
- * library's one is slow; never to an estimate. AEO_ASSERT(c)      checks a bound that a comment in a source proves;
- * default: nothing. A debug build may define it to assert(c). It is never the only guard against a wrong argument or a
- * bad sample.
+ *                      macro below. Default: none. Example: -DAEO_CONFIG_HEADER='"my_aeolid_config.h"'.
+ *   AEO_REAL_DOUBLE    defined (to anything): aeo_real_t is double. Default: not defined, aeo_real_t is float.
+ *   AEO_SQRT(x)        square root of an aeo_real_t that is finite and not negative, correctly rounded; sqrtf or sqrt.
+ *                      Define it to an intrinsic where the C library's one is slow; never to an estimate.
+ *   AEO_ASSERT(c)      checks a bound that a comment in a source proves; default: nothing. A debug build may define it
+ *                      to assert(c). It is never the only guard against a wrong argument or a bad sample.
  */
 #ifndef AEOLID_CONFIG_H
 #define AEOLID_CONFIG_H

@@ -67,10 +67,11 @@ typedef struct {
     uint16_t inputs;  /* r, 1 ... 32 */
     uint16_t outputs; /* l, 1 ... 32 */
     uint16_t past;    /* p, blocks in z, 1 ...; too small: biased, coloured innovation; too large: more variance
-                         and p^2 time and memory. Start: one slowest period over two, 10 ... 30 */
+                                  and p^2 time and memory. Start: one slowest period over two, 10 ... 30 */
     aeo_model_set_t model_set; /* start: AEO_VARX */
     uint32_t feedthrough;      /* bit i: u_i of the present sample is a regressor. Start: 0. A bit set for an input that
-                                  a controller with direct feedthrough computes from the present output biases the result */
+                                  a controller with direct feedthrough computes from the present output biases the
+                                  result */
     uint32_t period_us;        /* sample period, 1 ... 4,000,000,000 microseconds */
     const aeo_real_t *offset;  /* r + l values, inputs first, in the channels' units; null: all 0. Start: mean values */
     const aeo_real_t *scale;   /* r + l values above 0; null: all 1. Start: standard deviations. Scales that differ from
@@ -121,8 +122,8 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
  * AEO_E_GAP: accepted as the first sample of a new window (see above), count.gaps + 1.
  * Rejected, nothing changed but one counter: AEO_E_NOT_FINITE (judged on the bit pattern, so -ffast-math does not
  * remove it), AEO_E_RANGE (outside minimum ... maximum, or beyond AEO_SCALED_MAX once scaled), AEO_E_TIME (less than
- * half a period after the last accepted sample, or before it). When several hold, the first in this list is counted. A
- * clock that was set back is not guessed at: call aeo_regressor_reset. AEO_E_ARG: null pointer, nothing changed. */
+ * half a period after the last accepted sample, or before it). When several hold, the first in this list is counted.
+ * A clock that was set back is not guessed at: call aeo_regressor_reset. AEO_E_ARG: null pointer, nothing changed. */
 aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us);
 
 /* VARMAX only: give the innovation e (l scaled values, read) of the last accepted sample before the next push; without
@@ -130,8 +131,8 @@ aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, cons
  * AEO_E_RANGE (beyond AEO_SCALED_MAX): the innovation is not taken. On failure nothing changes. */
 aeo_status_t aeo_regressor_set_innovation(aeo_regressor_t *self, const aeo_real_t *e);
 
-/* Return the regressor z_k, self->length scaled values, after a push that returned AEO_OK; valid until the next push.
- */
+/* Return the regressor z_k, self->length scaled values, after a push that returned AEO_OK; valid until the next
+ * push. */
 const aeo_real_t *aeo_regressor_z(const aeo_regressor_t *self);
 
 /* Return the outputs y_k of the last accepted sample, l scaled values; valid until the next push. */

@@ -2,11 +2,12 @@
  *
  * MODEL
  *   y_k = theta z_k + e_k minimises, over theta (l x n),
- *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2        (P_{-1} = I / rho, theta_{-1}
- * = 0) Houtzager, van Wingerden, Verhaegen, "VARMAX-based closed-loop subspace model identification", 2009, section
- * II-E, eq. (24), whose rho^2 Pi is our rho I. The recursion there, g_k = P_{k-1} z_k / (lambda + z_k' P_{k-1} z_k),
- * eps_k = y_k - theta_{k-1} z_k, theta_k = theta_{k-1} + eps_k g_k',                P_k = (P_{k-1} - g_k z_k' P_{k-1})
- * / lambda, is carried out on the lower triangular factor S of P = S S' by n plane rotations (inverse QR, array form):
+ *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2,     P_{-1} = I / rho, theta_{-1} = 0
+ *   Houtzager, van Wingerden, Verhaegen, "VARMAX-based closed-loop subspace model identification", 2009, section II-E,
+ *   eq. (24), whose rho^2 Pi is our rho I. The recursion there,
+ *       g_k = P_{k-1} z_k / (lambda + z_k' P_{k-1} z_k),   eps_k = y_k - theta_{k-1} z_k,
+ *       theta_k = theta_{k-1} + eps_k g_k',                P_k = (P_{k-1} - g_k z_k' P_{k-1}) / lambda,
+ *   is carried out on the lower triangular factor S of P = S S' by n plane rotations (inverse QR, array form):
  *       [ lambda^(1/2)  z'S ]          [ a^(1/2)      0    ]
  *       [      0         S  ]  Theta = [ g a^(1/2)  S_new lambda^(1/2) ],   a = lambda + z'Pz,
  *   so P cannot lose symmetry or sign; all outputs share S. Deviations, both off when lambda = 1:
@@ -16,8 +17,8 @@
  *     measured, which halves P_ii twice and leaves theta as it is: directions never excited cannot wind up while the
  *     excited ones go on forgetting.
  *   Why this form: on closed-loop turbine data (regressors singular to rounding, n = 50, 10,000 samples, lambda = 1)
- * the float result lies 1.6e-5 (rho = 1), 1.2e-4 (0.1), 1.5e-3 (0.01) from the double batch solution, and its
- * predictions 7e-6 at any of them; DESIGN.md has the rivals.
+ *   the float result lies 1.6e-5 (rho = 1), 1.2e-4 (0.1), 1.5e-3 (0.01) from the double batch solution, and its
+ *   predictions 7e-6 at any of them; DESIGN.md has the rivals.
  *
  * CONTRACT
  *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 2 l.
@@ -76,7 +77,7 @@ typedef struct {
     uint16_t regressors;   /* n, 1 ... 1024 */
     uint16_t outputs;      /* l, 1 ... 32 */
     aeo_real_t forgetting; /* lambda, 0.5 ... 1; memory is 1 / (1 - lambda) samples. Too small: noisy parameters; too
-                              large: slow to follow. Start: 1, or 1 - 1 / (10 n) to follow changes */
+                                  large: slow to follow. Start: 1, or 1 - 1 / (10 n) to follow changes */
     aeo_real_t regularisation; /* rho, 1e-8 ... 1e8: as if rho samples of size 1 with output 0 had been seen in each
                                   direction. Too small: in float, directions the data leave open fill with rounding
                                   noise (below 0.01); too large: bias. Start: 1 with scaled channels */
@@ -114,9 +115,9 @@ typedef struct {
 } aeo_rls_t;
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The
- * config is copied. Memory must outlive self and serve nothing else. AEO_E_ARG: null pointer, or a size or setting out
- * of its range; AEO_E_NOT_FINITE: a setting is NaN or infinite; AEO_E_MEMORY: words < AEO_RLS_WORDS(n, l). On failure
- * neither self nor memory is written. */
+ * config is copied. Memory must outlive self and serve nothing else.
+ * AEO_E_ARG: null pointer, or a size or setting out of its range; AEO_E_NOT_FINITE: a setting is NaN or infinite;
+ * AEO_E_MEMORY: words < AEO_RLS_WORDS(n, l). On failure neither self nor memory is written. */
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words);
 
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory.

@@ -4,7 +4,7 @@
  *   Three tiers. A programmer's error (null pointer, size out of range, too few words) is AEO_E_ARG or AEO_E_MEMORY.
  *   A rejected sample is another negative code; the estimator is untouched and exactly one counter goes up. A condition
  *   of the estimator (not excited, bounded, re-initialised) is no error: the call succeeds and a sticky health flag and
- * a counter tell of it.
+ *   a counter tell of it.
  *
  * CONTRACT
  *   Memory: none. Thread and interrupt rule: aeo_status_text reads constants only and may be called from anywhere.
