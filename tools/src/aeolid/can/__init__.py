@@ -1,1 +1,19 @@
-"""can."""
+"""Receive what nodes stream: any bus of python-can or a log, through the DBC, into recordings and Markov parameters."""
+
+from __future__ import annotations
+
+from aeolid.can.node import Assembly, Node
+from aeolid.can.recorder import build_records, read_log, write_markov, write_record
+from aeolid.can.snapshots import MarkovSnapshot
+from aeolid.can.source import open_source
+
+__all__ = [
+    "Assembly",
+    "MarkovSnapshot",
+    "Node",
+    "build_records",
+    "open_source",
+    "read_log",
+    "write_markov",
+    "write_record",
+]

@@ -1,0 +1,153 @@
+/* frame.h: packs one message of the wire into one CAN frame and back, by shifts, the same on every machine.
+ *
+ * MODEL
+ *   One shape for all messages, so that a decoder needs one rule:
+ *
+ *     identifier   29 bit: base + kind * 256 + node       (J1939: priority 7, proprietary B group, source address = node)
+ *                  11 bit: base + kind * 16  + node
+ *     byte 0       tag      what the kind says: channel, item or snapshot number
+ *     byte 1..2    index    little endian: what the kind says
+ *     byte 3       check    CRC-8 (polynomial 0x2F, start 0xFF, inverted) over identifier without node, length and all
+ *                           other bytes; Hamming distance 4 on a classic frame
+ *     byte 4..7    value    little endian: binary32 pattern or unsigned number
+ *     CAN FD       up to 14 further values: the range index ... index + values - 1 of a sample or a parameter message
+ *
+ *     kind           tag              index                         value
+ *     0 health       item             flags                         sample index (item 0) or a counter
+ *     1 description  item             channel + 256 * part, or u16  number, binary32 or four characters
+ *     2 sample       channel          sample index modulo 65536     binary32 in the channel's unit
+ *     3 innovation   output           sample index modulo 65536     binary32
+ *     4 begin        snapshot number  number of parameters - 1      sample index at which the snapshot was taken
+ *     5 parameter    snapshot number  parameter index               binary32
+ *     6 repair       snapshot number  repair number                 exclusive or of a drawn set of parameters
+ *     7 end          snapshot number  sample index modulo 65536     CRC-32 over all parameters, little endian, by index
+ *
+ *   aeolid.dbc names the same fields; a test holds the two together. Source of the CRCs: Koopman and Chakravarty,
+ *   "Cyclic redundancy code polynomial selection for embedded networks", DSN 2004; IEEE 802.3 for the 32 bit one.
+ *   Deviation from a usual DBC layout: the check is there because serial CAN adapters carry frames as plain text, without
+ *   the CRC-15 of the bus.
+ *
+ * CONTRACT
+ *   Memory: none beyond the arguments. Constant tables 80 bytes. About 30 operations a byte. Stack under 64 bytes.
+ *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
+ */
+#ifndef AEOLID_FRAME_H
+#define AEOLID_FRAME_H
+
+#include <aeolid/config.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Version of everything above and of the description items below; a receiver refuses what it does not know. */
+#define AEO_WIRE_VERSION 1
+
+/* Bases that leave room for 32 kinds and 256 nodes (29 bit) or 16 kinds and 16 nodes (11 bit, low 8 bits zero). */
+#define AEO_FRAME_BASE_EXTENDED UINT32_C(0x1CFF4000)
+#define AEO_FRAME_BASE_STANDARD UINT32_C(0x600)
+
+#define AEO_FRAME_VALUES_MAX 15 /* values in a CAN FD frame of 64 bytes */
+
+/* Longest frame on a classic bus in bits, stuffing and the three bits of space included: 29 and 11 bit identifier. */
+#define AEO_FRAME_BITS_EXTENDED 160u
+#define AEO_FRAME_BITS_STANDARD 135u
+
+/* aeo_can_frame_t.flags */
+#define AEO_CAN_EXTENDED 1u /* 29 bit identifier */
+#define AEO_CAN_FD 2u       /* CAN FD frame */
+#define AEO_CAN_BRS 4u      /* CAN FD data phase at the fast rate */
+
+typedef enum {
+    AEO_KIND_HEALTH = 0,
+    AEO_KIND_DESCRIPTION = 1,
+    AEO_KIND_SAMPLE = 2,
+    AEO_KIND_INNOVATION = 3,
+    AEO_KIND_BEGIN = 4,
+    AEO_KIND_PARAMETER = 5,
+    AEO_KIND_REPAIR = 6,
+    AEO_KIND_END = 7,
+    AEO_KIND_COUNT = 8
+} aeo_kind_t;
+
+/* tag of a description message */
+typedef enum {
+    AEO_ITEM_WIRE = 0,           /* index: wire version (this item never changes its place); value: configuration hash */
+    AEO_ITEM_SHAPE = 1,          /* index: model set; value: inputs, outputs, scheduling, values a frame, a byte each */
+    AEO_ITEM_PARAMETERS = 2,     /* index: past window p; value: number of parameters */
+    AEO_ITEM_SAMPLE_TIME = 3,    /* index: every how many samples one is sent, 0 none; value: binary32 s */
+    AEO_ITEM_FORGETTING = 4,     /* value: binary32 lambda */
+    AEO_ITEM_REGULARISATION = 5, /* value: binary32 rho */
+    AEO_ITEM_FEEDTHROUGH = 6,    /* value: bit j set: input j has a current-sample parameter */
+    AEO_ITEM_OFFSET = 7,         /* index: channel; value: binary32, the channel's unit */
+    AEO_ITEM_SCALE = 8,          /* index: channel; value: binary32, the channel's unit */
+    AEO_ITEM_NAME = 9,           /* index: channel + 256 * part; value: four characters, zero after the end */
+    AEO_ITEM_UNIT = 10,          /* as the name */
+    AEO_ITEM_COUNT = 11
+} aeo_item_t;
+
+/* tag of a health message: the newest sample index; the streamer's counters sent, refused, dropped, snapshots, busy; from
+ * AEO_HEALTH_FILTER on up to eight counters of the filter */
+#define AEO_HEALTH_INDEX 0u
+#define AEO_HEALTH_SENT 1u
+#define AEO_HEALTH_REFUSED 2u
+#define AEO_HEALTH_DROPPED 3u
+#define AEO_HEALTH_SNAPSHOTS 4u
+#define AEO_HEALTH_BUSY 5u
+#define AEO_HEALTH_FILTER 8u
+/* Bit 15 of the flags of a health message: the node has ended its stream on purpose. The others are the filter's. */
+#define AEO_HEALTH_STOPPED 0x8000u
+
+/* One CAN frame as ports send it. */
+typedef struct {
+    uint32_t id;      /* identifier, 0 ... 2^29 - 1 or 0 ... 2^11 - 1 */
+    uint8_t length;   /* bytes in data: 0 ... 8, on CAN FD also 12, 16, 20, 24, 32, 48, 64 */
+    uint8_t flags;    /* AEO_CAN_... */
+    uint8_t data[64]; /* the first `length` count */
+} aeo_can_frame_t;
+
+/* Where a node sits in the identifiers. */
+typedef struct {
+    uint32_t base;    /* AEO_FRAME_BASE_EXTENDED to start with; a higher number gives way to other traffic */
+    uint8_t node;     /* 0 ... 253 with 29 bits, 0 ... 15 with 11 bits; two nodes on one bus differ here */
+    uint8_t extended; /* 1: 29 bit identifiers, 0: 11 bit */
+} aeo_address_t;
+
+/* One message; on CAN FD `count` values of consecutive indices. */
+typedef struct {
+    aeo_kind_t kind;
+    uint8_t tag;
+    uint16_t index;
+    uint8_t count;                         /* 1 on classic CAN; on CAN FD also 2, 3, 4, 5, 7, 11, 15 */
+    uint32_t value[AEO_FRAME_VALUES_MAX];  /* bit patterns; aeo_float_bits for numbers */
+} aeo_message_t;
+
+#ifdef AEO_REAL_DOUBLE
+#define aeo_float_bits aeo_float_bits_f64
+#endif
+
+/* Pack `message` into `frame` for the node at `address`; count > 1 makes a CAN FD frame with the fast data phase.
+ * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind or count not in the lists above. */
+int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
+
+/* Unpack `frame` into `message` if it belongs to any node at address->base; its number goes to *node.
+ * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, length). AEO_E_DAMAGED: the
+ * check is wrong. On failure message and node are unchanged. */
+int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node);
+
+/* Return the binary32 pattern of a number; the double build rounds to nearest first. */
+uint32_t aeo_float_bits(aeo_real_t value);
+
+/* Continue a CRC-32 (IEEE 802.3, reflected) with the four bytes of `word`, least significant first. Start and finish with
+ * an inversion: crc = ~0; crc = aeo_frame_crc32(crc, w) ...; ~crc. */
+uint32_t aeo_frame_crc32(uint32_t crc, uint32_t word);
+
+/* Return word `word` (0, 1, ...) of the set drawn for repair number `repair`: bit j stands for member 32 * word + j. An
+ * integer hash and not a shift register: sets drawn linearly from 32 bits would span 32 dimensions only. */
+uint32_t aeo_frame_repair_set(uint16_t repair, uint32_t word);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
+/* SPDX-License-Identifier: MIT */

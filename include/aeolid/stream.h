@@ -1,0 +1,195 @@
+/* stream.h: sends samples, parameters, description and health of one filter as CAN frames, within a share of the bus.
+ *
+ * MODEL
+ *   A snapshot is one consistent copy of theta (l x n, taken between two updates), sent as N = l n parameter frames:
+ *
+ *     begin, parameter x N, end, repair x R, end, end          snapshot number modulo 256 in every frame
+ *
+ *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: neighbours in time are far apart in
+ *   theta, so a burst of losses does not hit one block. A lost frame costs its own parameter only; the repair frames bring
+ *   it back within the same cycle: positions fall into G = ceil(N / 256) interleaved groups q mod G; repair number k is the
+ *   exclusive or of a drawn half of group k mod G (aeo_frame_repair_set). Any set of repair frames a few longer than the
+ *   number of parameters missing in the group restores them exactly (random linear code over GF(2): Luby, "LT codes",
+ *   FOCS 2002, is the sparse relative). Deviation: dense sets instead of sparse ones; groups of 256 keep a repair frame
+ *   at 256 exclusive ors and need about 3 surplus frames instead of some percent.
+ *
+ *   Pacing: time earns credit, a frame costs frame_us = frame bits / bits_per_s, and nothing but samples leaves without
+ *   credit. Samples are time-critical: they go at once and leave a debt that the rest waits for.
+ *   Share of the bus = bits_per_s / bit rate; AEO_STREAM_SHARE(500000, 50) is 5 % of 500 kbit/s.
+ *   Order in a step: first description, health when due, description when due (every fourth frame), snapshot.
+ *
+ * CONTRACT
+ *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4, n = 44.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself about 320 bytes.
+ *   Operations: sample 300 a channel; snapshot 10 N; step at most `burst` frames of 350, a repair frame 350 + 6 min(N, 256).
+ *   Stack under 256 bytes. Deterministic. Never blocks, never retries within a call.
+ *   Threads: sample, innovation, snapshot and health belong to the control task, step to one context of lower priority;
+ *   where these differ the port needs lock and unlock (drawing in port.h).
+ *   Failures: a frame the port refuses is counted. A sample is then lost (counters.dropped); everything else keeps its turn
+ *   and is offered again at the next step (counters.refused).
+ *   In the double build every function here has the suffix _f64 in its symbol, see config.h.
+ */
+#ifndef AEOLID_STREAM_H
+#define AEOLID_STREAM_H
+
+#include <aeolid/port.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Words of 32 bits for a snapshot of so many parameters, 1 ... 65536. */
+#define AEO_STREAM_WORDS(parameters) (parameters)
+
+/* Bits a second for so many thousandths of a bus: AEO_STREAM_SHARE(500000, 50) = 25000. */
+#define AEO_STREAM_SHARE(bits_per_s, permille) ((uint32_t)(bits_per_s) / 1000u * (uint32_t)(permille))
+
+/* Channels (inputs + outputs + scheduling), 1 ... 64. Bounds the description to 7 + 14 frames a channel. */
+#ifndef AEO_STREAM_CHANNELS_MAX
+#define AEO_STREAM_CHANNELS_MAX 64
+#endif
+#if AEO_STREAM_CHANNELS_MAX < 1 || AEO_STREAM_CHANNELS_MAX > 64
+#error "AEO_STREAM_CHANNELS_MAX is 1 ... 64: the host refuses more"
+#endif
+
+#define AEO_STREAM_COUNTERS 8  /* counters a filter may report */
+#define AEO_STREAM_NAME_MAX 32 /* characters of a channel name that are sent */
+#define AEO_STREAM_UNIT_MAX 16 /* characters of a unit that are sent */
+
+enum {
+    AEO_E_BUSY = -32,   /* the snapshot before this one is still being sent; it stays what it was */
+    AEO_E_BUDGET = -33, /* the samples alone need more than nine tenths of the budget */
+    AEO_E_REFUSED = -34 /* at least one frame of this sample was dropped; counters.dropped tells how many */
+};
+
+/* One channel; inputs first, then outputs, then scheduling. */
+typedef struct {
+    const char *name;  /* ASCII, cut after 32 characters; read during every step, so it must live on; null: none */
+    const char *unit;  /* ASCII, cut after 16 characters; as the name */
+    aeo_real_t offset; /* the filter works on (channel - offset) / scale */
+    aeo_real_t scale;  /* above 0 */
+} aeo_stream_channel_t;
+
+typedef struct {
+    aeo_address_t address;
+    uint8_t inputs;      /* r, 0 ... */
+    uint8_t outputs;     /* l, 1 ... */
+    uint8_t scheduling;  /* further channels sent with a sample; the three together at most AEO_STREAM_CHANNELS_MAX */
+    uint8_t innovations; /* 1: aeo_stream_innovation sends, and the budget has room for it; 0 to start with */
+    uint16_t model_set;                   /* aeo_model_set_t of regressor.h, for the description only */
+    uint16_t past;                        /* p */
+    uint32_t parameters;                  /* N = l n, 1 ... 65536 */
+    uint32_t feedthrough;                 /* bit j: input j has a current-sample parameter */
+    aeo_real_t sample_time_s;             /* 2e-5 ... 1000 s */
+    aeo_real_t lambda;                    /* forgetting factor of the filter, for the description only */
+    aeo_real_t rho;                       /* regularisation of the filter, for the description only */
+    const aeo_stream_channel_t *channels; /* inputs + outputs + scheduling entries; must live on */
+    uint16_t sample_every;  /* send every so-manieth sample, 0 none. 1 to start with; more where the bus is narrow */
+    uint16_t health_every;  /* steps between two health frames, 1 ...; 10 to start with */
+    uint16_t describe_every; /* steps between two descriptions, 1 ...; 600 to start with: what a late joiner waits */
+    uint8_t repair_percent; /* repair frames per 100 parameters, plus 8 a group, 0 ... 100. 25 to start with: 10 % loss is
+                               made good in the same cycle; 0: none, a loss is made good by the next snapshot only */
+    uint8_t burst;          /* frames in one step at most, 1 ...; 16 to start with: too many make a step long */
+    uint32_t bits_per_s;    /* budget, 160 ...; AEO_STREAM_SHARE(500000, 50) to start with; 0: no limit (virtual buses) */
+} aeo_stream_config_t;
+
+/* Order of the parameters within a snapshot. */
+typedef struct {
+    uint32_t count;   /* N */
+    uint32_t stride;  /* S */
+    uint32_t groups;  /* G */
+    uint32_t repairs; /* R */
+} aeo_spread_t;
+
+/* Never decrease; wrap at 2^32. */
+typedef struct {
+    uint32_t sent;      /* frames the port took */
+    uint32_t refused;   /* frames the port refused that are offered again */
+    uint32_t dropped;   /* sample and innovation frames lost: refused by the port, or debt too deep */
+    uint32_t snapshots; /* snapshots sent to their last frame */
+    uint32_t busy;      /* snapshots not taken because the one before was still being sent */
+} aeo_stream_counters_t;
+
+/* Private but readable in a debugger. */
+typedef struct {
+    aeo_stream_config_t config;
+    aeo_port_t port;
+    aeo_stream_counters_t counters;
+    uint32_t *theta;      /* parameters words, by index */
+    uint32_t hash;        /* of the description */
+    uint32_t frame_us;    /* cost of a frame; 0 without a limit */
+    uint32_t period_us;   /* sample time */
+    uint32_t clock_us;    /* last reading of port.time_us */
+    int32_t credit_us;    /* -2 channels frame_us ... burst frame_us */
+    aeo_spread_t spread;
+    uint32_t cursor;      /* position within the phase */
+    uint32_t taken_index; /* sample index of the snapshot */
+    uint32_t crc;         /* over the parameters of the snapshot */
+    uint32_t last_index;  /* newest sample index, for health */
+    uint32_t slot;        /* next part of the description */
+    uint32_t counter[AEO_STREAM_COUNTERS];
+    uint16_t flags;       /* of the filter's health */
+    uint16_t health_in;   /* steps until the next health frame */
+    uint16_t describe_in; /* steps until the next description */
+    uint8_t phase;        /* what of the snapshot comes next */
+    uint8_t number;       /* of the snapshot */
+    uint8_t health_item;  /* next item, round and round */
+    uint8_t counters_used;
+    uint8_t described;    /* 1 once a whole description has left */
+    uint8_t describing;   /* 1 while a description is under way */
+    uint8_t turn;         /* frames since the description had its turn */
+    uint8_t farewells;    /* closing health frames still to send */
+    uint8_t finishing;    /* 1 after aeo_stream_finish */
+} aeo_stream_t;
+
+#ifdef AEO_REAL_DOUBLE
+#define aeo_stream_init aeo_stream_init_f64
+#define aeo_stream_sample aeo_stream_sample_f64
+#define aeo_stream_innovation aeo_stream_innovation_f64
+#define aeo_stream_snapshot aeo_stream_snapshot_f64
+#define aeo_stream_health aeo_stream_health_f64
+#define aeo_stream_step aeo_stream_step_f64
+#define aeo_stream_finish aeo_stream_finish_f64
+#define aeo_stream_pending aeo_stream_pending_f64
+#define aeo_stream_reset aeo_stream_reset_f64
+#endif
+
+/* Start a stream; nothing is sent yet. config and port are copied, memory (words >= AEO_STREAM_WORDS(parameters)) is used
+ * until the end. AEO_E_ARG: null pointer, setting out of its range, port without send, lock without unlock.
+ * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples alone exceed nine tenths of bits_per_s; raise sample_every. On failure
+ * self is unchanged. */
+int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
+                    uint32_t words);
+
+/* Send sample `index`: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as binary32; a NaN
+ * arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer. AEO_E_REFUSED. */
+int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y, const aeo_real_t *s);
+
+/* Send the innovation e (outputs) of sample `index`; nothing when config.innovations is 0. Returns as aeo_stream_sample. */
+int aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e);
+
+/* Copy theta (parameters values: l x n by rows) as binary32 and begin to send it; `index` is the last sample in it. Call
+ * between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: nothing is changed but counters.busy. */
+int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta);
+
+/* Keep flags (bits 0 ... 14) and `count` counters (0 ... AEO_STREAM_COUNTERS) for the health frames to come. AEO_E_ARG. */
+int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count);
+
+/* Send what credit and port allow; call once a sample time, or more often with port.time_us. Returns the frames sent, or
+ * AEO_E_ARG for a null pointer. */
+int aeo_stream_step(aeo_stream_t *self);
+
+/* Announce the end: after the snapshot under way, closing health frames say that the node stops on purpose. */
+void aeo_stream_finish(aeo_stream_t *self);
+
+/* Return 1 while first description, snapshot or closing frames are still to be sent, else 0. */
+int aeo_stream_pending(const aeo_stream_t *self);
+
+/* Forget snapshot, health and credit and describe anew, as after init; configuration, counters and snapshot number stay. */
+void aeo_stream_reset(aeo_stream_t *self);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
+/* SPDX-License-Identifier: MIT */

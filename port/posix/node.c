@@ -1,0 +1,357 @@
+/* node.c: a controller in software: feeds samples from standard input to the filter and streams it on a virtual bus.
+ *
+ * Standard input, one record a sample, 8-byte little-endian doubles and nothing else:
+ *     index, time in seconds, u (inputs), y (outputs)                          NaN: the sample is missing
+ * Standard output, one line: the address for a listener, as `aeolid listen --bus` takes it.
+ * Standard error: a line `health {json}` at the end, a sentence when something fails. Exit 0, or 2 for wrong usage, or 3.
+ * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
+ */
+#include "node_options.h"
+#include "posix_bus.h"
+
+#include <aeolid/markov.h>
+#include <aeolid/rls.h>
+
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#define BURST 16u
+#define STALL_S 5.0  /* a listener that takes nothing for so long has gone */
+#define LINGER_S 2.0 /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
+
+typedef struct {
+    node_options_t options;
+    posix_bus_t bus;
+    aeo_stream_t stream;
+    aeo_regressor_t regressor;
+    aeo_rls_t filter;
+    uint32_t snapshot_steps; /* samples between two snapshots */
+    uint32_t since_snapshot;
+    uint64_t samples;
+    uint32_t index; /* of the newest sample */
+    double start_s;
+} node_t;
+
+static volatile sig_atomic_t stopped;
+
+static void stop(int number)
+{
+    (void)number;
+    stopped = 1;
+}
+
+static double clock_s(void)
+{
+    struct timespec now;
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static int fail(const char *what, const char *why)
+{
+    (void)fprintf(stderr, "aeolid-node: %s: %s\n", what, why);
+    return 3;
+}
+
+/* ---- set-up ------------------------------------------------------------------------------------------------------ */
+
+static int init_filter(node_t *self, uint32_t *parameters)
+{
+    const node_options_t *o = &self->options;
+    aeo_real_t offset[AEO_STREAM_CHANNELS_MAX], scale[AEO_STREAM_CHANNELS_MAX];
+    aeo_regressor_config_t layout;
+    aeo_rls_config_t config;
+    const size_t words = AEO_REGRESSOR_WORDS(o->inputs, o->outputs, o->past, 0);
+    size_t rls_words;
+    unsigned i;
+    for (i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
+        offset[i] = o->channel[i].offset;
+        scale[i] = o->channel[i].scale;
+    }
+    memset(&layout, 0, sizeof layout);
+    layout.inputs = o->inputs;
+    layout.outputs = o->outputs;
+    layout.past = o->past;
+    layout.model_set = AEO_VARX;
+    layout.feedthrough = o->feedthrough;
+    layout.period_us = (uint32_t)(o->sample_time_s * 1e6 + 0.5);
+    layout.offset = offset;
+    layout.scale = scale;
+    if (aeo_regressor_init(&self->regressor, &layout, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
+        return fail("regressor", "inputs, outputs, past window or feedthrough mask out of range (regressor.h)");
+    }
+    memset(&config, 0, sizeof config);
+    config.regressors = self->regressor.length;
+    config.outputs = o->outputs;
+    config.forgetting = o->lambda;
+    config.regularisation = o->rho;
+    config.excitation_min = AEO_REAL(0.05);
+    config.growth_max = o->rho < 1e-6f ? 1e9f * o->rho : AEO_REAL(1000.0); /* rls.h: growth_max / rho <= 1e10 */
+    rls_words = AEO_RLS_WORDS(config.regressors, config.outputs);
+    if (aeo_rls_init(&self->filter, &config, calloc(rls_words, sizeof(aeo_real_t)), rls_words) != AEO_OK) {
+        return fail("filter", "past window, forgetting or regularisation out of range (rls.h)");
+    }
+    *parameters = (uint32_t)config.regressors * config.outputs;
+    return 0;
+}
+
+static int init_stream(node_t *self, uint32_t parameters)
+{
+    const node_options_t *o = &self->options;
+    aeo_stream_config_t config;
+    aeo_port_t port;
+    int result;
+    memset(&config, 0, sizeof config);
+    config.address.base = AEO_FRAME_BASE_EXTENDED;
+    config.address.node = o->node;
+    config.address.extended = 1;
+    config.inputs = o->inputs;
+    config.outputs = o->outputs;
+    config.innovations = o->innovations;
+    config.model_set = AEO_VARX;
+    config.past = o->past;
+    config.parameters = parameters;
+    config.feedthrough = o->feedthrough;
+    config.sample_time_s = (aeo_real_t)o->sample_time_s;
+    config.lambda = o->lambda;
+    config.rho = o->rho;
+    config.channels = o->channel;
+    config.sample_every = o->sample_every;
+    config.health_every = 10;
+    config.describe_every = 600;
+    config.repair_percent = o->repair_percent;
+    config.burst = BURST;
+    config.bits_per_s = o->bits_per_s;
+    posix_bus_port(&self->bus, &port);
+    result = aeo_stream_init(&self->stream, &config, &port, calloc(parameters, sizeof(uint32_t)), parameters);
+    if (result == AEO_E_BUDGET) {
+        return fail("stream", "the samples alone need more than nine tenths of the share of the bus; "
+                              "raise --share or --sample-every");
+    }
+    return result == AEO_OK ? 0 : fail("stream", "a setting is out of range (stream.h)");
+}
+
+static int open_bus(node_t *self)
+{
+    const int error = self->options.terminal ? posix_bus_open_terminal(&self->bus)
+                                             : posix_bus_open_tcp(&self->bus, self->options.tcp_port);
+    if (error != 0) {
+        return fail("bus", strerror(error));
+    }
+    (void)printf("%s\n", self->bus.address);
+    (void)fflush(stdout);
+    return 0;
+}
+
+/* ---- running ----------------------------------------------------------------------------------------------------- */
+
+/* In lossless mode wait until every listener has room for what one sample can send. */
+static void wait_for_room(node_t *self)
+{
+    const size_t needed = BURST + 2u * AEO_STREAM_CHANNELS_MAX;
+    double since = clock_s();
+    size_t before = posix_bus_waiting(&self->bus);
+    while (posix_bus_room(&self->bus) < needed) {
+        size_t waiting;
+        (void)posix_bus_poll(&self->bus, -1, 100);
+        waiting = posix_bus_waiting(&self->bus);
+        if (waiting != before) {
+            before = waiting;
+            since = clock_s();
+        } else if (clock_s() - since > STALL_S) {
+            posix_bus_abandon(&self->bus, POSIX_BUS_RING / 2u);
+        }
+    }
+}
+
+/* Keep the bus moving until sample `number` of the run is due. */
+static void wait_until_due(node_t *self, uint64_t number)
+{
+    double left;
+    if (!(self->options.speed > 0) || stopped) {
+        wait_for_room(self);
+        if (number % 64u == 0u) {
+            (void)posix_bus_poll(&self->bus, -1, 0);
+        }
+        return;
+    }
+    do {
+        left = self->start_s + (double)number * self->options.sample_time_s / self->options.speed - clock_s();
+        (void)posix_bus_poll(&self->bus, -1, left > 0.1 ? 100 : left > 0 ? (int)(left * 1e3) : 0);
+    } while (left > 1e-3 && !stopped);
+}
+
+static void report_health(node_t *self)
+{
+    const uint32_t counter[AEO_STREAM_COUNTERS] = {
+        self->regressor.count.samples, self->regressor.count.not_finite, self->regressor.count.range,
+        self->regressor.count.time,    self->regressor.count.gaps,       self->filter.count.withheld,
+        self->filter.count.bounded,    self->filter.count.reinitialised};
+    (void)aeo_stream_health(&self->stream, aeo_rls_health(&self->filter), counter, AEO_STREAM_COUNTERS);
+}
+
+static void take_sample(node_t *self, const double *record)
+{
+    aeo_real_t u[AEO_STREAM_CHANNELS_MAX], y[AEO_STREAM_CHANNELS_MAX];
+    const unsigned r = self->options.inputs, l = self->options.outputs;
+    unsigned i;
+    for (i = 0; i < r; i++) {
+        u[i] = (aeo_real_t)record[2u + i];
+    }
+    for (i = 0; i < l; i++) {
+        y[i] = (aeo_real_t)record[2u + r + i];
+    }
+    self->index = (uint32_t)record[0];
+    if (aeo_regressor_push(&self->regressor, u, y, (uint64_t)(record[1] * 1e6 + 0.5)) == AEO_OK &&
+        aeo_rls_update(&self->filter, aeo_regressor_z(&self->regressor), aeo_regressor_y(&self->regressor)) == AEO_OK) {
+        (void)aeo_stream_innovation(&self->stream, self->index, aeo_rls_innovation(&self->filter));
+    }
+    (void)aeo_stream_sample(&self->stream, self->index, u, y, NULL);
+    self->since_snapshot++;
+    if (self->snapshot_steps > 0u && self->since_snapshot >= self->snapshot_steps &&
+        aeo_stream_snapshot(&self->stream, self->index, aeo_rls_theta(&self->filter)) == AEO_OK) {
+        self->since_snapshot = 0;
+    }
+    report_health(self);
+    (void)aeo_stream_step(&self->stream);
+    self->samples++;
+}
+
+static int record_is_sound(const double *record)
+{
+    return record[0] >= 0 && record[0] <= 4294967295.0 && record[1] >= 0 && record[1] <= 1e12;
+}
+
+/* Read and process samples until the input ends or a signal comes. */
+static int run(node_t *self)
+{
+    static char buffer[65536];
+    double record[2 + AEO_STREAM_CHANNELS_MAX];
+    const size_t size = sizeof(double) * (2u + self->options.inputs + self->options.outputs);
+    size_t held = 0, at;
+    self->start_s = clock_s();
+    while (!stopped) {
+        ssize_t got;
+        if (!posix_bus_poll(&self->bus, STDIN_FILENO, 100)) {
+            continue;
+        }
+        got = read(STDIN_FILENO, buffer + held, sizeof buffer - held);
+        if (got < 0 && errno == EINTR) {
+            continue;
+        }
+        if (got <= 0) {
+            return got == 0 && held == 0u ? 0 : fail("standard input", got < 0 ? strerror(errno) : "ends within a sample");
+        }
+        held += (size_t)got;
+        for (at = 0; held - at >= size && !stopped; at += size) {
+            memcpy(record, buffer + at, size);
+            if (!record_is_sound(record)) {
+                return fail("standard input", "an index or time is out of range; samples are lost or misaligned");
+            }
+            wait_until_due(self, self->samples);
+            take_sample(self, record);
+        }
+        held -= at;
+        memmove(buffer, buffer + at, held);
+    }
+    return 0;
+}
+
+/* Step without samples until nothing is pending; simulated time goes on as it did. */
+static void drain(node_t *self)
+{
+    uint64_t number = self->samples;
+    const double since = clock_s();
+    self->start_s = since - (double)number * self->options.sample_time_s / (self->options.speed > 0 ? self->options.speed : 1);
+    while (aeo_stream_pending(&self->stream)) {
+        wait_until_due(self, ++number);
+        wait_for_room(self); /* a listener that hangs must not keep the node for ever */
+        (void)aeo_stream_step(&self->stream);
+    }
+}
+
+static void say_goodbye(node_t *self)
+{
+    double since;
+    size_t before;
+    drain(self); /* first the snapshot under way, then one of the last theta */
+    (void)aeo_stream_snapshot(&self->stream, self->index, aeo_rls_theta(&self->filter));
+    aeo_stream_finish(&self->stream);
+    drain(self);
+    since = clock_s();
+    before = posix_bus_waiting(&self->bus);
+    while (posix_bus_listeners(&self->bus) > 0u && clock_s() - since < LINGER_S) {
+        (void)posix_bus_poll(&self->bus, -1, 20);
+        if (posix_bus_waiting(&self->bus) != before) {
+            before = posix_bus_waiting(&self->bus);
+            since = clock_s();
+        }
+    }
+}
+
+static int dump(const node_t *self)
+{
+    const aeo_real_t *theta = aeo_rls_theta(&self->filter);
+    FILE *file = fopen(self->options.dump, "wb");
+    uint32_t i;
+    int error = file == NULL ? errno : 0;
+    for (i = 0; error == 0 && i < self->stream.config.parameters; i++) {
+        const uint32_t bits = aeo_float_bits(theta[i]);
+        const unsigned char bytes[4] = {(unsigned char)(bits & 0xFFu), (unsigned char)((bits >> 8) & 0xFFu),
+                                        (unsigned char)((bits >> 16) & 0xFFu), (unsigned char)(bits >> 24)};
+        error = fwrite(bytes, 1, 4, file) == 4u ? 0 : EIO;
+    }
+    if (file != NULL && fclose(file) != 0 && error == 0) {
+        error = errno;
+    }
+    return error == 0 ? 0 : fail(self->options.dump, strerror(error));
+}
+
+static void print_health(const node_t *self)
+{
+    const aeo_stream_counters_t *c = &self->stream.counters;
+    const aeo_regressor_count_t *g = &self->regressor.count;
+    (void)fprintf(stderr,
+                  "health {\"samples\": %llu, \"accepted\": %u, \"not_finite\": %u, \"range\": %u, \"time\": %u, "
+                  "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, \"flags\": %u, "
+                  "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u}\n",
+                  (unsigned long long)self->samples, g->samples, g->not_finite, g->range, g->time, g->gaps,
+                  self->filter.count.withheld, self->filter.count.bounded, self->filter.count.reinitialised,
+                  aeo_rls_health(&self->filter), c->sent, c->refused, c->dropped, c->snapshots, c->busy,
+                  posix_bus_dropped(&self->bus));
+}
+
+int main(int argc, char **argv)
+{
+    static node_t self;
+    struct sigaction action;
+    uint32_t parameters = 0;
+    int result;
+    if (node_options_read(&self.options, argc, argv) != 0) {
+        return 2;
+    }
+    memset(&action, 0, sizeof action);
+    action.sa_handler = stop;
+    (void)sigaction(SIGINT, &action, NULL);
+    (void)sigaction(SIGTERM, &action, NULL);
+    self.snapshot_steps = (uint32_t)(self.options.snapshot_s / self.options.sample_time_s + 0.5);
+    if (init_filter(&self, &parameters) != 0 || open_bus(&self) != 0 || init_stream(&self, parameters) != 0) {
+        return 3;
+    }
+    while (self.options.wait && !stopped && posix_bus_listeners(&self.bus) == 0u) {
+        (void)posix_bus_poll(&self.bus, -1, 100);
+    }
+    result = run(&self);
+    say_goodbye(&self);
+    if (self.options.dump != NULL && dump(&self) != 0) {
+        result = 3;
+    }
+    print_health(&self);
+    posix_bus_close(&self.bus);
+    return result;
+}

@@ -1,0 +1,158 @@
+#include "node_options.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static int refuse(const char *option, const char *value, const char *needed)
+{
+    (void)fprintf(stderr, "aeolid-node: %s %s: %s is needed\n", option, value, needed);
+    return -1;
+}
+
+static int read_number(const char *option, const char *text, double low, double high, double *value)
+{
+    char *end;
+    char needed[64];
+    const double number = strtod(text, &end);
+    if (end == text || *end != '\0' || !(number >= low && number <= high)) {
+        (void)snprintf(needed, sizeof needed, "a number %g ... %g", low, high);
+        return refuse(option, text, needed);
+    }
+    *value = number;
+    return 0;
+}
+
+static int read_channel(node_options_t *self, char **argv, int is_input)
+{
+    double offset, scale;
+    aeo_stream_channel_t *channel;
+    if (is_input && self->outputs > 0u) {
+        return refuse(argv[0], argv[1], "all inputs before the first output");
+    }
+    if (self->inputs + self->outputs >= AEO_STREAM_CHANNELS_MAX) {
+        return refuse(argv[0], argv[1], "at most 64 channels");
+    }
+    if (read_number(argv[0], argv[3], -1e30, 1e30, &offset) || read_number(argv[0], argv[4], 1e-30, 1e30, &scale)) {
+        return -1;
+    }
+    channel = &self->channel[self->inputs + self->outputs];
+    channel->name = argv[1];
+    channel->unit = argv[2];
+    channel->offset = (aeo_real_t)offset;
+    channel->scale = (aeo_real_t)scale;
+    if (is_input) {
+        self->inputs++;
+    } else {
+        self->outputs++;
+    }
+    return 0;
+}
+
+static int read_bus(node_options_t *self, const char *text)
+{
+    double port;
+    if (strcmp(text, "pty") == 0) {
+        self->terminal = 1;
+        return 0;
+    }
+    if (strncmp(text, "tcp:", 4) != 0 || read_number("--bus", text + 4, 0, 65535, &port)) {
+        return refuse("--bus", text, "pty or tcp:PORT");
+    }
+    self->terminal = 0;
+    self->tcp_port = (uint16_t)port;
+    return 0;
+}
+
+static int read_speed(node_options_t *self, const char *text)
+{
+    if (strcmp(text, "max") == 0) {
+        self->speed = 0;
+        return 0;
+    }
+    return read_number("--speed", text, 1e-3, 1e6, &self->speed);
+}
+
+typedef struct {
+    const char *name;
+    double low, high;
+    double value;
+} setting_t;
+
+enum { SAMPLE_TIME, PAST, FORGET, REGULARIZE, FEEDTHROUGH, BIT_RATE, SHARE, NODE_ID, SNAPSHOT_EVERY, SAMPLE_EVERY, REPAIR };
+
+static void take_settings(node_options_t *self, const setting_t *setting)
+{
+    self->sample_time_s = setting[SAMPLE_TIME].value;
+    self->past = (uint16_t)setting[PAST].value;
+    self->lambda = (float)setting[FORGET].value;
+    self->rho = (float)setting[REGULARIZE].value;
+    self->feedthrough = (uint32_t)setting[FEEDTHROUGH].value;
+    self->bits_per_s = (uint32_t)(setting[BIT_RATE].value * setting[SHARE].value / 100.0);
+    self->node = (uint8_t)setting[NODE_ID].value;
+    self->snapshot_s = setting[SNAPSHOT_EVERY].value;
+    self->sample_every = (uint16_t)setting[SAMPLE_EVERY].value;
+    self->repair_percent = (uint8_t)setting[REPAIR].value;
+}
+
+/* Read one option that takes one value; 0 done, -1 bad value, 1 not one of these. */
+static int read_setting(node_options_t *self, setting_t *setting, size_t count, char **argv)
+{
+    size_t i;
+    for (i = 0; i < count; i++) {
+        if (strcmp(argv[0], setting[i].name) == 0) {
+            return read_number(argv[0], argv[1], setting[i].low, setting[i].high, &setting[i].value);
+        }
+    }
+    if (strcmp(argv[0], "--bus") == 0) {
+        return read_bus(self, argv[1]);
+    }
+    if (strcmp(argv[0], "--speed") == 0) {
+        return read_speed(self, argv[1]);
+    }
+    if (strcmp(argv[0], "--dump") == 0) {
+        self->dump = argv[1];
+        return 0;
+    }
+    return 1;
+}
+
+int node_options_read(node_options_t *self, int argc, char **argv)
+{
+    setting_t setting[] = {
+        {"--sample-time", 2e-5, 1000.0, 0.0}, {"--past", 1, 1023, 0},          {"--forget", 0.5, 1.0, 1.0},
+        {"--regularize", 1e-8, 1e8, 1.0},     {"--feedthrough", 0, 4294967295.0, 0}, {"--bit-rate", 10000, 8e6, 500000},
+        {"--share", 0, 100, 5},               {"--node-id", 0, 253, 1},        {"--snapshot-every", 0, 1e9, 10},
+        {"--sample-every", 0, 65535, 1},      {"--repair", 0, 100, 25},
+    };
+    int at = 1, result;
+    memset(self, 0, sizeof *self);
+    self->speed = 1.0;
+    while (at < argc) {
+        const int left = argc - at - 1;
+        if (strcmp(argv[at], "--wait") == 0) {
+            self->wait = 1;
+            at += 1;
+        } else if (strcmp(argv[at], "--innovations") == 0) {
+            self->innovations = 1;
+            at += 1;
+        } else if ((strcmp(argv[at], "--input") == 0 || strcmp(argv[at], "--output") == 0) && left >= 4) {
+            if (read_channel(self, argv + at, strcmp(argv[at], "--input") == 0)) {
+                return -1;
+            }
+            at += 5;
+        } else {
+            result = left >= 1 ? read_setting(self, setting, sizeof setting / sizeof *setting, argv + at) : 1;
+            if (result != 0) {
+                return result < 0 ? -1 : refuse(argv[at], "", "an option listed in node_options.h, with its values,");
+            }
+            at += 2;
+        }
+    }
+    if (self->inputs < 1u || self->outputs < 1u || !(setting[SAMPLE_TIME].value > 0) || !(setting[PAST].value > 0)) {
+        return refuse("aeolid-node", "", "at least --input, --output, --sample-time and --past");
+    }
+    take_settings(self, setting);
+    return 0;
+}

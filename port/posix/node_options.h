@@ -1,0 +1,53 @@
+/* node_options.h: reads what the software node is told on its command line.
+ *
+ *   aeolid-node --input NAME UNIT OFFSET SCALE ... --output NAME UNIT OFFSET SCALE ... --sample-time S --past P [options]
+ *
+ *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h
+ *   --sample-time S     seconds between two samples
+ *   --past P            past window
+ *   --forget L          forgetting factor, default 1
+ *   --regularize RHO    regularisation, default 1
+ *   --feedthrough MASK  bit j: input j has a current-sample parameter, default 0
+ *   --bus pty | tcp:PORT   default tcp:0, any free port
+ *   --bit-rate B        of the bus the share is taken from, default 500000
+ *   --share PERCENT     of the bit rate, default 5; 0: no limit
+ *   --speed X | max     multiple of real time, default 1; max: as fast as the listeners read, losing nothing
+ *   --wait              start when a listener has opened its channel
+ *   --node-id N         default 1
+ *   --snapshot-every S  seconds between two snapshots, default 10
+ *   --sample-every K    send every K-th sample, default 1; 0: none
+ *   --innovations       send innovations too
+ *   --repair PERCENT    repair frames per 100 parameters, default 25
+ *   --dump FILE         write the last theta (l x n, binary32, little endian) after the last snapshot
+ */
+#ifndef AEOLID_POSIX_NODE_OPTIONS_H
+#define AEOLID_POSIX_NODE_OPTIONS_H
+
+#include <aeolid/regressor.h>
+#include <aeolid/stream.h>
+
+typedef struct {
+    uint8_t inputs, outputs;
+    aeo_stream_channel_t channel[AEO_STREAM_CHANNELS_MAX]; /* inputs first */
+    double sample_time_s;
+    uint16_t past;
+    float lambda, rho;
+    uint32_t feedthrough;
+    int terminal;      /* 1: pty, 0: TCP */
+    uint16_t tcp_port; /* 0: any */
+    uint32_t bits_per_s;
+    double speed;      /* 0: as fast as the listeners read */
+    int wait;
+    uint8_t node;
+    double snapshot_s;
+    uint16_t sample_every;
+    uint8_t innovations;
+    uint8_t repair_percent;
+    const char *dump; /* null: none */
+} node_options_t;
+
+/* Read the command line; returns 0 when done, else a sentence for the user is on standard error. */
+int node_options_read(node_options_t *self, int argc, char **argv);
+
+#endif
+/* SPDX-License-Identifier: MIT */

@@ -1,0 +1,195 @@
+"""Decode frames of the wire in bulk; aeolid.dbc is the reference, a test holds this module to it bit for bit."""
+
+from __future__ import annotations
+
+import sysconfig
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import aeolid
+from aeolid.errors import UsageError
+
+WIRE_VERSION = 1
+BASE = 0x1CFF4000  # AEO_FRAME_BASE_EXTENDED
+NODES = 254
+HEALTH, DESCRIPTION, SAMPLE, INNOVATION, BEGIN, PARAMETER, REPAIR, END = range(8)
+KINDS = 8
+STOPPED = 0x8000  # flag of a health message: the node has ended its stream on purpose
+FD_COUNTS = {12: 2, 16: 3, 20: 4, 24: 5, 32: 7, 48: 11, 64: 15}  # bytes of a frame -> values it carries
+
+Bytes = NDArray[np.uint8]
+Words = NDArray[np.uint32]
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Hold classic frames with 29-bit identifiers and eight bytes: id (n,), data (n, 8); anything else in `others`.
+
+    others: (identifier, extended, data) of frames of another length or kind; lines: texts that were no frame at all.
+    """
+
+    id: Words
+    data: Bytes
+    others: tuple[tuple[int, bool, bytes], ...] = ()
+    garbled: int = 0
+
+    def __len__(self) -> int:
+        return len(self.id) + len(self.others)
+
+
+@dataclass(frozen=True, eq=False)
+class Messages:
+    """Hold decoded messages, all arrays (n,), in the order of arrival; value is a bit pattern.
+
+    foreign: frames of somebody else; damaged: frames whose check is wrong.
+    """
+
+    node: Bytes
+    kind: Bytes
+    tag: Bytes
+    index: NDArray[np.uint16]
+    value: Words
+    foreign: int = 0
+    damaged: int = 0
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+    def take(self, chosen: NDArray[Any]) -> Messages:
+        """Return the messages that a mask or an index array chooses, without the counts."""
+        return Messages(self.node[chosen], self.kind[chosen], self.tag[chosen], self.index[chosen], self.value[chosen])
+
+
+def no_frames(garbled: int = 0) -> Frames:
+    """Return an empty batch."""
+    return Frames(np.zeros(0, np.uint32), np.zeros((0, 8), np.uint8), (), garbled)
+
+
+def pack_frames(rows: Sequence[tuple[int, bool, bytes]], garbled: int = 0) -> Frames:
+    """Build a batch from (identifier, extended, data) one by one."""
+    classic = [(i, d) for i, extended, d in rows if extended and len(d) == 8]
+    others = tuple(row for row in rows if not (row[1] and len(row[2]) == 8))
+    data = np.frombuffer(b"".join(d for _, d in classic), np.uint8).reshape(-1, 8)
+    return Frames(np.array([i for i, _ in classic], np.uint32), data, others, garbled)
+
+
+def decode(frames: Frames, base: int = BASE) -> Messages:
+    """Decode a batch: identifier, check, fields.
+
+    Frames of other systems and damaged ones are counted and left out. Cost: about 0.2 µs a frame in large batches.
+    """
+    offset = frames.id - np.uint32(base)  # wraps far above the limit when the identifier is below the base
+    node, kind = offset & np.uint32(0xFF), offset >> np.uint32(8)
+    ours = (kind < KINDS) & (node < NODES) & (frames.id < 1 << 29)
+    node, kind, data = node[ours], kind[ours], frames.data[ours]
+    sound = _check(np.uint32(base) + (kind << np.uint32(8)), data, 8) == data[:, 3]
+    data = np.ascontiguousarray(data[sound])
+    messages = Messages(
+        node[sound].astype(np.uint8),
+        kind[sound].astype(np.uint8),
+        data[:, 0],
+        data[:, 1:3].copy().view("<u2")[:, 0],
+        data[:, 4:8].copy().view("<u4")[:, 0],
+        int(len(ours) - np.count_nonzero(ours)),
+        int(len(sound) - np.count_nonzero(sound)),
+    )
+    return _append_others(messages, frames.others, base) if frames.others else messages
+
+
+def _append_others(messages: Messages, others: Sequence[tuple[int, bool, bytes]], base: int) -> Messages:
+    """Add CAN FD frames: several values of consecutive channels (samples) or indices (parameters)."""
+    rows: list[tuple[int, int, int, int, int]] = []
+    foreign, damaged = messages.foreign, messages.damaged
+    for identifier, extended, data in others:
+        offset, count = identifier - base, FD_COUNTS.get(len(data), 0)
+        kind, node = offset >> 8, offset & 0xFF
+        if not (extended and 0 <= kind < KINDS and node < NODES and count):
+            foreign += 1
+            continue
+        array = np.frombuffer(data, np.uint8)[None, :]
+        if _check(np.array([identifier - node], np.uint32), array, len(data))[0] != data[3]:
+            damaged += 1
+            continue
+        values = np.frombuffer(data, "<u4", offset=4)
+        index = data[1] | data[2] << 8
+        for i in range(count):
+            tag, at = (data[0] + i, index) if kind in (SAMPLE, INNOVATION) else (data[0], index + i)
+            rows.append((node, kind, tag & 0xFF, at & 0xFFFF, int(values[i])))
+    more = np.array(rows, np.uint32).reshape(-1, 5)
+    return Messages(
+        np.append(messages.node, more[:, 0].astype(np.uint8)),
+        np.append(messages.kind, more[:, 1].astype(np.uint8)),
+        np.append(messages.tag, more[:, 2].astype(np.uint8)),
+        np.append(messages.index, more[:, 3].astype(np.uint16)),
+        np.append(messages.value, more[:, 4]),
+        foreign,
+        damaged,
+    )
+
+
+def _check_table() -> Bytes:
+    rows = []
+    for byte in range(256):
+        crc = byte
+        for _ in range(8):
+            crc = (crc << 1 ^ (0x2F if crc & 0x80 else 0)) & 0xFF
+        rows.append(crc)
+    return np.array(rows, np.uint8)
+
+
+_TABLE = _check_table()
+
+
+def _check(identifier: Words, data: Bytes, length: int) -> Bytes:
+    """Compute the CRC-8 of frame.h over identifier without node, length and all bytes but the check."""
+    crc = np.full(len(identifier), 0xFF, np.uint8)
+    for shift in (0, 8, 16, 24):
+        crc = _TABLE[crc ^ ((identifier >> np.uint32(shift)) & np.uint32(0xFF)).astype(np.uint8)]
+    crc = _TABLE[crc ^ np.uint8(length)]
+    for i in range(length):
+        if i != 3:
+            crc = _TABLE[crc ^ data[:, i]]
+    result: Bytes = crc ^ np.uint8(0xFF)
+    return result
+
+
+def encode(node: int, kind: int, tag: int, index: int, value: int, base: int = BASE) -> tuple[int, bytes]:
+    """Build one classic frame: identifier and eight bytes. The tool sends nothing; tests and simulators do."""
+    data = np.zeros((1, 8), np.uint8)
+    data[0, 0], data[0, 1], data[0, 2] = tag, index & 0xFF, index >> 8
+    data[0, 4:] = np.frombuffer(np.uint32(value).astype("<u4").tobytes(), np.uint8)
+    identifier = base + (kind << 8)
+    data[0, 3] = _check(np.array([identifier], np.uint32), data, 8)[0]
+    return identifier + node, data.tobytes()
+
+
+def find_dbc() -> Path:
+    """Return the path of aeolid.dbc: in a checkout tools/aeolid.dbc, else the copy installed with the package."""
+    places = [Path(__file__).resolve().parents[3] / "aeolid.dbc"]
+    places += [Path(p) / "_native" / "aeolid.dbc" for p in aeolid.__path__]
+    places += [Path(sysconfig.get_path("platlib")) / "aeolid" / "_native" / "aeolid.dbc"]
+    for place in places:
+        if place.is_file():
+            return place
+    raise UsageError(f"aeolid.dbc is in none of {', '.join(map(str, places))}; install the package again")
+
+
+@lru_cache(maxsize=1)
+def load_dbc() -> Any:
+    """Load aeolid.dbc with cantools."""
+    from cantools import database
+
+    return database.load_file(str(find_dbc()))
+
+
+@lru_cache(maxsize=1)
+def health_names() -> dict[int, str]:
+    """Return the names of the health items by their number, from the DBC."""
+    item = load_dbc().get_message_by_name("AEO_Health").get_signal_by_name("Item")
+    return {int(number): str(name) for number, name in item.choices.items()}

@@ -1,0 +1,118 @@
+"""aeolid node: a controller in software on a virtual CAN bus."""
+
+from __future__ import annotations
+
+import json as json_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+from aeolid.errors import UsageError
+
+if TYPE_CHECKING:
+    from aeolid.can.software_node import Feed, SoftwareNode
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command to the application."""
+    app.command("node")(run)
+
+
+def run(
+    recording: Annotated[Path | None, typer.Option("--recording", help="Recording to play.")] = None,
+    roles: Annotated[Path | None, typer.Option("--roles", help="Its roles file.")] = None,
+    turbine: Annotated[bool, typer.Option("--turbine", help="Simulate the built-in turbine in closed loop.")] = False,
+    samples: Annotated[int | None, typer.Option("--samples", help="At most so many samples.", min=1)] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the turbine's wind and excitation.")] = 0,
+    past: Annotated[int, typer.Option("--past", help="Past window p in samples.")] = 20,
+    forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1.")] = 1.0,
+    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero.")] = 1.0,
+    feedthrough: Annotated[
+        list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
+    ] = None,
+    bus: Annotated[str, typer.Option("--bus", help="pty, or tcp:PORT on the loopback (0: any free).")] = "tcp:0",
+    speed: Annotated[str, typer.Option("--speed", help="Multiple of real time, or max: as the bus drains.")] = "1",
+    wait: Annotated[bool, typer.Option("--wait", help="Start when a listener has connected.")] = False,
+    node_id: Annotated[int, typer.Option("--node-id", help="0 to 253.")] = 1,
+    snapshot_every: Annotated[float, typer.Option("--snapshot-every", help="Seconds between two snapshots.")] = 10.0,
+    sample_every: Annotated[int, typer.Option("--sample-every", help="Send every so-manieth sample, 0: none.")] = 1,
+    share: Annotated[float, typer.Option("--share", help="Of the bit rate, in percent; 0: no limit.")] = 5.0,
+    bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus in bit/s.")] = 500_000,
+    repair: Annotated[int, typer.Option("--repair", help="Repair frames per 100 parameters.")] = 25,
+    innovations: Annotated[bool, typer.Option("--innovations", help="Send innovations too.")] = False,
+    dump: Annotated[Path | None, typer.Option("--dump", help="Write the last theta as float32.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """Run the C filters in a process of their own and stream what they find on a virtual CAN bus.
+
+    The first line on standard output is the address that `aeolid listen --bus` takes.
+    """
+    feed = _choose_feed(recording, roles, turbine, samples, seed)
+    options = ["--past", past, "--forget", forget, "--regularize", regularize, "--bus", bus, "--speed", speed]
+    options += ["--node-id", node_id, "--snapshot-every", snapshot_every, "--sample-every", sample_every]
+    options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
+    options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
+    options += (["--wait"] if wait else []) + (["--innovations"] if innovations else [])
+    options += ["--dump", dump] if dump else []
+    health = _run(feed, [str(o) for o in options])
+    facts = json_module.loads(health)
+    emit_json(facts, json)
+    if json != "-" and facts:
+        rejected = facts["not_finite"] + facts["range"] + facts["time"]
+        progress_console.print(
+            f"{facts['samples']} samples, {rejected} rejected, {facts['gaps']} gaps, {facts['snapshots']} snapshots,"
+            f" {facts['sent']} frames, {facts['dropped'] + facts['overrun']} dropped"
+        )
+
+
+def _choose_feed(recording: Path | None, roles: Path | None, turbine: bool, samples: int | None, seed: int) -> Feed:
+    from aeolid.can.software_node import feed_from_record, feed_from_turbine
+
+    if turbine == (recording is not None):
+        raise UsageError("exactly one of --recording and --turbine is needed")
+    if recording is None:
+        return feed_from_turbine(10_000 if samples is None else samples, seed)
+    if roles is None:
+        raise UsageError("--recording needs --roles")
+    from aeolid.formats import read_record
+    from aeolid.record import Roles
+
+    return feed_from_record(read_record(recording, Roles.load(roles)), samples)
+
+
+def _feedthrough_mask(feed: Feed, names: list[str]) -> int:
+    known = [c.name for c in feed.inputs]
+    for name in names:
+        if name not in known:
+            raise UsageError(f"--feedthrough {name}: the inputs are {', '.join(known)}")
+    return sum(1 << known.index(name) for name in set(names))
+
+
+def _run(feed: Feed, options: list[str]) -> str:
+    """Start the process, feed it, collect it; returns its health line."""
+    from aeolid.can.software_node import SoftwareNode
+
+    node = SoftwareNode(feed, options)
+    console.print(node.address, soft_wrap=True, markup=False)
+    console.file.flush()
+    try:
+        try:
+            _pump(node, feed)
+        except KeyboardInterrupt:
+            node.interrupt()
+        return node.finish()
+    finally:
+        node.kill()
+
+
+def _pump(node: SoftwareNode, feed: Feed) -> None:
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True) as progress:
+        task = progress.add_task("samples", total=feed.samples)
+        for rows in feed.rows:
+            node.feed(rows)
+            progress.update(task, completed=node.fed)
