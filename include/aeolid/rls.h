@@ -2,7 +2,7 @@
  *
  * MODEL
  *   y_k = theta z_k + e_k minimises, over theta (l x n),
- *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2,     P_{-1} = I / rho, theta_{-1} = 0
+ *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho |theta|_F^2,   P_{-1} = I / rho, theta_{-1} = 0
  *   Houtzager, van Wingerden, Verhaegen, "VARMAX-based closed-loop subspace model identification", 2009, section II-E,
  *   eq. (24), whose rho^2 Pi is our rho I. The recursion there,
  *       g_k = P_{k-1} z_k / (lambda + z_k' P_{k-1} z_k),   eps_k = y_k - theta_{k-1} z_k,
