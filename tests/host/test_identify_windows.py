@@ -19,6 +19,10 @@ def plain_windows(record: Record, scaling, past):
     return np.array([z[k - past : k + 1].ravel() for k in range(past, len(z))])
 
 
+def about_mean(rows):
+    return rows - rows.mean(axis=0)
+
+
 def record_of(values, like):
     return replace(like, values=values, time_s=np.arange(len(values), dtype=float))
 
@@ -32,9 +36,10 @@ def noisy():
 def test_factor_squares_to_the_sum_of_windows(noisy, past):
     scaling = find_scaling([noisy])
     factor = factorise([noisy], scaling, past)
-    rows = plain_windows(noisy, scaling, past)
+    rows = about_mean(plain_windows(noisy, scaling, past))
     np.testing.assert_allclose(factor.R.T @ factor.R, rows.T @ rows, rtol=1e-9, atol=1e-8)
     assert factor.windows == len(rows) == 3000 - past
+    np.testing.assert_allclose(factor.mean, plain_windows(noisy, scaling, past).mean(axis=0), atol=1e-12)
     assert np.allclose(factor.R, np.triu(factor.R))
 
 
@@ -43,7 +48,7 @@ def test_merged_factors_equal_the_stacked_problem(noisy):
     scaling = find_scaling([noisy, other])
     both = factorise([noisy, other], scaling, 6)
     merged = factorise([noisy], scaling, 6).merge(factorise([other], scaling, 6))
-    rows = np.vstack([plain_windows(r, scaling, 6) for r in (noisy, other)])
+    rows = about_mean(np.vstack([plain_windows(r, scaling, 6) for r in (noisy, other)]))
     for factor in (both, merged):
         np.testing.assert_allclose(factor.R.T @ factor.R, rows.T @ rows, rtol=1e-9, atol=1e-8)
         assert factor.windows == len(rows)
@@ -71,7 +76,8 @@ def test_windows_with_a_missing_sample_are_left_out_and_counted(noisy):
     rows = plain_windows(gappy, scaling, 5)
     good = np.isfinite(rows).all(axis=1)
     assert factor.skipped == 6 + 10 + 1 == np.count_nonzero(~good)
-    np.testing.assert_allclose(factor.R.T @ factor.R, rows[good].T @ rows[good], rtol=1e-9, atol=1e-8)
+    rows = about_mean(rows[good])
+    np.testing.assert_allclose(factor.R.T @ factor.R, rows.T @ rows, rtol=1e-9, atol=1e-8)
 
 
 def test_scaling_is_common_and_ignores_missing_samples(noisy):
@@ -101,12 +107,13 @@ def test_dead_channels_are_named(noisy, spoil, error, words):
 
 def test_too_few_samples_say_how_many_are_needed(noisy):
     short = record_of(noisy.values[:40], noisy)
-    with pytest.raises(NotIdentifiable, match="needs at least 44, that is 54 samples"):
-        require_windows(factorise([short], find_scaling([short]), 10), [short])
-    require_windows(factorise([noisy], find_scaling([noisy]), 10), [noisy])
-    three = record_of(noisy.values[:3], noisy)
+    with pytest.raises(NotIdentifiable, match="30 complete windows .* needs at least 45, that is 55 samples"):
+        require_windows([short], 10, 4)
+    require_windows([noisy], 10, 4)
+    with pytest.raises(NotIdentifiable, match=r"44 complete windows .*\(2946 more hold a missing sample"):
+        require_windows([noisy], 10, 4, windows=44)
     with pytest.raises(NotIdentifiable, match="0 complete windows"):
-        require_windows(factorise([three], find_scaling([three]), 10), [three])
+        require_windows([record_of(noisy.values[:3], noisy)], 10, 4)
 
 
 def test_factors_of_different_windows_do_not_merge(noisy):
@@ -118,7 +125,7 @@ def test_factors_of_different_windows_do_not_merge(noisy):
 @pytest.mark.parametrize("through", [(False, False), (True, False), (False, True), (True, True)])
 def test_markov_parameters_equal_plain_least_squares(noisy, through):
     scaling = find_scaling([noisy])
-    rows = plain_windows(noisy, scaling, 5)
+    rows = about_mean(plain_windows(noisy, scaling, 5))
     keep = [*range(20), *(20 + i for i in range(2) if through[i])]
     estimate = estimate_markov(factorise([noisy], scaling, 5), through, "none")
     best, *_ = np.linalg.lstsq(rows[:, keep], rows[:, 22:], rcond=None)
@@ -132,8 +139,7 @@ def test_markov_parameters_equal_plain_least_squares(noisy, through):
 
 def test_penalty_solves_the_ridge_problem(noisy):
     scaling = find_scaling([noisy])
-    rows = plain_windows(noisy, scaling, 4)[:, :16]
-    target = plain_windows(noisy, scaling, 4)[:, 18:]
+    rows, target = np.split(about_mean(plain_windows(noisy, scaling, 4))[:, [*range(16), 18, 19]], [16], axis=1)
     estimate = estimate_markov(factorise([noisy], scaling, 4), (False, False), 0.05)
     penalty = 0.05 * np.linalg.svd(rows, compute_uv=False)[0]
     ridge = np.linalg.solve(rows.T @ rows + penalty**2 * np.eye(16), rows.T @ target)
@@ -175,10 +181,10 @@ def test_exactly_interpolated_data_need_no_penalty():
 
 
 def test_rank_decision_counts_excited_directions():
-    """Eight past blocks of a noise-free fourth-order system span 8 · 2 inputs, 4 states and the offset, of 32."""
+    """Eight past blocks of a noise-free fourth-order system span 8 · 2 inputs and 4 states of 32."""
     clean = simulate_fourth_order(2000, 3, noise_variance=0.0)
     estimate = estimate_markov(factorise([clean], find_scaling([clean]), 8), (False, False), "none")
-    assert (estimate.rank, estimate.regressors) == (21, 32)
+    assert (estimate.rank, estimate.regressors) == (20, 32)
     assert np.all(np.isfinite(estimate.theta)) and np.linalg.norm(estimate.theta) < 10
 
 

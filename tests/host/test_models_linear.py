@@ -88,7 +88,7 @@ def test_initial_state_is_recovered_from_noise_free_data_with_offsets():
     model = replace(
         base, inputs=(Signal("u1", "", 3.0), Signal("u2")), outputs=(Signal("y1", "", -7.0), Signal("y2")), K=None
     )
-    u = np.random.default_rng(0).standard_normal((100, 2)) + [3.0, 0.0]
+    u = np.random.default_rng(0).standard_normal((100, 2)) + np.array([3.0, 0.0])
     x0 = np.array([1.0, -2.0, 0.5, 3.0])
     y = free_run(model, u, x0)
     np.testing.assert_allclose(estimate_initial_state(model, u - model.u_offset, y - model.y_offset), x0, atol=1e-8)
@@ -190,7 +190,7 @@ def test_missing_input_and_other_sample_time_are_refused():
     record.values[7, 1] = np.nan
     with pytest.raises(DataError, match="'generator_torque' is missing at sample 7"):
         model.simulate(record)
-    with pytest.raises(DataError, match="sample time 0.2 s, the model has 0.1 s"):
+    with pytest.raises(DataError, match=r"sample time 0\.2 s, the model has 0\.1 s"):
         model.simulate(replace(simulate_closed_loop(50, 2), sample_time_s=0.2))
 
 

@@ -150,6 +150,22 @@ def _iterate_riccati(A: Array, C: Array, joint: Array, steps: int = 2000) -> tup
     return K, covariance
 
 
+def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
+    """Return the outputs at rest (l,) under the mean input, scaled units: what the constants of the regressions say.
+
+    The regressions are about the mean window, x⁺ = A x + B u + b, y = C x + D u + c; the rest is x* = (I − A)⁻¹ b,
+    y* = C x* + c. Directions in which I − A is below 1 % of its largest singular value stay at zero: an integrator has no rest.
+    """
+    m, r, n = factor.channels, factor.inputs, len(T)
+    width, mean = factor.past * m, factor.mean
+    x, following, u, y = T @ mean[:width], T @ mean[m : width + m], mean[width : width + r], mean[width + r :]
+    b = following - model.A @ x - model.B @ u
+    c = y - model.C @ x - model.D @ u
+    rest = np.linalg.lstsq(np.eye(n) - model.A, b, rcond=1e-2)[0]
+    out: Array = model.C @ rest + c
+    return out
+
+
 def spectral_radius(A: Array) -> float:
     """Return the largest eigenvalue magnitude of A (n, n)."""
     return float(abs(np.linalg.eigvals(A)).max()) if len(A) else 0.0

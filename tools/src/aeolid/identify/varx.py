@@ -19,6 +19,7 @@ from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.subspace import (
     ScaledModel,
     StateBasis,
+    equilibrium,
     find_states,
     largest_useful_order,
     stabilise,
@@ -63,9 +64,10 @@ def identify_varx(
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    require_windows(records, past, scaling.channels)
     fitted = factorise(records, scaling, past, last=FIT_PART)
     factor = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
-    require_windows(factor, records)
+    require_windows(records, past, scaling.channels, factor.windows)
     estimate = _markov(factor, scaling, through, regularization, markov, past)
     require_excitation(estimate, records[0].source)
     basis = find_states(factor, estimate.theta, settings.future)
@@ -76,7 +78,7 @@ def identify_varx(
     spread = pole_covariance(factor, basis, scaled, estimate)
     if stable:
         scaled = stabilise(factor, scaled, T)
-    model = _with_start(_in_units(scaled, scaling, records[0]), records)
+    model = _with_start(_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
     fit = measure_fit(model, records)
     model = replace(model, innovation_covariance=np.atleast_2d(np.cov(fit.innovations.T)))
     return Identification(
@@ -168,13 +170,14 @@ def rotor_frequency(record: Record) -> float | None:
     return None
 
 
-def _in_units(scaled: ScaledModel, scaling: Scaling, record: Record) -> StateSpace:
-    """Undo the scaling: u, y in the channels' units around the offsets; the states keep theirs."""
+def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record) -> StateSpace:
+    """Undo the scaling: u, y in the channels' units, u about its mean, y about its rest (l,) under that mean."""
     r = len(scaling.inputs)
+    offset = scaling.offset + scaling.scale * np.concatenate([np.zeros(r), rest])
     su, sy = scaling.scale[:r], scaling.scale[r:]
     signals = [
         Signal(n, record.unit(n), float(o))
-        for n, o in zip(scaling.inputs + scaling.outputs, scaling.offset, strict=True)
+        for n, o in zip(scaling.inputs + scaling.outputs, offset, strict=True)
     ]
     n = len(scaled.A)
     return StateSpace(

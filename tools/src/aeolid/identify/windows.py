@@ -1,8 +1,9 @@
 """Compress recordings into one triangular factor of all their windows of p + 1 samples.
 
 A window row is v_k = [z_{k-p} … z_{k-1}, u_k, y_k], z = [u; y] scaled: the regressor of paper 000 eq. (9) followed by
-its target. R (q, q), q = (p + 1) m, with RᵀR = Σ v_k v_kᵀ holds everything VARX and PBSIDopt ask of the data; factors
-of several recordings merge by another QR. Only R and one chunk are in memory at a time.
+its target. The factor of the rows [1, v_k] holds everything VARX and PBSIDopt ask of the data, with a free constant in
+every regression: RᵀR = Σ (v_k − v̄)(v_k − v̄)ᵀ, R (q, q), q = (p + 1) m, is the block beside the constant. Factors of
+several recordings merge by another QR. Only the factor and one chunk are in memory at a time.
 """
 
 from __future__ import annotations
@@ -47,9 +48,9 @@ class Scaling:
 
 @dataclass(frozen=True, eq=False)
 class WindowFactor:
-    """Hold the triangular factor R (q, q) of all windows; `skipped` windows held a missing sample."""
+    """Hold the triangular factor (q + 1, q + 1) of all rows [1, v_k]; `skipped` windows held a missing sample."""
 
-    R: Array
+    full: Array
     past: int
     inputs: int
     outputs: int
@@ -61,12 +62,23 @@ class WindowFactor:
         """Return m = r + l."""
         return self.inputs + self.outputs
 
+    @property
+    def R(self) -> Array:
+        """Return the factor (q, q) of the windows about their mean."""
+        return self.full[1:, 1:]
+
+    @property
+    def mean(self) -> Array:
+        """Return the mean window (q,)."""
+        out: Array = self.full[0, 1:] / self.full[0, 0]
+        return out
+
     def merge(self, other: WindowFactor) -> WindowFactor:
         """Return the factor of both sets of windows together; the order of merging changes rounding only."""
         if (self.past, self.inputs, self.outputs) != (other.past, other.inputs, other.outputs):
             raise UsageError("factors of different window length or channels do not merge")
-        R = triangularise(np.vstack([self.R, other.R]))
-        return replace(self, R=R, windows=self.windows + other.windows, skipped=self.skipped + other.skipped)
+        full = triangularise(np.vstack([self.full, other.full]))
+        return replace(self, full=full, windows=self.windows + other.windows, skipped=self.skipped + other.skipped)
 
 
 def triangularise(rows: Array) -> Array:
@@ -113,7 +125,7 @@ def factorise(
     2 N q² operations, memory q² and one chunk.
     """
     r, m = len(scaling.inputs), scaling.channels
-    width = (past + 1) * m
+    width = (past + 1) * m + 1
     chunk = max(8 * width, 2048)
     work = np.zeros((width + chunk, width), order="F")
     windows = skipped = 0
@@ -125,22 +137,28 @@ def factorise(
             kept = int(np.count_nonzero(good))
             skipped += len(rows) - kept
             windows += kept
-            work[width : width + kept] = rows if kept == len(rows) else rows[good]
+            work[width : width + kept, 0] = 1.0
+            work[width : width + kept, 1:] = rows if kept == len(rows) else rows[good]
             work[width + kept :] = 0.0
             work[:width] = _factor_in_place(work[: width + kept])
     return WindowFactor(np.ascontiguousarray(work[:width]), past, r, m - r, windows, skipped)
 
 
-def require_windows(factor: WindowFactor, records: Sequence[Record]) -> None:
-    """Refuse a set with fewer complete windows than unknowns; the text says how many are needed."""
-    needed = (factor.past + 1) * factor.channels
-    if factor.windows >= needed:
+def require_windows(records: Sequence[Record], past: int, channels: int, windows: int | None = None) -> None:
+    """Refuse a set with fewer complete windows than unknowns; the text says how many are needed.
+
+    windows: number of complete windows, default the most the recordings' lengths allow (a check before any work).
+    """
+    most = sum(max(len(r) - past, 0) for r in records)
+    found = most if windows is None else windows
+    needed = (past + 1) * channels + 1
+    if found >= needed:
         return
-    lost = f" ({factor.skipped} more hold a missing sample)" if factor.skipped else ""
+    lost = f" ({most - found} more hold a missing sample)" if most > found else ""
     raise NotIdentifiable(
-        f"{records[0].source}: {factor.windows} complete windows of {factor.past + 1} samples{lost}; past window"
-        f" {factor.past} with {factor.channels} channels needs at least {needed},"
-        f" that is {needed + factor.past} samples without a gap; record longer or use a shorter past window"
+        f"{records[0].source}: {found} complete windows of {past + 1} samples{lost}; past window {past} with {channels}"
+        f" channels needs at least {needed}, that is {needed + past} samples without a gap;"
+        " record longer or use a shorter past window"
     )
 
 
