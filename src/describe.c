@@ -11,6 +11,29 @@ unsigned aeo_describe_channels(const aeo_stream_config_t *config)
     return (unsigned)config->inputs + config->outputs + config->scheduling;
 }
 
+/* On the bit pattern, because -ffast-math lets a NaN pass every comparison. */
+static int is_finite(aeo_real_t value)
+{
+    return (aeo_float_bits(value) & UINT32_C(0x7F800000)) != UINT32_C(0x7F800000);
+}
+
+static int is_normal_positive(aeo_real_t value)
+{
+    const uint32_t bits = aeo_float_bits(value);
+    return bits >= UINT32_C(0x00800000) && bits < UINT32_C(0x7F800000);
+}
+
+int aeo_describe_is_sound(const aeo_stream_config_t *config)
+{
+    unsigned i;
+    for (i = 0; i < aeo_describe_channels(config); i++) {
+        if (!is_finite(config->channels[i].offset) || !is_normal_positive(config->channels[i].scale)) {
+            return 0;
+        }
+    }
+    return is_normal_positive(config->sample_time_s) && is_finite(config->lambda) && is_finite(config->rho);
+}
+
 /* Put up to four characters of part `part` of `text` into `value`; 0 when the text ends before. */
 static int take_text(const char *text, unsigned part, uint32_t *value)
 {

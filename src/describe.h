@@ -13,6 +13,7 @@
 #include <aeolid/stream.h>
 
 #ifdef AEO_REAL_DOUBLE
+#define aeo_describe_is_sound aeo_describe_is_sound_f64
 #define aeo_describe_channels aeo_describe_channels_f64
 #define aeo_describe_slots aeo_describe_slots_f64
 #define aeo_describe aeo_describe_f64
@@ -21,6 +22,9 @@
 
 /* Return inputs + outputs + scheduling. */
 unsigned aeo_describe_channels(const aeo_stream_config_t *config);
+
+/* Return 1 when every number the description carries is finite as binary32, the scales and the sample time above 0. */
+int aeo_describe_is_sound(const aeo_stream_config_t *config);
 
 /* Return the number of slots, empty ones included. */
 uint32_t aeo_describe_slots(const aeo_stream_config_t *config);

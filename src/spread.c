@@ -1,6 +1,8 @@
 #include "spread.h"
 
 #define GROUP_MAX 256u
+#define BURST 16u /* frames lost in a row that are to hit distant parameters */
+#define REACH 16u /* how far from the golden section a stride is looked for */
 
 static uint32_t find_divisor(uint32_t a, uint32_t b)
 {
@@ -12,14 +14,37 @@ static uint32_t find_divisor(uint32_t a, uint32_t b)
     return a;
 }
 
-/* Largest stride not above 0.618 N that is coprime with N; 1 always is, so the search ends. */
+/* Positions up to 15 apart are at least N / 40 parameters apart. */
+static int spreads(uint32_t count, uint32_t stride)
+{
+    uint32_t at = 0, k;
+    for (k = 1; k < BURST; k++) {
+        at = (at + stride) % count; /* stride < count <= 65536 */
+        if ((at < count - at ? at : count - at) * 40u < count) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Nearest to 0.618 N that is coprime with N and spreads; from N = 16 on there is one within 16 (checked for every N). Below
+ * that the nearest coprime one, which may be 1. */
 static uint32_t choose_stride(uint32_t count)
 {
-    uint32_t stride = (count * 618u) / 1000u; /* 65536 * 618 < 2^32 */
-    while (stride > 1u && find_divisor(count, stride) != 1u) {
-        stride--;
+    const uint32_t centre = (count * 618u + 500u) / 1000u; /* 65536 * 618 < 2^32 */
+    uint32_t fallback = 0, i;
+    for (i = 0; i < 2u * REACH + 1u; i++) {
+        const uint32_t shift = (i + 1u) / 2u;
+        const uint32_t stride = i % 2u == 1u ? centre + shift : centre - shift; /* wraps below 0: then not below count */
+        if (stride < 1u || (stride >= count && count > 1u) || find_divisor(count, stride) != 1u) {
+            continue;
+        }
+        fallback = fallback == 0u ? stride : fallback;
+        if (spreads(count, stride)) {
+            return stride;
+        }
     }
-    return stride > 0u ? stride : 1u;
+    return fallback == 0u ? 1u : fallback;
 }
 
 void aeo_spread_choose(aeo_spread_t *self, uint32_t count, uint32_t percent)
@@ -38,13 +63,13 @@ void aeo_spread_choose(aeo_spread_t *self, uint32_t count, uint32_t percent)
 
 uint32_t aeo_spread_index(const aeo_spread_t *self, uint32_t position)
 {
-    return (position * self->stride) % self->count; /* 65535 * 40502 < 2^32; count >= 1 */
+    return (position * self->stride) % self->count; /* 65535 * 40518 < 2^32; count >= 1 */
 }
 
 uint32_t aeo_spread_repair(const aeo_spread_t *self, const uint32_t *theta, uint16_t repair)
 {
     const uint32_t group = repair % self->groups;                        /* groups >= 1 */
-    const uint32_t hop = (self->groups * self->stride) % self->count;    /* 256 * 40502 < 2^32 */
+    const uint32_t hop = (self->groups * self->stride) % self->count;    /* 256 * 40518 < 2^32 */
     uint32_t at = (group * self->stride) % self->count;
     uint32_t position, member = 0, set = 0, sum = 0;
     for (position = group; position < self->count; position += self->groups) {

@@ -46,16 +46,10 @@ static int config_is_valid(const aeo_stream_config_t *config)
 {
     const unsigned m = aeo_describe_channels(config);
     const aeo_real_t h = config->sample_time_s;
-    unsigned i;
     if (config->outputs < 1u || m > AEO_STREAM_CHANNELS_MAX || config->channels == NULL || config->parameters < 1u ||
         config->parameters > 65536u || config->health_every < 1u || config->describe_every < 1u ||
-        config->repair_percent > 100u || config->burst < 1u) {
+        config->repair_percent > 100u || config->burst < 1u || !aeo_describe_is_sound(config)) {
         return 0;
-    }
-    for (i = 0; i < m; i++) {
-        if (!(config->channels[i].scale > AEO_REAL(0.0))) {
-            return 0;
-        }
     }
     return h >= AEO_REAL(2e-5) && h <= AEO_REAL(1000.0) && (config->bits_per_s == 0u || config->bits_per_s >= AEO_FRAME_BITS_EXTENDED);
 }
@@ -266,7 +260,8 @@ static void choose_health(const aeo_stream_t *self, aeo_message_t *message)
 {
     const uint32_t own[STREAM_ITEMS] = {self->counters.sent, self->counters.refused, self->counters.dropped,
                                         self->counters.snapshots, self->counters.busy};
-    const unsigned item = self->health_item;
+    /* every second frame tells the sample index: it dates the flags and lets late joiners count samples in full */
+    const unsigned item = self->health_item % 2u == 0u ? AEO_HEALTH_INDEX : 1u + self->health_item / 2u;
     message->kind = AEO_KIND_HEALTH;
     message->index = self->flags;
     if (item == AEO_HEALTH_INDEX) {
@@ -356,7 +351,7 @@ static void commit(aeo_stream_t *self, origin_t origin)
         break;
     case FROM_HEALTH:
         self->health_in = self->config.health_every;
-        self->health_item = (uint8_t)((self->health_item + 1u) % (1u + STREAM_ITEMS + self->counters_used));
+        self->health_item = (uint8_t)((self->health_item + 1u) % (2u * (STREAM_ITEMS + self->counters_used)));
         break;
     case FROM_SNAPSHOT:
         self->turn = (uint8_t)(self->turn < 255u ? self->turn + 1u : 255u);

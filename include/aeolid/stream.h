@@ -5,8 +5,8 @@
  *
  *     begin, parameter x N, end, repair x R, end, end          snapshot number modulo 256 in every frame
  *
- *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: neighbours in time are far apart in
- *   theta, so a burst of losses does not hit one block. A lost frame costs its own parameter only; the repair frames bring
+ *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: 16 neighbours in time are at least
+ *   N / 40 apart in theta, so a burst of losses does not hit one block. A lost frame costs its own parameter only; the repair frames bring
  *   it back within the same cycle: positions fall into G = ceil(N / 256) interleaved groups q mod G; repair number k is the
  *   exclusive or of a drawn half of group k mod G (aeo_frame_repair_set). Any set of repair frames a few longer than the
  *   number of parameters missing in the group restores them exactly (random linear code over GF(2): Luby, "LT codes",
@@ -133,7 +133,7 @@ typedef struct {
     uint16_t describe_in; /* steps until the next description */
     uint8_t phase;        /* what of the snapshot comes next */
     uint8_t number;       /* of the snapshot */
-    uint8_t health_item;  /* next item, round and round */
+    uint8_t health_item;  /* half-steps through the items, round and round */
     uint8_t counters_used;
     uint8_t described;    /* 1 once a whole description has left */
     uint8_t describing;   /* 1 while a description is under way */

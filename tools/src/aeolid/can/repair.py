@@ -15,11 +15,16 @@ Words = NDArray[np.uint32]
 
 
 def choose_stride(count: int) -> int:
-    """Return the largest stride not above 0.618 count that is coprime with it."""
-    stride = count * 618 // 1000
-    while stride > 1 and math.gcd(count, stride) != 1:
-        stride -= 1
-    return max(stride, 1)
+    """Return the stride nearest to 0.618 count that is coprime with it and keeps a burst of 16 apart (spread.c)."""
+    centre, fallback = (count * 618 + 500) // 1000, 0
+    for i in range(33):
+        stride = centre + (i + 1) // 2 if i % 2 else centre - (i + 1) // 2
+        if stride < 1 or (stride >= count > 1) or math.gcd(count, stride) != 1:
+            continue
+        fallback = fallback or stride
+        if all(min(k * stride % count, -k * stride % count) * 40 >= count for k in range(1, 16)):
+            return stride
+    return fallback or 1
 
 
 @lru_cache(maxsize=4)
@@ -87,7 +92,7 @@ def _eliminate(rows: Mask, right: Words) -> tuple[Mask, Words]:
             break
     solved = np.zeros(unknowns, bool)
     solution = np.zeros(unknowns, np.uint32)
-    for column in np.flatnonzero(pivots >= 0):
+    for column in np.flatnonzero(pivots >= 0).tolist():
         row = int(pivots[column])
         if np.count_nonzero(rows[row]) == 1:  # depends on no undetermined parameter
             solved[column], solution[column] = True, right[row]

@@ -1,0 +1,250 @@
+/* Frames: golden bytes of an independent program, round trips over all kinds, nodes and counts, damage of every kind. */
+#include "aeolid/frame.h"
+#include "aeolid/status.h"
+#include "unity.h"
+
+#include <string.h>
+
+static const aeo_address_t extended = {AEO_FRAME_BASE_EXTENDED, 7, 1};
+static const aeo_address_t standard = {AEO_FRAME_BASE_STANDARD, 9, 0};
+static uint32_t state = 2463534242u;
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static uint32_t draw_word(void)
+{
+    state ^= state << 13;
+    state ^= state >> 17;
+    state ^= state << 5;
+    return state;
+}
+
+static aeo_message_t make_message(aeo_kind_t kind, unsigned count)
+{
+    aeo_message_t message;
+    unsigned i;
+    memset(&message, 0, sizeof message);
+    message.kind = kind;
+    message.tag = (uint8_t)(draw_word() & 0xFFu);
+    message.index = (uint16_t)(draw_word() & 0xFFFFu);
+    message.count = (uint8_t)count;
+    for (i = 0; i < count; i++) {
+        message.value[i] = draw_word();
+    }
+    return message;
+}
+
+static void assert_same(const aeo_message_t *a, const aeo_message_t *b)
+{
+    TEST_ASSERT_EQUAL_INT(a->kind, b->kind);
+    TEST_ASSERT_EQUAL_UINT8(a->tag, b->tag);
+    TEST_ASSERT_EQUAL_UINT16(a->index, b->index);
+    TEST_ASSERT_EQUAL_UINT8(a->count, b->count);
+    TEST_ASSERT_EQUAL_UINT32_ARRAY(a->value, b->value, a->count);
+}
+
+/* Computed bit by bit with CRC-8/AUTOSAR outside this library. */
+static void golden_frames(void)
+{
+    static const uint8_t sample[8] = {0x03, 0xF4, 0x01, 0x90, 0x00, 0x00, 0xC0, 0x3F};
+    static const uint8_t parameter[8] = {0xC8, 0xFF, 0xFF, 0x5A, 0xEF, 0xBE, 0xAD, 0xDE};
+    static const uint8_t range[16] = {0x01, 0x11, 0x00, 0x44, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0};
+    const aeo_address_t last = {AEO_FRAME_BASE_EXTENDED, 253, 1};
+    aeo_message_t message = {AEO_KIND_SAMPLE, 3, 500, 1, {0}};
+    aeo_can_frame_t frame;
+    message.value[0] = aeo_float_bits(AEO_REAL(1.5));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x1CFF4207u, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(AEO_CAN_EXTENDED, frame.flags);
+    TEST_ASSERT_EQUAL_UINT8(8, frame.length);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(sample, frame.data, 8);
+    message = (aeo_message_t){AEO_KIND_PARAMETER, 200, 65535, 1, {0xDEADBEEFu}};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&standard, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x659u, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(0, frame.flags);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(parameter, frame.data, 8);
+    message = (aeo_message_t){AEO_KIND_PARAMETER, 1, 17, 3, {1, 2, 3}};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&last, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x1CFF45FDu, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(16, frame.length);
+    TEST_ASSERT_EQUAL_UINT8(AEO_CAN_EXTENDED | AEO_CAN_FD | AEO_CAN_BRS, frame.flags);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(range, frame.data, 16);
+}
+
+static void crc32_is_ieee(void)
+{
+    uint32_t crc = UINT32_C(0xFFFFFFFF); /* "12345678" as two little-endian words */
+    crc = aeo_frame_crc32(crc, UINT32_C(0x34333231));
+    crc = aeo_frame_crc32(crc, UINT32_C(0x38373635));
+    TEST_ASSERT_EQUAL_HEX32(0x9AE0DAAFu, ~crc);
+}
+
+static void round_trips(void)
+{
+    static const unsigned counts[] = {1, 2, 3, 4, 5, 7, 11, 15};
+    unsigned kind, node, i;
+    for (kind = 0; kind < AEO_KIND_COUNT; kind++) {
+        for (node = 0; node < 254; node++) {
+            for (i = 0; i < sizeof counts / sizeof *counts; i++) {
+                aeo_address_t address = node < 16u && i % 2u == 1u ? standard : extended;
+                const aeo_message_t message = make_message((aeo_kind_t)kind, counts[i]);
+                aeo_message_t back;
+                aeo_can_frame_t frame;
+                uint8_t found = 255;
+                address.node = (uint8_t)node;
+                TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&address, &message, &frame));
+                address.node = 0; /* the receiver names the node, whatever its own number */
+                TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&address, &frame, &back, &found));
+                TEST_ASSERT_EQUAL_UINT8(node, found);
+                assert_same(&message, &back);
+            }
+        }
+    }
+}
+
+static void flip(aeo_can_frame_t *frame, unsigned bit)
+{
+    if (bit < 64u) {
+        frame->data[bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
+    } else {
+        frame->id ^= UINT32_C(1) << (bit - 64u + 8u); /* kind and base; the node is not covered */
+    }
+}
+
+/* Hamming distance 4: one, two or three wrong bits in data, kind or base never pass. */
+static void three_wrong_bits_are_seen(void)
+{
+    const aeo_message_t message = make_message(AEO_KIND_PARAMETER, 1);
+    aeo_can_frame_t frame, bad;
+    aeo_message_t back;
+    uint8_t node;
+    unsigned i, j, k;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
+    for (i = 0; i < 85u; i++) {
+        for (j = i; j < 85u; j++) {
+            for (k = j; k < 85u; k++) { /* equal numbers cancel: i = j = k is one wrong bit */
+                bad = frame;
+                flip(&bad, i);
+                if (j != i) {
+                    flip(&bad, j);
+                }
+                if (k != j) {
+                    flip(&bad, k);
+                }
+                if (memcmp(&bad, &frame, sizeof bad) != 0) {
+                    TEST_ASSERT_TRUE(aeo_frame_unpack(&extended, &bad, &back, &node) < 0);
+                }
+            }
+        }
+    }
+}
+
+static void foreign_frames_are_left_alone(void)
+{
+    const aeo_message_t message = make_message(AEO_KIND_SAMPLE, 1);
+    aeo_message_t back, untouched;
+    aeo_can_frame_t frame, other;
+    uint8_t node = 77;
+    unsigned length;
+    memset(&back, 0x5A, sizeof back);
+    untouched = back;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
+    other = frame;
+    other.id = AEO_FRAME_BASE_EXTENDED - 1u;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other.id = AEO_FRAME_BASE_EXTENDED + 256u * AEO_KIND_COUNT;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other = frame;
+    other.flags = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other = frame;
+    other.id |= 0xFFu; /* node 255 does not exist */
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    for (length = 0; length < 256u; length++) {
+        other = frame;
+        other.length = (uint8_t)length;
+        if (length != 8u) {
+            TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+        }
+    }
+    other = frame;
+    other.data[3] ^= 1u;
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_frame_unpack(&extended, &other, &back, &node));
+    TEST_ASSERT_EQUAL_UINT8(77, node);
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &back, sizeof back);
+}
+
+static void bad_arguments(void)
+{
+    const aeo_message_t good = make_message(AEO_KIND_END, 1);
+    aeo_message_t message = good;
+    aeo_address_t address = extended;
+    aeo_can_frame_t frame;
+    uint8_t node;
+    unsigned count;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(NULL, &good, &frame));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, NULL, &frame));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, &good, NULL));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_unpack(NULL, &frame, &message, &node));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_unpack(&extended, NULL, &message, &node));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_unpack(&extended, &frame, NULL, &node));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_unpack(&extended, &frame, &message, NULL));
+    address.node = 254;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address = extended;
+    address.base |= 0x1000u;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_unpack(&address, &frame, &message, &node));
+    address.base = UINT32_C(1) << 29;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address = standard;
+    address.node = 16;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    message.kind = AEO_KIND_COUNT;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, &message, &frame));
+    for (count = 0; count < 256u; count++) {
+        const int exists = (count >= 1u && count <= 5u) || count == 7u || count == 11u || count == 15u;
+        message = good;
+        message.count = (uint8_t)count;
+        TEST_ASSERT_EQUAL_INT(exists ? AEO_OK : AEO_E_ARG, aeo_frame_pack(&extended, &message, &frame));
+    }
+}
+
+/* Random bytes under an identifier of ours pass only by the one chance in 256 that the check leaves. */
+static void random_bytes_rarely_pass(void)
+{
+    aeo_can_frame_t frame;
+    aeo_message_t message;
+    uint8_t node;
+    unsigned i, j, passed = 0;
+    for (i = 0; i < 100000u; i++) {
+        memset(&frame, 0, sizeof frame);
+        frame.id = AEO_FRAME_BASE_EXTENDED + draw_word() % (256u * AEO_KIND_COUNT);
+        frame.length = 8;
+        frame.flags = AEO_CAN_EXTENDED;
+        for (j = 0; j < 8u; j++) {
+            frame.data[j] = (uint8_t)(draw_word() & 0xFFu);
+        }
+        passed += aeo_frame_unpack(&extended, &frame, &message, &node) == AEO_OK;
+    }
+    TEST_ASSERT_UINT32_WITHIN(100, 100000u * 254u / 256u / 256u, passed); /* 5 standard deviations */
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(golden_frames);
+    RUN_TEST(crc32_is_ieee);
+    RUN_TEST(round_trips);
+    RUN_TEST(three_wrong_bits_are_seen);
+    RUN_TEST(foreign_frames_are_left_alone);
+    RUN_TEST(bad_arguments);
+    RUN_TEST(random_bytes_rarely_pass);
+    return UNITY_END();
+}

@@ -1,0 +1,292 @@
+/* The POSIX port: slcan text both ways, rings that fill, listeners that come, hang and go; and the template's ring. */
+#include "aeolid/status.h"
+#include "port_template.h"
+#include "posix_bus.h"
+#include "slcan.h"
+#include "unity.h"
+
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+static posix_bus_t bus;
+static aeo_port_t port;
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static aeo_can_frame_t make_frame(uint8_t flags, uint8_t length)
+{
+    aeo_can_frame_t frame;
+    unsigned i;
+    memset(&frame, 0, sizeof frame);
+    frame.id = (flags & AEO_CAN_EXTENDED) != 0u ? 0x1CFF4201u : 0x612u;
+    frame.flags = flags;
+    frame.length = length;
+    for (i = 0; i < length; i++) {
+        frame.data[i] = (uint8_t)(0xF0u + i);
+    }
+    return frame;
+}
+
+static void text_is_that_of_the_adapter(void)
+{
+    char line[SLCAN_LINE_MAX];
+    aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    TEST_ASSERT_EQUAL_size_t(27, slcan_format(&frame, line));
+    TEST_ASSERT_EQUAL_STRING_LEN("T1CFF42018F0F1F2F3F4F5F6F7\r", line, 27);
+    frame = make_frame(0, 2);
+    TEST_ASSERT_EQUAL_size_t(10, slcan_format(&frame, line));
+    TEST_ASSERT_EQUAL_STRING_LEN("t6122F0F1\r", line, 10);
+    frame = make_frame(AEO_CAN_EXTENDED | AEO_CAN_FD | AEO_CAN_BRS, 12);
+    TEST_ASSERT_EQUAL_size_t(35, slcan_format(&frame, line));
+    TEST_ASSERT_EQUAL_STRING_LEN("B1CFF42019F0F1F2F3F4F5F6F7F8F9FAFB\r", line, 35);
+    frame.length = 13;
+    TEST_ASSERT_EQUAL_size_t(0, slcan_format(&frame, line));
+    frame = make_frame(AEO_CAN_EXTENDED, 12); /* too long for a classic frame */
+    TEST_ASSERT_EQUAL_size_t(0, slcan_format(&frame, line));
+    frame = make_frame(0, 8);
+    frame.id = 0x800;
+    TEST_ASSERT_EQUAL_size_t(0, slcan_format(&frame, line));
+}
+
+static void every_shape_goes_there_and_back(void)
+{
+    static const uint8_t lengths[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64};
+    static const uint8_t flags[] = {0, 1, 2, 3, 6, 7};
+    unsigned i, j;
+    for (i = 0; i < sizeof flags; i++) {
+        for (j = 0; j < sizeof lengths; j++) {
+            const aeo_can_frame_t frame = make_frame(flags[i], lengths[j]);
+            aeo_can_frame_t back;
+            char line[SLCAN_LINE_MAX];
+            const size_t length = slcan_format(&frame, line);
+            if (lengths[j] > 8u && (flags[i] & AEO_CAN_FD) == 0u) {
+                TEST_ASSERT_EQUAL_size_t(0, length);
+                continue;
+            }
+            TEST_ASSERT_EQUAL_INT(1, slcan_parse(line, length - 1u, &back));
+            TEST_ASSERT_EQUAL_MEMORY(&frame, &back, sizeof frame);
+            TEST_ASSERT_EQUAL_INT(0, slcan_parse(line, length, &back)); /* one character too many */
+            if (length > 1u) {
+                TEST_ASSERT_EQUAL_INT(0, slcan_parse(line, length - 2u, &back)); /* cut */
+            }
+        }
+    }
+}
+
+static void broken_text_is_no_frame(void)
+{
+    static const char *const texts[] = {"", "T", "T1CFF4201", "X1CFF42018F0F1F2F3F4F5F6F7", "T1CFF42018F0F1F2F3F4F5F6G7",
+                                        "TFFFFFFFF8F0F1F2F3F4F5F6F7", "t8000", "t6129F0", "r6128"};
+    aeo_can_frame_t frame, before;
+    unsigned i;
+    memset(&frame, 0x5A, sizeof frame);
+    before = frame;
+    for (i = 0; i < sizeof texts / sizeof *texts; i++) {
+        TEST_ASSERT_EQUAL_INT(0, slcan_parse(texts[i], strlen(texts[i]), &frame));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(&before, &frame, sizeof frame);
+}
+
+/* ---- listeners --------------------------------------------------------------------------------------------------- */
+
+static int connect_to_bus(void)
+{
+    struct sockaddr_in address;
+    const char *colon = strrchr(bus.address, ':');
+    const int fd = socket(AF_INET, SOCK_STREAM, 0);
+    memset(&address, 0, sizeof address);
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port = htons((uint16_t)strtoul(colon + 1, NULL, 10));
+    TEST_ASSERT_EQUAL_INT(0, connect(fd, (struct sockaddr *)&address, sizeof address));
+    return fd;
+}
+
+static void say(int fd, const char *text)
+{
+    unsigned i;
+    TEST_ASSERT_EQUAL_INT((int)strlen(text), (int)write(fd, text, strlen(text)));
+    for (i = 0; i < 5u; i++) {
+        (void)posix_bus_poll(&bus, -1, 10);
+    }
+}
+
+/* Read until `length` characters are there, while the bus moves. */
+static void expect(int fd, const char *text, size_t length)
+{
+    char got[512];
+    size_t have = 0;
+    unsigned i;
+    (void)fcntl(fd, F_SETFL, O_NONBLOCK);
+    for (i = 0; i < 500u && have < length; i++) {
+        ssize_t n;
+        (void)posix_bus_poll(&bus, -1, 10);
+        n = read(fd, got + have, length - have);
+        have += n > 0 ? (size_t)n : 0u;
+    }
+    TEST_ASSERT_EQUAL_size_t(length, have);
+    TEST_ASSERT_EQUAL_STRING_LEN(text, got, length);
+}
+
+static void listeners_come_and_go(void)
+{
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    int first, second;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    posix_bus_port(&bus, &port);
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame)); /* nobody listens: taken and lost */
+    first = connect_to_bus();
+    second = connect_to_bus();
+    say(first, "V\rO\r");
+    TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    expect(first, "V1013\r\rT1CFF42018F0F1F2F3F4F5F6F7\r", 34);
+    say(second, "L\r");
+    TEST_ASSERT_EQUAL_UINT(2, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    expect(second, "\rT1CFF42018F0F1F2F3F4F5F6F7\r", 28); /* joined late: only what came since */
+    expect(first, "T1CFF42018F0F1F2F3F4F5F6F7\r", 27);
+    say(first, "C\r");
+    TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+    close(second);
+    (void)posix_bus_poll(&bus, -1, 100);
+    TEST_ASSERT_EQUAL_UINT(0, posix_bus_listeners(&bus));
+    close(first);
+    posix_bus_close(&bus);
+}
+
+/* One listener that does not read: every frame is taken or refused, none waits; a second listener is not held back. */
+static void a_full_ring_refuses(void)
+{
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    unsigned taken = 0, i;
+    int lazy, eager;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    posix_bus_port(&bus, &port);
+    lazy = connect_to_bus();
+    say(lazy, "O\r");
+    for (i = 0; i < 20000u; i++) {
+        taken += (unsigned)port.send(port.context, &frame);
+    }
+    TEST_ASSERT_UINT_WITHIN(2, POSIX_BUS_RING / 27u, taken);
+    TEST_ASSERT_EQUAL_UINT32(20000u - taken, bus.refused);
+    TEST_ASSERT_EQUAL_size_t(0, posix_bus_room(&bus));
+    eager = connect_to_bus();
+    (void)posix_bus_poll(&bus, -1, 100);
+    bus.listener[0].tail = bus.listener[0].head - (POSIX_BUS_RING - 10u); /* full but for ten characters */
+    say(eager, "O\r");
+    bus.listener[0].tail = bus.listener[0].head - (POSIX_BUS_RING - 10u);
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    TEST_ASSERT_EQUAL_UINT32(1, posix_bus_dropped(&bus));
+    posix_bus_abandon(&bus, POSIX_BUS_RING / 2u);
+    TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_UINT32(1, posix_bus_dropped(&bus));
+    close(lazy);
+    close(eager);
+    posix_bus_close(&bus);
+}
+
+static void too_many_listeners_are_turned_away(void)
+{
+    int fd[POSIX_BUS_LISTENERS + 1];
+    unsigned i;
+    char byte;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    for (i = 0; i < POSIX_BUS_LISTENERS + 1u; i++) {
+        fd[i] = connect_to_bus();
+        (void)posix_bus_poll(&bus, -1, 100);
+    }
+    TEST_ASSERT_EQUAL_INT(0, (int)read(fd[POSIX_BUS_LISTENERS], &byte, 1));
+    for (i = 0; i < POSIX_BUS_LISTENERS + 1u; i++) {
+        close(fd[i]);
+    }
+    posix_bus_close(&bus);
+}
+
+static void terminal_serves_one_after_the_other(void)
+{
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    unsigned round;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_terminal(&bus));
+    posix_bus_port(&bus, &port);
+    for (round = 0; round < 3u; round++) {
+        const int fd = open(bus.address + 6, O_RDWR | O_NOCTTY);
+        TEST_ASSERT_TRUE(fd >= 0);
+        say(fd, "C\rO\r");
+        TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+        TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+        expect(fd, "\r\rT1CFF42018F0F1F2F3F4F5F6F7\r", 29);
+        close(fd); /* without a word */
+        (void)posix_bus_poll(&bus, -1, 20);
+        (void)posix_bus_poll(&bus, -1, 20);
+        TEST_ASSERT_EQUAL_UINT(0, posix_bus_listeners(&bus));
+    }
+    posix_bus_close(&bus);
+}
+
+static void endless_commands_are_survived(void)
+{
+    char noise[1000];
+    int fd;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    fd = connect_to_bus();
+    memset(noise, 'x', sizeof noise);
+    noise[sizeof noise - 1u] = '\0';
+    say(fd, noise);
+    say(fd, "\rO\r");
+    TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+    close(fd);
+    posix_bus_close(&bus);
+}
+
+/* ---- template ---------------------------------------------------------------------------------------------------- */
+
+static void template_ring_keeps_order_and_refuses(void)
+{
+    static aeo_template_t port_template;
+    aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    unsigned round, i;
+    aeo_template_init(&port_template, &port);
+    for (round = 0; round < 5u; round++) {
+        for (i = 0; i < AEO_TEMPLATE_RING; i++) {
+            frame.data[0] = (uint8_t)i;
+            TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+        }
+        TEST_ASSERT_EQUAL_INT(0, port.send(port.context, &frame));
+        for (i = 0; i < AEO_TEMPLATE_RING; i++) {
+            TEST_ASSERT_EQUAL_INT(1, aeo_template_transmit(&port_template, &frame));
+            TEST_ASSERT_EQUAL_UINT8(i, frame.data[0]);
+        }
+        TEST_ASSERT_EQUAL_INT(0, aeo_template_transmit(&port_template, &frame));
+    }
+    port.lock(port.context);
+    port.unlock(port.context);
+    TEST_ASSERT_EQUAL_UINT32(0, port.time_us(port.context));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(text_is_that_of_the_adapter);
+    RUN_TEST(every_shape_goes_there_and_back);
+    RUN_TEST(broken_text_is_no_frame);
+    RUN_TEST(listeners_come_and_go);
+    RUN_TEST(a_full_ring_refuses);
+    RUN_TEST(too_many_listeners_are_turned_away);
+    RUN_TEST(terminal_serves_one_after_the_other);
+    RUN_TEST(endless_commands_are_survived);
+    RUN_TEST(template_ring_keeps_order_and_refuses);
+    return UNITY_END();
+}
