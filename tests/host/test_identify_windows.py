@@ -107,7 +107,7 @@ def test_dead_channels_are_named(noisy, spoil, error, words):
 
 def test_too_few_samples_say_how_many_are_needed(noisy):
     short = record_of(noisy.values[:40], noisy)
-    with pytest.raises(NotIdentifiable, match="30 complete windows .* needs at least 45, that is 55 samples"):
+    with pytest.raises(NotIdentifiable, match=r"30 complete windows .* needs at least 45, that is 55 samples"):
         require_windows([short], 10, 4)
     require_windows([noisy], 10, 4)
     with pytest.raises(NotIdentifiable, match=r"44 complete windows .*\(2946 more hold a missing sample"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 import sys
 
@@ -35,6 +36,7 @@ def build_app() -> typer.Typer:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; exit codes 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
     try:
         build_app()(args=arguments, prog_name="aeolid")  # ends in SystemExit; usage errors are reported there, code 2
     except AeolidError as error:
