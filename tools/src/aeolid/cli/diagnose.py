@@ -1,0 +1,72 @@
+"""aeolid diagnose: from a case directory to a verdict."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command("diagnose")(run)
+
+
+def run(
+    case: Annotated[Path, typer.Argument(help="Directory with case.toml, the recordings and the baseline model.")],
+    out: Annotated[
+        Path, typer.Option("--out", help="Directory for the diagnosis, the report and the corrected model.")
+    ],
+    sham: Annotated[int, typer.Option("--sham", min=0, max=1000, help="Null runs of the whole procedure.")] = 20,
+    seed: Annotated[int, typer.Option("--seed", help="Seed of the bootstrap and the sham runs.")] = 1,
+    fail_on_mismatch: Annotated[
+        bool, typer.Option("--fail-on-mismatch", help="Exit 1 when a mismatch is found.")
+    ] = False,
+    json_target: JsonOption = None,
+) -> None:
+    """Locate what a model leaves out, name it, model it and prove it on sealed data.
+
+    Example: aeolid diagnose my_case --out my_case/diagnosis
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.export import write_all
+    from aeolid.diagnose.pipeline import study
+    from aeolid.diagnose.verdict import diagnose
+    from aeolid.report.diagnosis import render_diagnosis
+
+    loaded = load_case(case)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True) as bar:
+        task = bar.add_task("diagnosis", total=1.0)
+        result = study(
+            loaded,
+            sham=sham,
+            seed=seed,
+            progress=lambda text, share: bar.update(task, description=text, completed=share),
+        )
+    diagnosis = diagnose(result)
+    evidence = write_all(result, diagnosis, out)
+    render_diagnosis(diagnosis, evidence, out / "report.html")
+    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {diagnosis['statement']}", soft_wrap=True)
+    for effect in diagnosis["effects"]:
+        for name, value in effect["parameters"].items():
+            spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
+            console.print(f"  {effect['id']} {name} = {value['value']:.4g}{spread} {value['unit']}")
+    sealed = diagnosis["sealed"]
+    if sealed["nrmse_before"]:
+        low, high = sealed["interval"]
+        console.print(f"  sealed data: {sealed['data']}")
+        console.print(
+            f"  log-likelihood gain {sealed['log_likelihood_gain']:.1f} (90 % interval {low:.1f} … {high:.1f})"
+        )
+        for name, before in sealed["nrmse_before"].items():
+            console.print(f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after")
+    console.print(f"  report: {out / 'report.html'}", soft_wrap=True)
+    emit_json(diagnosis, json_target)
+    if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
+        raise typer.Exit(1)

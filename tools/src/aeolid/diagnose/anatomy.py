@@ -1,0 +1,162 @@
+"""Find the mechanics in a model: where it moves, how fast, and where a force would act."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, State
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+VELOCITY_UNITS = {"m/s", "mm/s", "rad/s", "deg/s", "rpm", "1/min", "ticks/s"}
+ACCELERATION_UNITS = {"m/s^2", "m/s**2", "m/s2", "rad/s^2", "deg/s^2", "g"}
+_FORCE_OF_MASS = {
+    "kg": ("force_N", "N"),
+    "t": ("force_kN", "kN"),
+    "kgm^2": ("torque_N_m", "N m"),
+    "kgm2": ("torque_N_m", "N m"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Hold one velocity of the model, its position if it has one, and how an extra force enters.
+
+    inject(model, force) adds the force to the equation of motion; force_unit is that of the force so added
+    (acceleration where the model shows no mass). Sizes are typical magnitudes from the baseline's own run.
+    """
+
+    location: str
+    velocity: ast.expr
+    position: ast.expr | None
+    inject: Callable[[Equations, ast.expr], Equations]
+    force_name: str
+    force_unit: str
+    velocity_size: float
+    position_size: float
+    force_size: float
+    frequency_hz: float | None
+
+
+def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[Motion]:
+    """Find velocities in first-principles equations: dq/dt = v, or a state whose unit is a velocity.
+
+    sizes, rates: typical magnitude (n,) of each state and of its derivative.
+    """
+    names = [s.name for s in model.states]
+    found: list[Motion] = []
+    paired: dict[str, str] = {}
+    for state in model.states:
+        if isinstance(state.derivative, ast.Name) and state.derivative.id in names:
+            paired[state.derivative.id] = state.name
+    for i, state in enumerate(model.states):
+        if state.name not in paired and state.unit.replace(" ", "") not in VELOCITY_UNITS:
+            continue
+        position = paired.get(state.name)
+        mass = _mass_of(state.derivative, model)
+        label, unit = _FORCE_OF_MASS.get(mass[1].replace(" ", ""), ("force", "")) if mass else ("acceleration", "")
+        if not mass and state.unit:
+            unit = f"{state.unit}/s"
+        found.append(
+            Motion(
+                f"state:{state.name}", ast.Name(id=state.name), ast.Name(id=position) if position else None,
+                _force_on(state.name, mass is not None), label, unit, float(sizes[i]),
+                float(sizes[names.index(position)]) if position else 0.0,
+                float(rates[i]) * (mass[0] if mass else 1.0), None,
+            )
+        )  # fmt: skip
+    return found
+
+
+def _mass_of(derivative: ast.expr, model: Equations) -> tuple[float, str] | None:
+    """Return value and unit of M in (forces)/M; None where the equation has another shape."""
+    if (
+        isinstance(derivative, ast.BinOp)
+        and isinstance(derivative.op, ast.Div)
+        and isinstance(derivative.right, ast.Name)
+    ):
+        for p in model.parameters:
+            if p.name == derivative.right.id:
+                return abs(p.value), p.unit
+    return None
+
+
+def _force_on(name: str, has_mass: bool) -> Callable[[Equations, ast.expr], Equations]:
+    def inject(model: Equations, force: ast.expr) -> Equations:
+        return replace(model, states=tuple(_push(s, force) if s.name == name else s for s in model.states))
+
+    def _push(state: State, force: ast.expr) -> State:
+        d = state.derivative
+        if has_mass and isinstance(d, ast.BinOp):
+            return replace(state, derivative=ex.combine("/", ex.combine("+", d.left, force), d.right))
+        return replace(state, derivative=ex.combine("+", d, force))
+
+    return inject
+
+
+def motions_of_state_space(model: StateSpace, converted: Equations, sizes: Array, spreads: Array) -> list[Motion]:
+    """Read each oscillatory mode as q̈ = −ω² q − 2ζω q̇ with q, q̇ linear in the states.
+
+    The output that shows the mode most (against its spread, spreads (l,)) and the derivative order in its unit fix
+    the mode's scale and phase.
+    """
+    values, right = np.linalg.eig(model.A)
+    left = np.linalg.inv(right)
+    found = []
+    for k in np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > 0.2)):
+        lam = np.log(values[k]) / model.sample_time_s
+        shape = model.C @ right[:, k]  # (l,): how each output sees the mode
+        j = int(np.argmax(np.abs(shape) / spreads))
+        order = _derivative_order(model.outputs[j].unit)
+        beta = 2j * shape[j] / lam**order
+        q = np.imag(beta * left[k])
+        v = np.imag(beta * lam * left[k])
+        push = 2 * np.real(right[:, k] / (beta * lam.imag))
+        span = np.abs(q) @ sizes, np.abs(v) @ sizes
+        found.append(
+            Motion(
+                f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", _linear(v, converted), _linear(q, converted),
+                _force_on_mode(push * model.sample_time_s, converted), "acceleration", f"{_base_unit(model.outputs[j].unit)}/s^2",
+                float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _derivative_order(unit: str) -> int:
+    plain = unit.replace(" ", "")
+    return 1 if plain in VELOCITY_UNITS else 2 if plain in ACCELERATION_UNITS else 0
+
+
+def _base_unit(unit: str) -> str:
+    return unit.split("/")[0].strip() or "1"
+
+
+def _linear(row: Array, model: Equations) -> ast.expr:
+    terms = [f"{c!r}*{s.name}" for c, s in zip(row.tolist(), model.states, strict=False) if c]
+    return ex.parse(" + ".join(terms) or "0", "mode coordinate")
+
+
+def _force_on_mode(push: Array, model: Equations) -> Callable[[Equations, ast.expr], Equations]:
+    share = {s.name: float(c) for s, c in zip(model.states, push, strict=True)}
+
+    def inject(target: Equations, force: ast.expr) -> Equations:
+        return replace(
+            target,
+            states=tuple(
+                replace(
+                    s, derivative=ex.combine("+", s.derivative, ex.combine("*", ast.Constant(share[s.name]), force))
+                )
+                if share.get(s.name)
+                else s
+                for s in target.states
+            ),
+        )
+
+    return inject

@@ -1,0 +1,97 @@
+"""Read a case directory: recordings, roles, baseline model, context."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aeolid.errors import DataError, UsageError
+from aeolid.formats import read_record
+from aeolid.models import equations, state_space
+from aeolid.models.equations import Equations
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record, Roles, check_keys, file_sha256, load_toml, require_same_layout
+
+KINDS = ("state_space", "equations", "run", "fmu")
+_AVAILABLE = ("state_space", "equations")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Hold what a diagnosis starts from."""
+
+    title: str
+    records: tuple[Record, ...]
+    kind: str
+    baseline: StateSpace | Equations
+    baseline_file: str
+    baseline_sha256: str
+    context: dict[str, Any]
+    directory: Path
+
+
+def load_case(directory: str | Path) -> Case:
+    """Read `case.toml` and all it names; raises DataError that names the file and the key."""
+    folder = Path(directory)
+    source = str(folder / "case.toml")
+    data = load_toml(source)
+    check_keys(data, {"case", "recordings", "baseline", "context"}, source)
+    head, files = data.get("case", {}), data.get("recordings", {})
+    check_keys(head, {"title"}, f"{source} [case]")
+    check_keys(files, {"files", "roles"}, f"{source} [recordings]")
+    names = files.get("files")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise DataError(f"{source} [recordings]: files must list at least one recording")
+    if not isinstance(files.get("roles"), str):
+        raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
+    kind, file = _baseline(data.get("baseline"), source)
+    context = data.get("context", {})
+    if not isinstance(context, dict):
+        raise DataError(f"{source}: [context] is not a table")
+    roles = Roles.load(folder / files["roles"])
+    records = tuple(read_record(folder / n, roles) for n in names)
+    require_same_layout(records)
+    path = folder / file
+    baseline = state_space.load(path) if kind == "state_space" else equations.load(path)
+    _check_channels(baseline, records[0], str(path))
+    return Case(str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder)
+
+
+def _baseline(table: Any, source: str) -> tuple[str, str]:
+    where = f"{source} [baseline]"
+    if not isinstance(table, dict):
+        raise DataError(f"{where}: the table is missing; give kind and file")
+    check_keys(table, {"kind", "file", "same_inputs"}, where)
+    kind = table.get("kind")
+    if kind not in KINDS:
+        raise DataError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
+    if kind not in _AVAILABLE:
+        raise UsageError(
+            f"{where}: baselines of kind {kind!r} are not diagnosed by this version; identify a model from the"
+            f" simulation (aeolid identify … --out model.json) and give it as kind = 'state_space'"
+        )
+    if not isinstance(table.get("file"), str):
+        raise DataError(f"{where}: file is missing")
+    return kind, table["file"]
+
+
+def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:
+    units = {c.name: (c.unit, c.role) for c in record.channels}
+    for what, signals in (("input", model.inputs), ("output", model.outputs)):
+        for signal in signals:
+            if signal.name not in units:
+                raise DataError(f"{source}: {what} {signal.name!r} is no channel of {record.source}")
+            unit, role = units[signal.name]
+            if signal.unit and unit and signal.unit.replace(" ", "") != unit.replace(" ", ""):
+                raise DataError(
+                    f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
+                )
+            if what == "output" and role != "output":
+                raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
+    if isinstance(model, StateSpace) and model.sample_time_s:
+        if abs(model.sample_time_s - record.sample_time_s) > 1e-6 * model.sample_time_s:
+            raise DataError(
+                f"{source}: sample time {model.sample_time_s:g} s, the recording has {record.sample_time_s:g} s;"
+                " resample the recording or identify the model at its rate"
+            )

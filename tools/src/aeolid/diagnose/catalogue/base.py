@@ -1,0 +1,109 @@
+"""Say what a catalogue entry is and where it may attach to a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.anatomy import Motion
+from aeolid.models.equations import Equations
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """Describe a parameter of an entry for the catalogue page: symbol, unit, physical range, null value."""
+
+    symbol: str
+    unit: str
+    low: float
+    high: float
+    null: float
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Hold what an entry may look at to decide where it attaches."""
+
+    model: Equations
+    linear: StateSpace | None
+    motions: tuple[Motion, ...]
+    step: float
+    u: Array
+    y: Array
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    context: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Slot:
+    """Hold one parameter of an attachment inside the extended model.
+
+    `name` in the model, `label` and `unit` in the report (None hides it), null value, physical range, typical size;
+    `local` says that its score at the null exists.
+    """
+
+    name: str
+    label: str | None
+    unit: str
+    null: float
+    low: float
+    high: float
+    size: float
+    local: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Attachment:
+    """Hold one hypothesis: an entry at one place of this model.
+
+    edit puts the effect, at its null, into the model; gain_states are states it brings whose noise gain is free;
+    fixed are parameters set when it is active; grid are values of the non-local parameters to scan;
+    starts are values to begin a full fit from, None entries taken from the score's estimate.
+    """
+
+    entry: str
+    key: str
+    location: Mapping[str, Any]
+    edit: Callable[[Equations], Equations]
+    slots: tuple[Slot, ...]
+    gain_states: tuple[str, ...] = ()
+    fixed: Mapping[str, float] = field(default_factory=dict)
+    grid: tuple[Mapping[str, float], ...] = ({},)
+    starts: tuple[Mapping[str, float], ...] = ({},)
+    equation: str = ""
+    statement: Callable[[Mapping[str, float]], str] = lambda values: ""
+    always_fit: bool = False
+    weight: Callable[[Mapping[str, float]], float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """Hold one physical effect: what it is, where it can sit, what it looks like, what else looks alike."""
+
+    id: str
+    family: str
+    name: str
+    equation: str
+    source: str
+    quantities: tuple[Quantity, ...]
+    attaches_to: str
+    signature: str
+    confused_with: tuple[tuple[str, str], ...]
+    attach: Callable[[Site], list[Attachment]]
+
+
+def location(entry: str, *, outputs: tuple[str, ...] = (), inputs: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Return a location as the diagnosis file holds it, unknown parts as None."""
+    return {
+        "entry": entry, "outputs": list(outputs), "inputs": list(inputs), "frequency_hz": None,
+        "azimuth_order": None, "region": None, "time_s": None,
+    }  # fmt: skip

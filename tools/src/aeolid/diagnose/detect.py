@@ -1,0 +1,161 @@
+"""Ask whether anything at all is left in the innovations, and how much could be explained (S2, the ceiling of S6)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter, welch
+
+from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment, filter_var
+from aeolid.diagnose.prepare import Prepared
+
+Array = NDArray[np.float64]
+_LAGS = 12
+_RIDGES = 10.0 ** np.arange(-3, 7)
+
+
+@dataclass(frozen=True, eq=False)
+class Ceiling:
+    """Hold what a model-free correction of the innovations gains: per-sample gains (N,) on each part in nats.
+
+    groups: share of the fitted correction's variance by kind of feature, largest first.
+    """
+
+    select: Array
+    sealed: Array
+    groups: tuple[tuple[str, float], ...]
+
+
+def ceiling(prepared: Prepared, fit: Fit, sealed: tuple[Segment, ...]) -> Ceiling:
+    """Regress whitened innovations on past inputs, innovations and functions of the predicted states.
+
+    A ridge regression fitted on the fit part, its strength chosen on the select part: what no named effect explains
+    but the data would allow. Features: `lags` of inputs and innovations; odd and even functions of the states (signs,
+    squares, cubes, products). Cost O(N q²).
+    """
+    predictor = prepared.predictor
+    sizes = _state_sizes(predictor, fit.point)
+    X, R, groups = _features(predictor, fit.point, fit, sizes)
+    mean, spread = X.mean(axis=0), X.std(axis=0)
+    keep = spread > 1e-9 * max(float(spread.max(initial=0.0)), 1e-300)
+    scale = (mean, np.where(keep, spread, np.inf))
+    Z = (X - mean) / scale[1]
+    gram, cross = Z.T @ Z, Z.T @ R
+    parts = {}
+    for name, segments in (("select", prepared.split.select), ("sealed", sealed)):
+        _, other, point = predictor.score_elsewhere(fit, segments)
+        x, r, _ = _features(other, point, fit, sizes)
+        parts[name] = ((x - mean) / scale[1], r)
+    best, weights = -np.inf, np.zeros((Z.shape[1], R.shape[1]))
+    for ridge in _RIDGES:
+        w = np.linalg.solve(gram + ridge * np.eye(len(gram)), cross)
+        gain = float(_gain(*parts["select"], w).sum())
+        if gain > best:
+            best, weights = gain, w
+    if best <= 0:
+        weights = np.zeros_like(weights)
+    share: dict[str, float] = {}
+    for column, group in enumerate(groups):
+        share[group] = share.get(group, 0.0) + float(np.sum((Z[:, column : column + 1] * weights[column]) ** 2))
+    total = sum(share.values()) or 1.0
+    ranked = tuple(sorted(((g, v / total) for g, v in share.items()), key=lambda p: -p[1]))
+    return Ceiling(_gain(*parts["select"], weights), _gain(*parts["sealed"], weights), ranked)
+
+
+def _gain(Z: Array, R: Array, w: Array) -> Array:
+    """Return per-sample nats gained by the correction, each side at its own noise level."""
+    squares = [np.sum(r**2, axis=1) for r in (R, R - Z @ w)]
+    levels = [max(float(np.mean(q)) / R.shape[1], 1e-300) for q in squares]
+    before, after = (-0.5 * (q / v + R.shape[1] * np.log(v)) for q, v in zip(squares, levels, strict=True))
+    result: Array = after - before
+    return result
+
+
+def _features(
+    predictor: Predictor, point: Point, fit: Fit, sizes: tuple[Array, Array]
+) -> tuple[Array, Array, list[str]]:
+    rows, targets = [], []
+    groups: list[str] = []
+    for i, segment in enumerate(predictor.segments):
+        e, _, X = predictor.run(point, i)
+        white = filter_var(np.where(np.isfinite(e), e, 0.0), fit.noise.var) @ fit.noise.factor
+        columns, groups = _columns(_coarse(segment), white, X[: len(e)], sizes)
+        rows.append(np.nan_to_num(columns)[segment.burn :])
+        good = np.all(np.isfinite(e), axis=1)[segment.burn :, None]
+        targets.append(np.where(good, white[segment.burn :], 0.0))
+    return np.clip(np.vstack(rows), -1e6, 1e6), np.vstack(targets), groups
+
+
+def _coarse(segment: Segment) -> Array:
+    return segment.u.reshape(len(segment.y), segment.stride, -1).mean(axis=1)
+
+
+def _state_sizes(predictor: Predictor, point: Point) -> tuple[Array, Array]:
+    X = np.vstack([predictor.run(point, i)[2][segment.burn :] for i, segment in enumerate(predictor.segments)])
+    return X.mean(axis=0), X.std(axis=0)
+
+
+def _columns(u: Array, white: Array, X: Array, sizes: tuple[Array, Array]) -> tuple[Array, list[str]]:
+    columns, groups = [], []
+    for lag in range(1, _LAGS + 1):
+        for source, name in ((u, "past inputs"), (white, "past innovations")):
+            for j in range(source.shape[1]):
+                columns.append(lfilter(np.eye(lag + 1)[lag], 1.0, source[:, j]))
+                groups.append(name)
+    moving = sizes[1] > 1e-9 * max(float(sizes[1].max(initial=0.0)), 1e-300)
+    raw = X[:, moving] / sizes[1][moving]
+    S = raw - sizes[0][moving] / sizes[1][moving]
+    for j in range(S.shape[1]):
+        for values, name in (
+            (S[:, j], "states"), (np.tanh(10 * raw[:, j]), "sign of a state"), (raw[:, j] ** 2, "square of a state"),
+            (raw[:, j] ** 3, "cube of a state"), (np.abs(raw[:, j]), "size of a state"),
+        ):  # fmt: skip
+            columns.append(values)
+            groups.append(name)
+    return np.column_stack(columns), groups
+
+
+def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> list[dict[str, object]]:
+    """Compare the power of the whitened innovations in third octaves with white noise; family-wise over all cells.
+
+    Returns one entry a channel and band: ratio to white noise, and whether it exceeds the 1 % family-wise limit.
+    """
+    step = predictor.segments[0].step
+    outputs = predictor.segments[0].y.shape[1]
+    white = fit.residual.reshape(-1, outputs)
+    length = min(len(white), 1024)
+    if length < 64:
+        return []
+    rng = np.random.default_rng(seed)
+    f, power = welch(white, 1 / step, nperseg=length, axis=0)
+    edges = np.geomspace(max(f[2], f[-1] / 100), f[-1], 3 * 6 + 1)
+    null = np.stack(
+        [
+            _bands(*welch(rng.standard_normal((len(white), 1)), 1 / step, nperseg=length, axis=0), edges)[:, 0]
+            for _ in range(draws)
+        ]
+    )
+    centre, spread = null.mean(axis=0), np.maximum(null.std(axis=0), 1e-12)
+    limit = float(np.quantile(np.max(np.abs(null - centre) / spread, axis=1), 0.99)) * (1 + 0.1 * np.log(outputs))
+    measured = _bands(f, power, edges)
+    return [
+        {
+            "output": predictor.compiled.model.outputs[j].name,
+            "frequency_hz": [float(edges[b]), float(edges[b + 1])],
+            "ratio": float(measured[b, j] / centre[b]),
+            "significant": bool(abs(measured[b, j] - centre[b]) / spread[b] > limit),
+        }
+        for j in range(outputs)
+        for b in range(len(edges) - 1)
+        if centre[b] > 0
+    ]
+
+
+def _bands(f: Array, power: Array, edges: Array) -> Array:
+    rows = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = (f >= low) & (f <= high)
+        rows.append(power[inside].mean(axis=0) if np.any(inside) else np.zeros(power.shape[1]))
+    return np.array(rows)

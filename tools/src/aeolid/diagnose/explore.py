@@ -1,0 +1,73 @@
+"""Find places to start a fit from: declared ranges sampled evenly, each with a ladder of noise gains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import qmc
+
+from aeolid.diagnose.predictor import Fit, Free, Point, Predictor
+
+_MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
+_PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings
+NOISE_LADDER = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)  # process noise amplitudes to try, in sizes of the states
+_KEEP = 6
+_QUICK, _FULL = 5, 40  # Gauss–Newton iterations to compare starts, and to finish
+
+
+def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int] = ()) -> list[Point]:
+    """Return the best of up to 128 points spread over the declared ranges of the free parameters (log above zero).
+
+    Parameters without two finite ends, or listed in `fixed`, stay where `origin` has them; noise amplitudes
+    are tried on a ladder.
+    """
+    scales = predictor.scales
+    moving = [
+        i for i in free.theta
+        if i not in fixed and np.isfinite(scales.low[i]) and np.isfinite(scales.high[i]) and scales.high[i] > scales.low[i]
+    ]  # fmt: skip
+    if not moving:
+        return []
+    samples = sum(len(s.u) for s in predictor.segments)
+    count = _FEWEST
+    while count < _MOST and 2 * count * samples <= _PASSES:
+        count *= 2
+    declared = predictor.compiled.model.x0
+    found: list[tuple[float, Point]] = []
+    for row in qmc.Sobol(len(moving), scramble=True, seed=1).random(count):
+        theta = origin.theta.copy()
+        for i, share in zip(moving, row, strict=True):
+            low, high = scales.low[i], scales.high[i]
+            theta[i] = low * (high / low) ** share if low > 0 else low + share * (high - low)
+        point = replace(origin, theta=theta, x0=tuple(declared.copy() for _ in origin.x0))
+        for candidate in noise_ladder(point, free):
+            found.append((predictor.objective(candidate), candidate))
+    found.sort(key=lambda pair: pair[0])
+    return [point for value, point in found[:_KEEP] if value < 1e299]
+
+
+def noise_ladder(point: Point, free: Free) -> list[Point]:
+    """Return the point with the free process noises at each rung of the ladder; itself where none is free."""
+    states = len(point.x0[0])
+    moving = [i for i in free.noise if i < states]
+    if not moving:
+        return [point]
+    result = []
+    for level in NOISE_LADDER:
+        noise = point.noise.copy()
+        noise[moving] = level
+        result.append(replace(point, noise=noise))
+    return result
+
+
+def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free) -> Fit | None:
+    """Fit briefly from every start, fully from the two best; returns the best, None where all diverge."""
+    trials = [t for t in (predictor.fit(s, free, iterations=_QUICK) for s in starts) if t is not None]
+    done = [
+        predictor.fit(t.point, free, iterations=_FULL)
+        for t in sorted(trials, key=lambda t: -t.log_likelihood)[:2]
+    ]  # fmt: skip
+    finished = [d for d in done if d is not None]
+    return max(finished, key=lambda d: d.log_likelihood) if finished else None

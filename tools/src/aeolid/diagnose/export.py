@@ -1,0 +1,117 @@
+"""Write what a diagnosis leaves behind: JSON, corrected model, sealed series, evidence for the report."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.refit import Candidate
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations
+
+
+def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -> Equations:
+    """Return the baseline with fitted values, plus the named effects and nothing of the others.
+
+    Effects are attached anew to the declared model so that the file shows only what was named; a switched effect
+    stays on. Start values of the states are those of the fitted record.
+    """
+    model = prepared.declared
+    attachments = candidate.attachments if candidate is not None else ()
+    for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):
+        model = a.edit(model)
+    values = dict(zip([p.name for p in prepared.extended.parameters], fit.point.theta.tolist(), strict=True))
+    for a in attachments:
+        values.update(a.fixed)
+    names = [s.name for s in prepared.extended.states]
+    start = dict(zip(names, fit.point.x0[0].tolist(), strict=True))
+    switches = {k for a in attachments for k in a.fixed}
+    parameters = tuple(
+        replace(p, value=float(np.clip(values[p.name], p.minimum, p.maximum)), free=p.free or p.name not in switches)
+        if p.free or any(p.name == s.name for a in attachments for s in a.slots)
+        else p
+        for p in model.parameters
+    )
+    states = tuple(replace(s, initial=start[s.name]) for s in model.states)
+    return replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states)
+
+
+def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Write diagnosis.json, model/model.toml, sealed_before_after.csv; returns the evidence for the report."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    chosen = study.second or study.winner
+    named = diagnosis["verdict"] in ("named", "multiple", "ambiguous") or (
+        diagnosis["verdict"] == "parameter" and chosen is not None
+    )
+    fit = chosen.fit if named and chosen is not None else study.prepared.fit
+    model = corrected_model(study.prepared, fit, chosen if named else None)
+    (folder / "model").mkdir(exist_ok=True)
+    (folder / "model" / "model.toml").write_text(model.to_toml(), encoding="utf-8")
+    facts = evidence(study)
+    write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
+    return facts
+
+
+def write_series(series: dict[str, Any], path: Path) -> None:
+    """Write measured, before and after of every output over the sealed data; an empty series gives a heading only."""
+    names = list(series)
+    heads = ["time_s"] + [f"{n}_{kind}" for n in names for kind in ("measured", "before", "after")]
+    with open(path, "w", newline="", encoding="utf-8") as handle:
+        writer = csv.writer(handle)
+        writer.writerow(heads)
+        if names:
+            columns = [series[names[0]]["time_s"]] + [
+                series[n][k] for n in names for k in ("measured", "before", "after")
+            ]
+            writer.writerows([["" if v is None else f"{v:.9g}" for v in row] for row in zip(*columns, strict=True)])
+
+
+def evidence(study: Study) -> dict[str, Any]:
+    """Return what the report's appendix shows, all keys plain JSON."""
+    proof = study.proof or study.declared_proof
+    prepared = study.prepared
+    parameters = []
+    for k, i in enumerate(prepared.free.theta):
+        p = prepared.extended.parameters[i]
+        std, fitted = float(prepared.fit.std[k]), float(prepared.fit.point.theta[i])
+        spread = np.hypot(std, p.prior_std or 0.0)
+        parameters.append(
+            {"name": p.name, "unit": p.unit, "prior": p.value, "fitted": fitted, "std": std if np.isfinite(std) else None,
+             "pull": float((fitted - p.value) / spread) if np.isfinite(spread) and spread > 0 else None}
+        )  # fmt: skip
+    facts: dict[str, Any] = {
+        "title": study.case.title,
+        "bank": study.bank.to_json(),
+        "confusion": study.bank.confusion(),
+        "forensics": [f.to_json() for f in study.findings],
+        "split": list(prepared.split.rows),
+        "parameters": parameters,
+        "candidates": [
+            {
+                "key": c.key,
+                "fit_gain": c.fit_gain,
+                "select_gain": c.select_gain,
+                "plausible": c.plausible,
+                "reason": c.reason,
+            }
+            for c in study.candidates
+        ],
+        "bands": study.bands,
+        "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups],
+        "sham_largest_z": list(study.sham[2]),
+        "decimation": prepared.decimation,
+        "timing_s": study.timing_s,
+        "model_equations": [f"{s.name}: {ex.to_text(s.derivative)}" for s in prepared.declared.states][:12],
+    }
+    if proof is not None:
+        facts |= {"series": proof.series, "spectra": proof.spectra, "horizon": proof.profile}
+    return facts

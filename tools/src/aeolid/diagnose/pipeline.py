@@ -1,0 +1,193 @@
+"""Run a diagnosis from a case directory to a verdict (S0 to S8)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.detect import Ceiling, band_power, ceiling
+from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.predictor import Fit, Point, Predictor
+from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
+from aeolid.diagnose.refit import Candidate, finalists, refit
+from aeolid.diagnose.scores import Bank, Row, score_bank
+
+Array = NDArray[np.float64]
+_SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
+_LEAST_GAIN = 4.0  # nats on the selection data: e^4, about 1 in 50 by chance for one parameter
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """Hold everything the verdict is drawn from."""
+
+    case: Case
+    seed: int
+    findings: tuple[Finding, ...]
+    prepared: Prepared
+    bank: Bank
+    candidates: tuple[Candidate, ...]
+    winner: Candidate | None
+    second: Candidate | None
+    proof: Proof | None
+    declared_proof: Proof | None
+    ceiling: Ceiling
+    bands: list[dict[str, object]]
+    after_bank: Bank | None
+    sham: tuple[int, int, tuple[float, ...]]
+    timing_s: dict[str, float] = field(default_factory=dict)
+
+
+def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
+    """Do all steps in order; `progress(text, share done)` is called between them. Same input and seed, same answer."""
+    timing: dict[str, float] = {}
+
+    def step(name: str, share: float) -> Callable[[], None]:
+        progress(name, share)
+        begun = time.perf_counter()
+        return lambda: timing.__setitem__(name, round(time.perf_counter() - begun, 3))
+
+    done = step("forensics", 0.0)
+    findings = examine(case.records)
+    done()
+    done = step("baseline predictor", 0.02)
+    prepared = prepare(case)
+    done()
+    done = step("score bank", 0.2)
+    bank = score_bank(prepared.predictor, prepared.fit, prepared.attachments, seed)
+    done()
+    done = step("full fits", 0.3)
+    candidates = fit_finalists(prepared, bank)
+    accepted = [c for c in candidates if is_accepted(c)]
+    winner = max(accepted, key=lambda c: c.score, default=None)
+    done()
+    done = step("second effect", 0.5)
+    second, after_bank = (None, None) if winner is None else second_effect(prepared, winner, seed)
+    done()
+    done = step("sealed proof", 0.6)
+    base = (prepared.predictor, prepared.fit)
+    chosen = second or winner
+    proof = (
+        None
+        if chosen is None
+        else prove(base, (chosen.predictor, chosen.fit), prepared.split.sealed, prepared.settle_s, seed)
+    )
+    if second is not None and winner is not None and proof is not None:
+        alone = prove(base, (winner.predictor, winner.fit), prepared.split.sealed, prepared.settle_s, seed)
+        if block_interval(proof.difference - alone.difference, seed)[0] <= 0:  # the pair must beat the first effect
+            second, proof = None, alone
+    declared_proof = _declared(prepared, seed)
+    top = ceiling(prepared, prepared.fit, prepared.split.sealed)
+    bands = band_power(prepared.predictor, prepared.fit, seed)
+    done()
+    done = step("sham runs", 0.7)
+    hits, largest = _sham(prepared, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
+    done()
+    progress("done", 1.0)
+    return Study(
+        case, seed, findings, prepared, bank, tuple(candidates), winner, second, proof, declared_proof, top, bands,
+        after_bank, (sham, hits, tuple(largest)), timing,
+    )  # fmt: skip
+
+
+def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
+    """Fit the finalists of a bank fully, best score first."""
+    base_select = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)[0]
+    rows = finalists(bank)[:most]
+    fitted = [refit(prepared, prepared.fit, [r], base_select) for r in rows]
+    return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
+
+
+def is_accepted(candidate: Candidate) -> bool:
+    """Tell whether a candidate earned its name on data it was not fitted to."""
+    spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
+    return candidate.plausible and candidate.fit_gain > 0 and candidate.select_gain > max(_LEAST_GAIN, 1.64 * spread)
+
+
+def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
+    """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
+    taken = {a.key for a in winner.attachments}
+    rest = tuple(
+        a for a in prepared.attachments if a.key not in taken and a.entry not in {x.entry for x in winner.attachments}
+    )
+    bank = score_bank(winner.predictor, winner.fit, rest, seed)
+    rows = [r for r in bank.rows if r.z > bank.threshold][:2]
+    base_select = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)[0]
+    best: Candidate | None = None
+    first_row = _as_row(winner)
+    for row in rows:
+        pair = refit(
+            replace(prepared, predictor=winner.predictor), _with_base(prepared, winner), [first_row, row], base_select
+        )
+        if pair is None:
+            continue
+        added = pair.select_gain - winner.select_gain
+        difference = pair.select_difference - winner.select_difference
+        spread = float(np.sqrt(len(difference)) * np.std(difference))
+        worth = added > max(_LEAST_GAIN, 2.33 * spread, _SECOND_SHARE * winner.select_gain)
+        if pair.plausible and worth and (best is None or pair.select_gain > best.select_gain):
+            best = pair
+    return best, bank
+
+
+def _with_base(prepared: Prepared, winner: Candidate) -> Fit:
+    return replace(winner.fit, free=prepared.free)
+
+
+def _as_row(winner: Candidate) -> Row:
+    """Present a fitted effect as a row whose start values are the fitted ones."""
+    attachment: Attachment = winner.attachments[0]
+    model = winner.predictor.compiled.model
+    values = {s.name: float(winner.fit.point.theta[model.index(s.name)]) for s in attachment.slots}
+    single = replace(attachment, starts=({},), always_fit=False)
+    return Row(single, 0.0, 0.0, 0, 1.0, {}, values, {}, {}, None, True)
+
+
+def _declared(prepared: Prepared, seed: int) -> Proof | None:
+    """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both)."""
+    physical = [
+        i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(("bias_u", "bias_y"))
+    ]
+    if not physical:
+        return None
+    held = replace(prepared.free, theta=tuple(i for i in prepared.free.theta if i not in physical))
+    theta = prepared.fit.point.theta.copy()
+    theta[physical] = prepared.extended.theta[physical]
+    fit = prepared.predictor.fit(replace(prepared.fit.point, theta=theta), held)
+    if fit is None:
+        return None
+    pair = (prepared.predictor, fit), (prepared.predictor, prepared.fit)
+    return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
+
+
+def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]) -> tuple[int, list[float]]:
+    """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named."""
+    hits, largest = 0, []
+    _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
+    for k in range(count):
+        rng = np.random.default_rng((seed, k))
+        fit_part = imitate(prepared.predictor, prepared.fit, prepared.split.fit, prepared.fit.point, rng)
+        select_part = imitate(select, prepared.fit, prepared.split.select, select_point, rng)
+        tick(k + 1)
+        predictor: Predictor = prepared.predictor.on(fit_part)
+        start: Point = prepared.fit.point
+        fit = predictor.fit(start, prepared.free, iterations=8)
+        if fit is None:
+            continue
+        split = replace(prepared.split, fit=tuple(fit_part), select=tuple(select_part))
+        world = replace(prepared, predictor=predictor, fit=fit, split=split)
+        bank = score_bank(predictor, fit, [a for a in prepared.attachments if not a.always_fit], seed + k)
+        top = bank.rows[0].z if bank.rows else -np.inf
+        largest.append(float(top) if np.isfinite(top) else 0.0)
+        if top > bank.threshold and any(is_accepted(c) for c in fit_finalists(world, bank, most=2)):
+            hits += 1
+    return hits, largest

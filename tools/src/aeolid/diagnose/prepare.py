@@ -1,0 +1,203 @@
+"""Build the extended model, its scales and the fitted baseline predictor (S1)."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
+from aeolid.diagnose.baseline import discretise, equations_of
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.catalogue.base import Attachment, Site
+from aeolid.diagnose.explore import explore, fit_best, noise_ladder
+from aeolid.diagnose.predictor import Fit, Free, Point, Predictor, Scales, Segment, steady_gain
+from aeolid.diagnose.resample import factor_for
+from aeolid.diagnose.split import Split, split_records
+from aeolid.errors import DataError, NotIdentifiable
+from aeolid.models.equations import Equations
+from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """Hold the stage for all later steps: the extended model, its predictor, data, hypotheses and baseline fit."""
+
+    declared: Equations
+    linear: StateSpace | None
+    extended: Equations
+    predictor: Predictor
+    split: Split
+    attachments: tuple[Attachment, ...]
+    motions: tuple[Motion, ...]
+    free: Free
+    fit: Fit
+    settle_s: float
+    decimation: int
+
+
+def prepare(case: Case) -> Prepared:
+    """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
+    step = case.records[0].sample_time_s
+    linear = discretise(case.baseline, step) if isinstance(case.baseline, StateSpace) else None
+    declared = equations_of(linear) if linear is not None else case.baseline
+    assert isinstance(declared, Equations)
+    if linear is not None and linear.order > 40:
+        raise DataError(f"{case.baseline_file}: {linear.order} states; reduce the model to at most 40 for a diagnosis")
+    compiled = compile_equations(declared)
+    names = [s.name for s in declared.inputs]
+    outputs = [o.name for o in declared.outputs]
+    settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in case.records]), step)
+    factor = factor_for(fastest, step, sum(len(r) for r in case.records)) if linear is None else 1
+    split = split_records(case.records, names, outputs, settle, factor)
+    y = np.vstack([s.y for s in split.fit])
+    spreads = _spread(y, outputs, case)
+    rough, scales = _rough(compiled, split.fit, spreads, linear)
+    sizes, rates = _sizes(rough, scales)
+    motions = tuple(
+        motions_of_equations(declared, sizes, rates)
+        if linear is None
+        else motions_of_state_space(linear, declared, sizes, spreads)
+    )
+    u = np.vstack([s.u for s in split.fit])
+    site = Site(declared, linear, motions, step, u, y, tuple(names), tuple(outputs), case.context)
+    attachments = tuple(a for e in ENTRIES for a in e.attach(site))
+    extended = declared
+    for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale the model's own terms only
+        extended = a.edit(extended)
+    predictor, free, start = _extend(compile_equations(extended), rough[1], attachments, split.fit, sizes, spreads)
+    predictor = predictor.with_order(predictor.choose_var_order(start))
+    fit = fit_best(predictor, [start, *explore(predictor, start, free)], free)
+    if fit is not None:
+        predictor = predictor.with_order(predictor.choose_var_order(fit.point))
+        fit = predictor.fit(fit.point, free, iterations=40)
+    if fit is None:
+        raise NotIdentifiable(
+            f"{case.baseline_file}: the baseline diverges on {split.fit[0].source}; check units and signs"
+        )
+    return Prepared(
+        declared, linear, extended, predictor, split, attachments, motions, free, fit, settle, factor
+    )  # fmt: skip
+
+
+def _time_scales(compiled: Compiled, u: Array, step: float) -> tuple[float, float]:
+    """Return three times the slowest decaying time constant (60 samples when unknown) and the fastest rate (1/s)."""
+    model = compiled.model
+    middle = np.nanmedian(u, axis=0) if u.shape[1] else np.zeros(0)
+    J = numeric_jacobian(compiled, model.x0, np.nan_to_num(middle), model.theta)
+    if not len(J) or not np.all(np.isfinite(J)):
+        return 60 * step, 0.0
+    poles = np.linalg.eigvals(J)
+    poles = np.log(np.where(np.abs(poles) > 1e-12, poles, 1e-12)) / step if model.sample_time_s else poles
+    decaying = -poles.real[-poles.real > 0.01 / (len(u) * step)]
+    return (float(3.0 / decaying.min()) if len(decaying) else 60 * step), float(np.max(np.abs(poles)))
+
+
+def _spread(y: Array, outputs: list[str], case: Case) -> Array:
+    spreads = np.nanstd(y, axis=0)
+    for name, s in zip(outputs, spreads, strict=True):
+        if not np.isfinite(s) or s == 0:
+            raise NotIdentifiable(
+                f"{case.records[0].source}: output {name} never changes (or is never measured) in the fitting part;"
+                " check the sensor or leave the channel out"
+            )
+    result: Array = spreads
+    return result
+
+
+def _rough(
+    compiled: Compiled, segments: tuple[Segment, ...], spreads: Array, linear: StateSpace | None
+) -> tuple[tuple[Predictor, Point], Scales]:
+    """Find a stabilising noise gain to start from: the given K, or the best of Riccati gains over a noise ladder."""
+    model = compiled.model
+    n, m = len(model.states), len(model.outputs)
+    x_size = np.array([max(abs(s.initial), 1e-6) for s in model.states])
+    scales = _scales(model, x_size, spreads)
+    predictor = Predictor(compiled, segments, scales, 1)
+    x0 = tuple(model.x0.copy() for _ in segments)
+    if linear is not None:
+        gains = [np.zeros((n, m))] + ([linear.K] if linear.K is not None else []) + _riccati_gains(linear, spreads)
+        candidates = [Point(model.theta, np.zeros(n + m), K, x0) for K in gains]
+    else:
+        noise = np.concatenate([np.zeros(n), np.ones(m)])
+        candidates = noise_ladder(Point(model.theta, noise, None, x0), Free((), noisy_states(model), (), ()))
+    values = [predictor.objective(c) for c in candidates]
+    if min(values) >= 1e299:
+        raise NotIdentifiable(
+            f"the baseline diverges on {segments[0].source} with every noise level; check units and signs"
+        )
+    return (predictor, candidates[int(np.argmin(values))]), scales
+
+
+def noisy_states(model: Equations) -> tuple[int, ...]:
+    """List the states that noise may drive: all but the kinematic ones, whose derivative is another state."""
+    names = {s.name for s in model.states}
+    return tuple(
+        i for i, s in enumerate(model.states) if not (isinstance(s.derivative, ast.Name) and s.derivative.id in names)
+    )
+
+
+def _riccati_gains(linear: StateSpace, spreads: Array) -> list[Array]:
+    """Return Kalman gains (n, l) for disturbances that enter like the inputs, over a ladder of noise ratios."""
+    weight = linear.B @ linear.B.T
+    shown = np.diag(linear.C @ weight @ linear.C.T + linear.D @ linear.D.T)
+    weight = weight / max(float(np.max(shown / spreads**2)), 1e-300) + 1e-12 * np.eye(linear.order)
+    R = np.diag(spreads**2)
+    return [steady_gain(linear.A, linear.C, ratio * weight, R) for ratio in 10.0 ** np.arange(-6, 5)]
+
+
+def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array]:
+    predictor, point = rough
+    runs = [predictor.run(point, i)[2] for i in range(len(predictor.segments))]
+    X = np.vstack([x[s.burn :] for x, s in zip(runs, predictor.segments, strict=True)])
+    floor = 1e-9 * max(float(np.max(np.std(X, axis=0), initial=0.0)), 1e-300)
+    change = np.vstack([np.diff(x[s.burn :], axis=0) for x, s in zip(runs, predictor.segments, strict=True)])
+    return np.maximum(np.std(X, axis=0), floor), np.maximum(np.std(change, axis=0) / predictor.segments[0].step, floor)
+
+
+def _scales(model: Equations, x_size: Array, spreads: Array) -> Scales:
+    theta = np.array([max(abs(p.value), 1e-3 * _range(p.minimum, p.maximum), 1e-6) for p in model.parameters])
+    prior = np.array([[p.value, p.prior_std or np.inf] for p in model.parameters]).reshape(-1, 2)
+    return Scales(
+        theta, np.outer(x_size, 1.0 / spreads), x_size,
+        np.array([p.minimum for p in model.parameters]), np.array([p.maximum for p in model.parameters]), prior, spreads,
+    )  # fmt: skip
+
+
+def _range(low: float, high: float) -> float:
+    return high - low if np.isfinite(high - low) else 0.0
+
+
+def _extend(
+    compiled: Compiled, point: Point, attachments: tuple[Attachment, ...],
+    segments: tuple[Segment, ...], sizes: Array, spreads: Array,
+) -> tuple[Predictor, Free, Point]:  # fmt: skip
+    """Carry the rough start over to the extended model; effects sit at their nulls, their states at zero."""
+    model = compiled.model
+    n, extra = len(sizes), len(model.states) - len(sizes)
+    full = np.concatenate([sizes, np.full(extra, 1.0)])
+    for a in attachments:
+        for g in a.gain_states:
+            j = [o.name for o in model.outputs].index(a.location["outputs"][0])
+            full[[s.name for s in model.states].index(g)] = spreads[j]
+    new = _scales(model, full, spreads)
+    known = {s.name: s.size for a in attachments for s in a.slots}
+    theta_size = np.array([known.get(p.name, t) for p, t in zip(model.parameters, new.theta, strict=True)])
+    m = len(spreads)
+    noise = np.concatenate([point.noise[:n], np.zeros(extra), point.noise[n:]])
+    K = None if point.K is None else np.vstack([point.K, np.zeros((extra, m))])
+    x0 = tuple(np.concatenate([x, np.zeros(extra)]) for x in point.x0)
+    sensors = range(n + extra + 1, n + extra + m)  # the first sensor's noise sets the scale
+    free = Free(
+        tuple(i for i, p in enumerate(model.parameters) if p.free),
+        (*[i for i in noisy_states(model) if i < n], *sensors) if K is None else (),
+        () if K is None else tuple((i, j) for i in range(n) for j in range(m)),
+        tuple(range(n)),
+    )
+    return Predictor(compiled, segments, replace(new, theta=theta_size), 0), free, Point(model.theta, noise, K, x0)

@@ -1,0 +1,174 @@
+"""Fit the best hypotheses fully and judge them on data not used for the fit (S5)."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.explore import explore, fit_best
+from aeolid.diagnose.predictor import Fit, Free, Point, Predictor
+from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.scores import Bank, Row, overlap, shifted
+
+Array = NDArray[np.float64]
+MAX_FINALISTS = 6
+_ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Hold a fully fitted set of effects: fit, gains over the baseline in nats, reported values."""
+
+    attachments: tuple[Attachment, ...]
+    fit: Fit
+    predictor: Predictor
+    fit_gain: float
+    select_gain: float
+    parameters: int
+    select_difference: Array  # per sample, candidate minus baseline
+    values: Mapping[str, Mapping[str, tuple[float, float]]]  # key → label → (value, std)
+    plausible: bool
+    reason: str
+
+    @property
+    def key(self) -> str:
+        """Return a readable name of the set."""
+        return " + ".join(a.key for a in self.attachments)
+
+    @property
+    def score(self) -> float:
+        """Return what candidates are ranked by: gain on fit data less a nat a parameter, plus gain on selection data."""
+        return self.fit_gain - self.parameters + self.select_gain
+
+
+def finalists(bank: Bank) -> list[Row]:
+    """Choose what to fit: rows over the threshold, their look-alikes, and hypotheses that have no local score."""
+    over = [r for r in bank.rows if r.z > bank.threshold]
+    chosen = [r for r in bank.rows if r.attachment.always_fit]
+    for row in over:
+        for peer in [row] + [r for r in bank.rows if overlap(row, r) > _ALIKE]:
+            if peer not in chosen and len(chosen) < MAX_FINALISTS:
+                chosen.append(peer)
+    return chosen
+
+
+def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared) -> Free:
+    """Return the free set with the parameters, noise gains and start states of some attachments added."""
+    model = prepared.extended
+    states = [s.name for s in model.states]
+    theta, noise, gain, x0 = list(base.theta), list(base.noise), list(base.gain), list(base.x0)
+    for a in attachments:
+        theta += [model.index(s.name) for s in a.slots if s.name not in a.fixed]
+        if a.gain_states and not base.gain:
+            noise.append(states.index(a.gain_states[-1]))
+        for g in a.gain_states:
+            gain += [(states.index(g), j) for j in range(len(model.outputs))] if base.gain else []
+            x0.append(states.index(g))
+    return Free(
+        tuple(dict.fromkeys(theta)), tuple(dict.fromkeys(noise)), tuple(dict.fromkeys(gain)), tuple(dict.fromkeys(x0))
+    )
+
+
+def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array) -> Candidate | None:
+    """Fit baseline and effects together from several starts; None where every start diverges.
+
+    The effects' values start from the score's estimate and from the entry's own starts, the rest from the fitted
+    and from the declared baseline (a baseline fitted under the wrong structure may sit far from the truth).
+    """
+    predictor, model = prepared.predictor, prepared.extended
+    attachments = tuple(r.attachment for r in rows)
+    free = free_with(base.free, attachments, prepared)
+    starts: list[Point] = []
+    for origin in (base.point, replace(base.point, theta=model.theta)):
+        for options in itertools.product(*(_starts(r) for r in rows)):
+            merged = {k: v for o in options for k, v in o.items()}
+            starts.append(_with_gains(shifted(origin, model, _clip(merged, predictor, prepared)), rows, prepared))
+    if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
+        effects = [model.index(s.name) for a in attachments for s in a.slots]
+        starts += explore(predictor, starts[0], free, effects)
+    fit = fit_best(predictor, starts, free)
+    if fit is None:
+        return None
+    predictor = predictor.with_order(predictor.choose_var_order(fit.point))
+    fit = predictor.fit(fit.point, free)
+    return None if fit is None else judge(prepared, predictor, base, fit, attachments, baseline_select)
+
+
+def judge(
+    prepared: Prepared, predictor: Predictor, base: Fit, fit: Fit, attachments: tuple[Attachment, ...],
+    baseline_select: Array,
+) -> Candidate:  # fmt: skip
+    """Score a fitted candidate on the selection data and check that its values are physical."""
+    select = predictor.score_elsewhere(fit, prepared.split.select)[0]
+    difference = np.where(np.isfinite(select), select, -1e6) - baseline_select
+    values = {a.key: _values(a, fit, prepared) for a in attachments}
+    plausible, reason = _plausible(attachments, fit, prepared)
+    return Candidate(
+        attachments, fit, predictor, fit.log_likelihood - base.log_likelihood, float(difference.sum()),
+        len(fit.jacobian.T) - len(base.jacobian.T), difference, values, plausible, reason,
+    )  # fmt: skip
+
+
+def _starts(row: Row) -> list[dict[str, float]]:
+    """Return values to start from: the score's estimate, the entry's own, and the null (a step off a bound)."""
+    slots = {s.name: s for s in row.attachment.slots}
+    guess = dict(row.grid) | {n: v for n, v in row.estimate.items() if n in slots}
+    options = [guess | dict(start) for start in row.attachment.starts]
+    null = {n: s.null + (s.size if s.low == s.null else 0.0) for n, s in slots.items() if s.local}
+    options.append(dict(row.grid) | null)
+    for name, slot in slots.items():
+        if slot.local and slot.low == slot.null and options[0].get(name, slot.null) <= slot.null:
+            options[0][name] = slot.size
+    return [o | dict(row.attachment.fixed) for o in options]
+
+
+def _clip(values: dict[str, float], predictor: Predictor, prepared: Prepared) -> dict[str, float]:
+    model, scales = prepared.extended, predictor.scales
+    return {k: float(np.clip(v, scales.low[model.index(k)], scales.high[model.index(k)])) for k, v in values.items()}
+
+
+def _with_gains(point: Point, rows: Sequence[Row], prepared: Prepared) -> Point:
+    states = [s.name for s in prepared.extended.states]
+    K, noise = None if point.K is None else point.K.copy(), point.noise.copy()
+    for row in rows:
+        for (state, output), value in row.gain_estimate.items():
+            if K is not None:
+                K[states.index(state), output] = value
+            else:
+                noise[states.index(state)] = np.sqrt(max(value, 1e-6))
+    return replace(point, K=K, noise=noise)
+
+
+def _values(attachment: Attachment, fit: Fit, prepared: Prepared) -> dict[str, tuple[float, float]]:
+    model, std = prepared.extended, fit.std
+    result = {}
+    for slot in attachment.slots:
+        if slot.label and model.index(slot.name) in fit.free.theta:
+            place = fit.free.theta.index(model.index(slot.name))
+            result[slot.label] = (float(fit.point.theta[model.index(slot.name)]), float(std[place]))
+    return result
+
+
+def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) -> tuple[bool, str]:
+    model = prepared.extended
+    for a in attachments:
+        for slot in a.slots:
+            if slot.label is None or model.index(slot.name) not in fit.free.theta:
+                continue
+            value = float(fit.point.theta[model.index(slot.name)])
+            if at_bound(value, slot):
+                return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+    return True, ""
+
+
+def at_bound(value: float, slot: Slot) -> bool:
+    """Tell whether a fitted value sits at the end of its range, where it explains nothing or too much."""
+    width = slot.high - slot.low
+    if not np.isfinite(width):
+        return False
+    return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width

@@ -1,0 +1,232 @@
+"""Score every hypothesis without fitting it: the projected score bank (S4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.predictor import Fit, Point, Predictor
+from aeolid.models.equations import Equations
+
+Array = NDArray[np.float64]
+_DRAWS = 999
+_LEVEL = 0.01  # family-wise false-alarm level of the bank
+_ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """Hold one hypothesis' score: statistic, standardised z, one-step estimate and what could be seen at least."""
+
+    attachment: Attachment
+    z: float
+    statistic: float
+    freedom: int
+    p_value: float
+    grid: Mapping[str, float]
+    estimate: Mapping[str, float]
+    std: Mapping[str, float]
+    gain_estimate: Mapping[tuple[str, int], float]
+    basis: Array | None
+    testable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Bank:
+    """Hold all rows, best first, and the z that only 1 in 100 recordings without any effect would exceed."""
+
+    rows: tuple[Row, ...]
+    threshold: float
+
+    def confusion(self) -> dict[str, Any]:
+        """Return cos² between the directions of the testable rows: near 1, these data cannot tell them apart."""
+        rows = [r for r in self.rows if r.basis is not None]
+        cos2 = [[overlap(a, b) for b in rows] for a in rows]
+        return {"ids": [r.attachment.key for r in rows], "cos2": cos2}
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """Return the rows of the report's score table."""
+        return [_row_json(r, self.threshold) for r in self.rows]
+
+
+def overlap(a: Row, b: Row) -> float:
+    """Return cos² between two hypotheses: the largest squared canonical correlation of their directions."""
+    if a.basis is None or b.basis is None:
+        return 0.0
+    return float(min(1.0, np.linalg.norm(a.basis.T @ b.basis, 2) ** 2))
+
+
+def score_bank(
+    predictor: Predictor, fit: Fit, attachments: Sequence[Attachment], seed: int, threshold: float | None = None
+) -> Bank:
+    """Score all attachments at a fitted baseline.
+
+    G̃ = G − Q Qᵀ G with Q spanning the baseline's own sensitivities; LM = |Hᵀ r|², H an orthonormal basis of G̃, one-sided
+    where the physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a
+    block wild bootstrap of the residuals (robust to changing variance and short correlation). `threshold` overrides it.
+    Cost: one filter pass a parameter and grid point.
+    """
+    basis = _span(fit.jacobian)
+    outputs = predictor.segments[0].y.shape[1]
+    signs = _block_signs(len(fit.residual) // outputs, outputs, seed)
+    cells = [_cells(predictor, fit, a, basis) for a in attachments]
+    null_max = np.full(_DRAWS, -np.inf)
+    rows = []
+    for attachment, options in zip(attachments, cells, strict=True):
+        best: Row | None = None
+        null_z = np.full(_DRAWS, -np.inf)
+        for option in options:
+            row, null = _evaluate(attachment, option, fit.residual, signs)
+            null_z = np.maximum(null_z, null)
+            if best is None or row.z > best.z:
+                best = row
+        if best is None:
+            rows.append(_silent(attachment))
+            continue
+        null_max = np.maximum(null_max, null_z)
+        rows.append(replace(best, p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + _DRAWS)))
+    limit = float(np.quantile(null_max, 1 - _LEVEL)) if np.any(np.isfinite(null_max)) else np.inf
+    rows.sort(key=lambda r: -r.z)
+    return Bank(tuple(rows), limit if threshold is None else threshold)
+
+
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    grid: Mapping[str, float]
+    names: tuple[str, ...]
+    gains: tuple[tuple[str, int], ...]
+    basis: Array
+    triangle: Array
+    one_sided: bool
+
+
+def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Array) -> list[_Cell]:
+    local = [s for s in attachment.slots if s.local]
+    if not local and not attachment.gain_states:
+        return []
+    model = predictor.compiled.model
+    names = [s.name for s in model.states]
+    outputs = predictor.segments[0].y.shape[1]
+    result = []
+    for grid in attachment.grid:
+        point = shifted(fit.point, model, grid)
+        columns = [predictor.theta_column(point, fit.noise, fit.residual, {model.index(s.name): s.size}) for s in local]
+        gains = [(g, j) for g in attachment.gain_states for j in range(outputs)] if point.K is not None else []
+        columns += [predictor.gain_column(point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
+        if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
+            gains = [(attachment.gain_states[-1], -1)]
+            columns.append(predictor.noise_column(point, fit.noise, fit.residual, names.index(gains[0][0])))
+        G = np.column_stack(columns)
+        if not np.all(np.isfinite(G)):
+            continue
+        size = np.linalg.norm(G, axis=0)
+        projected = G - baseline @ (baseline.T @ G)
+        projected -= baseline @ (baseline.T @ projected)  # twice is enough for orthogonality to rounding
+        keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
+        if not np.any(keep):
+            continue
+        Q, R = np.linalg.qr(projected[:, keep])
+        if np.min(np.abs(np.diag(R))) < 1e-9 * np.max(np.abs(np.diag(R))):
+            continue
+        if len(R) == 1 and R[0, 0] < 0:
+            Q, R = -Q, -R
+        kept = [n for n, k in zip([s.name for s in local] + gains, keep, strict=True) if k]
+        sided = len(kept) == 1 and len(local) == 1 and local[0].low == local[0].null
+        result.append(
+            _Cell(
+                grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
+                Q, R, sided,
+            )
+        )  # fmt: skip
+    return result
+
+
+def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, signs: tuple[Array, Array]) -> tuple[Row, Array]:
+    eta, starts = signs
+    freedom = cell.basis.shape[1]
+    point = cell.basis.T @ residual
+    without = residual - cell.basis @ point  # the effect itself must not widen its own null
+    null = eta @ np.add.reduceat(cell.basis * without[:, None], starts, axis=0)  # (draws, df)
+    if cell.one_sided:
+        statistic, null_statistic = max(point[0], 0.0) ** 2, np.maximum(null[:, 0], 0.0) ** 2
+    else:
+        statistic, null_statistic = float(point @ point), np.sum(null**2, axis=1)
+    inverse = np.linalg.inv(cell.triangle)
+    values = inverse @ point
+    spread = np.cov(null.T).reshape(freedom, freedom)  # robust covariance of Hᵀ r
+    std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse.T), 0.0))
+    count = len(cell.names)
+    root = np.sqrt(2 * freedom - 1)
+    row = Row(
+        attachment, float(np.sqrt(2 * statistic) - root), statistic, freedom, 1.0, cell.grid,
+        dict(zip(cell.names, values[:count].tolist(), strict=True)),
+        dict(zip(cell.names, std[:count].tolist(), strict=True)),
+        dict(zip(cell.gains, values[count:].tolist(), strict=True)), cell.basis, True,
+    )  # fmt: skip
+    return row, np.sqrt(2 * null_statistic) - root
+
+
+def shifted(point: Point, model: Equations, values: Mapping[str, float]) -> Point:
+    """Return the point with some parameters set by name."""
+    theta = point.theta.copy()
+    for name, value in values.items():
+        theta[model.index(name)] = value
+    return replace(point, theta=theta)
+
+
+def _span(jacobian: Array) -> Array:
+    size = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian[:, size > 0] / size[size > 0]
+    if not scaled.shape[1]:
+        return np.zeros((len(jacobian), 0))
+    U, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    result: Array = U[:, s > 1e-7 * s[0]]
+    return result
+
+
+def _block_signs(samples: int, outputs: int, seed: int) -> tuple[Array, Array]:
+    """Draw ±1 for blocks of samples, all outputs of a sample in one block; returns signs and block starts."""
+    length = max(1, round(samples ** (1 / 3)))
+    starts = np.arange(0, samples, length) * outputs
+    rng = np.random.default_rng(seed)
+    return rng.choice(np.array([-1.0, 1.0]), size=(_DRAWS, len(starts))), starts
+
+
+def _silent(attachment: Attachment) -> Row:
+    return Row(attachment, -np.inf, 0.0, 0, 1.0, {}, {}, {}, {}, None, False)
+
+
+def minimum_detectable(row: Row, threshold: float) -> dict[str, dict[str, Any]]:
+    """Return the smallest value of each shown parameter that would cross the threshold: √c times its deviation."""
+    root = np.sqrt(2 * row.freedom - 1) if row.freedom else 0.0
+    factor = (max(threshold, 0.0) + root) / np.sqrt(2)
+    return {
+        s.label: {"value": float(factor * row.std[s.name]), "unit": s.unit}
+        for s in row.attachment.slots
+        if s.label and s.name in row.std
+    }
+
+
+def _row_json(row: Row, threshold: float) -> dict[str, Any]:
+    shown = next((s for s in row.attachment.slots if s.label and s.name in row.estimate), None)
+    least = minimum_detectable(row, threshold)
+    return {
+        "id": row.attachment.entry,
+        "family": entry(row.attachment.entry).family,
+        "entry": row.attachment.location["entry"],
+        "key": row.attachment.key,
+        "testable": row.testable,
+        "statistic": row.z if np.isfinite(row.z) else None,
+        "threshold": threshold if np.isfinite(threshold) else None,
+        "p_value": row.p_value,
+        "estimate": row.estimate[shown.name] if shown else None,
+        "unit": shown.unit if shown else "",
+        "minimum_detectable": least[shown.label]["value"] if shown and shown.label else None,
+        "frequency_hz": next((v for k, v in row.grid.items() if k.endswith("_frequency_hz")), None),
+    }

@@ -1,0 +1,271 @@
+"""Draw the verdict from a study and write it as the diagnosis (S7, S8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.proof import Proof, block_interval
+from aeolid.diagnose.refit import Candidate
+from aeolid.diagnose.scores import minimum_detectable
+
+Array = NDArray[np.float64]
+_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word
+_RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
+_CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing
+_EVEN = 2.0  # |Vuong z| below which two models are not told apart
+
+
+def diagnose(study: Study) -> dict[str, Any]:
+    """Return diagnosis.json: verdict, effects, where, sealed proof, false-alarm figures, what is not excluded."""
+    verdict, effects = _decide(study)
+    proof = study.proof if effects else (study.declared_proof if verdict == "parameter" else None)
+    return {
+        "schema": 1,
+        "title": study.case.title,
+        "verdict": verdict,
+        "statement": _sentence(verdict, effects, study),
+        "effects": effects,
+        "location": effects[0]["location"] if effects else _where(study, verdict),
+        "sealed": _sealed(study, proof),
+        "false_alarm": {
+            "sham_runs": study.sham[0],
+            "false_names": study.sham[1],
+            "threshold": _finite(study.bank.threshold),
+        },
+        "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
+        "next_experiment": _next_experiment(study, verdict, effects),
+    }
+
+
+def _decide(study: Study) -> tuple[str, list[dict[str, Any]]]:
+    fault = [f for f in study.findings if f.severity == "fault"]
+    if fault:
+        return "data_fault", []
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > 0:
+        if not _material(study.proof):
+            return "immaterial", []
+        if recovered_fraction(study, study.proof) >= _RECOVERED:
+            return _named(study, study.winner)
+        return "unnamed", []
+    top = study.ceiling
+    if (
+        top.select.sum() > _CEILING_GAIN
+        and block_interval(top.select, study.seed)[0] > 0
+        and top.sealed.sum() > _CEILING_GAIN
+        and block_interval(top.sealed, study.seed)[0] > 0
+        and top.sealed.mean() > _MATERIAL
+    ):
+        return "unnamed", []
+    declared = study.declared_proof
+    if declared is not None and declared.interval[0] > 0 and _material(declared):
+        return "parameter", [_parameter_effect(study)]
+    if not any(r.testable for r in study.bank.rows):
+        return "not_testable", []
+    return "no_mismatch", []
+
+
+def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
+    if study.second is not None:
+        return "multiple", [_effect(study, study.second, a, []) for a in study.second.attachments]
+    rivals = rivals_of(study, winner)
+    weights = _weights([winner, *rivals])
+    listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
+    effects = [_effect(study, winner, winner.attachments[0], listed, weights[0])]
+    if winner.attachments[0].entry == "parameter_error":
+        return "parameter", effects
+    others = [c for c in rivals if c.attachments[0].entry != winner.attachments[0].entry]
+    if others:
+        effects += [_effect(study, c, c.attachments[0], [], w) for c, w in zip(rivals, weights[1:], strict=True)]
+        return "ambiguous", effects
+    return "named", effects
+
+
+def rivals_of(study: Study, winner: Candidate) -> list[Candidate]:
+    """List the candidates that the data do not tell from the winner: |Vuong z| below 2 on fit and selection data."""
+    result = []
+    for other in study.candidates:
+        if other is winner or not other.plausible or other.fit_gain <= 0 or other.select_gain <= 0:
+            continue
+        difference = np.concatenate(
+            [winner.fit.per_sample - other.fit.per_sample, winner.select_difference - other.select_difference]
+        )
+        length = max(1, int(np.sqrt(len(difference))))
+        blocks = np.add.reduceat(difference, np.arange(0, len(difference), length))
+        z = blocks.sum() / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12)
+        if z < _EVEN:
+            result.append(other)
+    return result
+
+
+def _weights(candidates: list[Candidate]) -> list[float]:
+    scores = np.array([c.score for c in candidates])
+    odds = np.exp(np.clip(scores - scores.max(), -50, 0))
+    return [float(w) for w in odds / odds.sum()]
+
+
+def _effect(
+    study: Study, candidate: Candidate, attachment: Attachment, rivals: list[dict[str, Any]], weight: float = 1.0
+) -> dict[str, Any]:
+    kind = entry(attachment.entry)
+    values = candidate.values[attachment.key]
+    units = {s.label: s.unit for s in attachment.slots if s.label}
+    location = dict(attachment.location)
+    if "frequency_hz" in values:
+        f, std = values["frequency_hz"]
+        half = max(0.1 * f, 2 * min(std, f))
+        location["frequency_hz"] = [max(f - half, 0.0), f + half]
+    return {
+        "id": attachment.entry,
+        "family": kind.family,
+        "statement": attachment.statement({k: v for k, (v, _) in values.items()}),
+        "location": location,
+        "equation": attachment.equation or kind.equation,
+        "parameters": {k: {"value": v, "std": _finite(s), "unit": units[k]} for k, (v, s) in values.items()},
+        "rivals": rivals,
+        "weight": weight,
+        "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
+    }
+
+
+def _parameter_effect(study: Study) -> dict[str, Any]:
+    prepared = study.prepared
+    moved = []
+    for k, i in enumerate(prepared.free.theta):
+        p = prepared.extended.parameters[i]
+        if not p.name.startswith("bias_"):
+            std = float(prepared.fit.std[k])
+            moved.append(
+                (
+                    abs(prepared.fit.point.theta[i] - p.value) / max(std, 1e-300),
+                    p,
+                    float(prepared.fit.point.theta[i]),
+                    std,
+                )
+            )
+    moved.sort(key=lambda m: -m[0])
+    words = ", ".join(f"{p.name} {v:.4g} instead of {p.value:.4g} {p.unit}".strip() for _, p, v, _ in moved[:3])
+    kind = entry("parameter_error")
+    return {
+        "id": kind.id, "family": kind.family,
+        "statement": f"the structure is right, declared values are not: {words}",
+        "location": {"entry": f"parameter:{moved[0][1].name}", "outputs": [], "inputs": [], "frequency_hz": None,
+                     "azimuth_order": None, "region": None, "time_s": None},
+        "equation": kind.equation,
+        "parameters": {p.name: {"value": v, "std": _finite(s), "unit": p.unit} for _, p, v, s in moved},
+        "rivals": [], "weight": 1.0,
+    }  # fmt: skip
+
+
+def recovered_fraction(study: Study, proof: Proof) -> float:
+    """Return gain of the named effect over the largest gain anything achieved on the sealed data."""
+    best = max(float(study.ceiling.sealed.sum()), proof.gain, 1e-9)
+    return float(max(0.0, min(1.0, proof.gain / best)))
+
+
+def _material(proof: Proof) -> bool:
+    """Tell whether some output is predicted at some horizon with an error smaller by half a percent or more."""
+    for rows in proof.profile.values():
+        for before, after in zip(rows["before"], rows["after"], strict=True):
+            if before > 0 and after < before * (1 - _MATERIAL):
+                return True
+    return any(proof.nrmse_after[k] < v * (1 - _MATERIAL) for k, v in proof.nrmse_before.items())
+
+
+def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
+    split = study.prepared.split
+    if proof is None:
+        return {
+            "data": split.sealed_text, "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
+            "nrmse_after": {}, "recovered_fraction": 0.0, "ceiling_gain": _finite(float(study.ceiling.sealed.sum())),
+        }  # fmt: skip
+    return {
+        "data": split.sealed_text,
+        "log_likelihood_gain": proof.gain,
+        "interval": list(proof.interval),
+        "nrmse_before": proof.nrmse_before,
+        "nrmse_after": proof.nrmse_after,
+        "horizon_s": proof.horizon_s,
+        "recovered_fraction": recovered_fraction(study, proof),
+        "ceiling_gain": _finite(float(study.ceiling.sealed.sum())),
+    }
+
+
+def _where(study: Study, verdict: str) -> dict[str, Any] | None:
+    """Locate a mismatch without a name: the bands that stand out, and what the correction depends on."""
+    if verdict == "data_fault":
+        first = next(f for f in study.findings if f.severity == "fault")
+        return {"entry": f"channel:{first.channel}", "finding": first.finding}
+    if verdict != "unnamed":
+        return None
+    bands = sorted(
+        (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
+    )
+    outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
+    return {
+        "entry": "unknown", "outputs": outputs, "inputs": [],
+        "frequency_hz": bands[0]["frequency_hz"] if bands else None, "azimuth_order": None, "region": None,
+        "time_s": None, "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
+    }  # fmt: skip
+
+
+def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
+    """List, for each entry that was not named, the smallest effect that this recording would have shown."""
+    result = []
+    for row in study.bank.rows:
+        if row.attachment.entry in named:
+            continue
+        location = row.attachment.location["entry"]
+        least = minimum_detectable(row, study.bank.threshold) if row.testable else {}
+        if not least:
+            note = "not testable with these data" if not row.testable else "size depends on where it acts"
+            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": None, "note": note})
+        for label, value in least.items():
+            value = {"value": _finite(value["value"]), "unit": value["unit"], "parameter": label}
+            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": value})
+    return result
+
+
+def _next_experiment(study: Study, verdict: str, effects: list[Mapping[str, Any]]) -> dict[str, Any] | None:
+    if verdict == "ambiguous":
+        ids = [str(e["id"]) for e in effects]
+        hints = dict(entry(ids[0]).confused_with)
+        text = hints.get(ids[1]) or "record again with excitation up to half the sampling rate"
+        sealed = study.prepared.split.sealed[0]
+        minutes = 2 * len(sealed.y) * sealed.step / 60
+        return {
+            "text": f"To decide between {ids[0]} and {ids[1]}: {text}; excite that input there.",
+            "minutes": minutes,
+            "separates": ids[:2],
+        }
+    return None
+
+
+def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
+    """Write the verdict as one sentence for the top of the page."""
+    if verdict in ("named", "parameter"):
+        return str(effects[0]["statement"])
+    if verdict == "multiple":
+        return "; and ".join(str(e["statement"]) for e in effects)
+    if verdict == "ambiguous":
+        return " — or: ".join(str(e["statement"]) for e in effects)
+    if verdict == "data_fault":
+        return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
+    if verdict == "immaterial":
+        return "A difference is there beyond doubt, but too small to change any prediction by half a percent."
+    if verdict == "not_testable":
+        return "The recording does not excite the model enough to test any of the effects."
+    if verdict == "unnamed":
+        share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
+        return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."
+    return "Nothing is missing that this recording could show."
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

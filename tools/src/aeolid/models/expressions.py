@@ -1,0 +1,142 @@
+"""Check and rewrite the arithmetic of a model file; turn it into compilable source."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Mapping
+
+from aeolid.errors import DataError
+
+# Functions of the model file, with the fewest and the most arguments each takes.
+FUNCTIONS = {
+    "sqrt": (1, 1), "exp": (1, 1), "log": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "tanh": (1, 1),
+    "abs": (1, 1), "sign": (1, 1), "min": (2, 9), "max": (2, 9),
+}  # fmt: skip
+CONSTANTS = {"pi": "3.141592653589793"}
+_BINARY: tuple[type, ...] = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
+_UNARY: tuple[type, ...] = (ast.UAdd, ast.USub)
+_MAX_LENGTH = 20_000  # characters: a longer line is not a model equation
+_MAX_DEPTH = 120
+
+
+def parse(text: str, where: str) -> ast.expr:
+    """Parse one expression; raises DataError that names `where` for anything but the arithmetic allowed.
+
+    Allowed: numbers, names, + - * / **, parentheses and FUNCTIONS; ^ is refused with a hint.
+    """
+    if not isinstance(text, str):
+        raise DataError(f"{where}: an expression in quotes is needed, found {text!r}")
+    if len(text) > _MAX_LENGTH:
+        raise DataError(f"{where}: the expression is longer than {_MAX_LENGTH} characters")
+    try:
+        tree = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        raise DataError(f"{where}: {text!r} is not an arithmetic expression") from None
+    _check(tree, text, where, 0)
+    return tree
+
+
+def names_in(tree: ast.expr) -> set[str]:
+    """List the variables of an expression: every name that is neither a function nor a constant."""
+    called = {id(n.func) for n in ast.walk(tree) if isinstance(n, ast.Call)}
+    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and id(n) not in called and n.id not in CONSTANTS}
+
+
+def substitute(tree: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
+    """Return the expression with variables replaced by other expressions."""
+
+    class Rewriter(ast.NodeTransformer):
+        def visit_Call(self, node: ast.Call) -> ast.AST:
+            return ast.Call(func=node.func, args=[self.visit(a) for a in node.args], keywords=[])
+
+        def visit_Name(self, node: ast.Name) -> ast.AST:
+            return replacements.get(node.id, node)
+
+    result: ast.expr = Rewriter().visit(_copy(tree))
+    return result
+
+
+def to_text(tree: ast.expr) -> str:
+    """Return the expression as a user would write it."""
+    return ast.unparse(tree)
+
+
+def to_source(tree: ast.expr, variables: Mapping[str, str]) -> str:
+    """Return Python source for the compiler, each variable written as `variables` says (for example `x[0]`).
+
+    sqrt of a negative number and division by zero follow IEEE rules in the compiled code (NaN, inf).
+    """
+    if isinstance(tree, ast.Constant):
+        return repr(float(tree.value))  # type: ignore[arg-type]
+    if isinstance(tree, ast.Name):
+        return CONSTANTS[tree.id] if tree.id in CONSTANTS else variables[tree.id]
+    if isinstance(tree, ast.UnaryOp):
+        return f"({'-' if isinstance(tree.op, ast.USub) else '+'}{to_source(tree.operand, variables)})"
+    if isinstance(tree, ast.BinOp):
+        left, right = to_source(tree.left, variables), to_source(tree.right, variables)
+        return f"({left}{_SYMBOL[type(tree.op)]}{right})"
+    if isinstance(tree, ast.Call):
+        name = tree.func.id  # type: ignore[attr-defined]
+        arguments = ",".join(to_source(a, variables) for a in tree.args)
+        return f"{_COMPILED[name]}({arguments})"
+    raise AssertionError(f"unchecked node {type(tree).__name__}")
+
+
+def combine(operator: str, left: ast.expr, right: ast.expr) -> ast.expr:
+    """Join two expressions by + - * or /."""
+    op = {"+": ast.Add(), "-": ast.Sub(), "*": ast.Mult(), "/": ast.Div()}[operator]
+    return ast.BinOp(left=left, op=op, right=right)
+
+
+def unknown_names(tree: ast.expr, known: Iterable[str]) -> list[str]:
+    """List variables that nobody defines, in alphabetical order."""
+    return sorted(names_in(tree) - set(known))
+
+
+_SYMBOL: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_COMPILED = {
+    "sqrt": "np.sqrt", "exp": "np.exp", "log": "np.log", "sin": "np.sin", "cos": "np.cos",
+    "tan": "np.tan", "tanh": "np.tanh", "abs": "abs", "sign": "np.sign", "min": "min", "max": "max",
+}  # fmt: skip
+
+
+def _copy(tree: ast.expr) -> ast.expr:
+    return ast.parse(ast.unparse(tree), mode="eval").body
+
+
+def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
+    if depth > _MAX_DEPTH:
+        raise DataError(f"{where}: {text[:60]!r} … is nested too deeply")
+    if isinstance(node, ast.Constant):
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise DataError(f"{where}: {node.value!r} in {text!r} is not a number")
+        return
+    if isinstance(node, ast.Name):
+        if node.id in FUNCTIONS:
+            raise DataError(f"{where}: function {node.id} in {text!r} needs its arguments in parentheses")
+        return
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, _UNARY):
+        return _check(node.operand, text, where, depth + 1)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, _BINARY):
+        _check(node.left, text, where, depth + 1)
+        return _check(node.right, text, where, depth + 1)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+        raise DataError(f"{where}: '^' in {text!r}; a power is written **")
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        _check_call(node, text, where)
+        for argument in node.args:
+            _check(argument, text, where, depth + 1)
+        return None
+    piece = ast.unparse(node) if isinstance(node, ast.expr) else text
+    raise DataError(f"{where}: {piece!r} is not allowed; use + - * / ** and {', '.join(FUNCTIONS)}, pi")
+
+
+def _check_call(node: ast.Call, text: str, where: str) -> None:
+    name = node.func.id  # type: ignore[attr-defined]
+    if name not in FUNCTIONS:
+        raise DataError(f"{where}: function {name!r} is not known; allowed are {', '.join(FUNCTIONS)}")
+    fewest, most = FUNCTIONS[name]
+    if not fewest <= len(node.args) <= most:
+        raise DataError(
+            f"{where}: {name} in {text!r} takes {fewest if fewest == most else f'{fewest} or more'} arguments"
+        )
