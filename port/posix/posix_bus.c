@@ -258,9 +258,11 @@ static void accept_peer(posix_bus_t *self)
 {
     unsigned i;
     const int fd = accept(self->server, NULL, NULL);
+    const int buffer = 65536; /* the kernel's own choice, megabytes, would hide a listener that hangs for minutes */
     if (fd < 0) {
         return;
     }
+    (void)setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer);
     for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
         if (self->listener[i].fd < 0 && make_nonblocking(fd) == 0) {
             start_listener(&self->listener[i], fd);

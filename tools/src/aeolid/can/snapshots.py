@@ -86,6 +86,7 @@ class SnapshotStore:
         self.completed = 0
         self.incomplete = 0
         self.damaged = 0  # all parameters there, CRC wrong
+        self.repaired = 0  # parameters restored from repair frames
         self._now: _Assembly | None = None
 
     def add(self, messages: Messages, newest: int | None) -> None:
@@ -136,6 +137,7 @@ class SnapshotStore:
     def _settle(self, now: _Assembly, newest: int | None) -> None:
         now.repair()
         now.done = True
+        self.repaired += now.repaired
         whole = bool(now.have.all())
         fits = whole and now.crc_fits()
         snapshot = self._snapshot(now, fits, newest)

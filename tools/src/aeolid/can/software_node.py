@@ -19,7 +19,7 @@ from aeolid.native import find_native
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-PATIENCE_S = 20.0  # for the last snapshot to leave; the node itself gives up on listeners after 5 s
+PATIENCE_S = 20.0  # from an interrupt to the last snapshot; the node itself gives up on listeners after 5 s
 CHUNK = 256
 
 
@@ -95,6 +95,7 @@ class SoftwareNode:
         for (option, channel), offset, scale in zip(channels, feed.offset.tolist(), feed.scale.tolist(), strict=True):
             arguments += [option, channel.name, channel.unit, repr(offset), repr(scale)]
         self.fed = 0
+        self._interrupted = False
         self._process = subprocess.Popen(
             arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
         )
@@ -120,15 +121,15 @@ class SoftwareNode:
         self.fed += len(rows)
 
     def finish(self) -> str:
-        """End the input, wait for the last snapshot to leave; returns the node's health line."""
+        """End the input, wait until the node has used it up and sent its last snapshot; returns its health line."""
         assert self._process.stdin is not None
         with suppress(BrokenPipeError):
             self._process.stdin.close()
         try:
-            code = self._process.wait(PATIENCE_S)
+            code = self._process.wait(PATIENCE_S if self._interrupted else None)
         except subprocess.TimeoutExpired:
             self.kill()
-            raise DataError(f"the node process did not end within {PATIENCE_S:.0f} s of its last sample") from None
+            raise DataError(f"the node process did not end within {PATIENCE_S:.0f} s of the interrupt") from None
         self._reader.join(1.0)
         if code != 0:
             raise self._died()
@@ -136,6 +137,7 @@ class SoftwareNode:
 
     def interrupt(self) -> None:
         """Ask the node to stop now and send what is under way."""
+        self._interrupted = True
         with suppress(ProcessLookupError):
             self._process.send_signal(signal.SIGINT)
 

@@ -213,7 +213,7 @@ def _node_facts(node: Node) -> dict[str, Any]:
             "incomplete": snapshots.incomplete,
             "damaged": snapshots.damaged,
             "sample_index": best.sample_index if best else None,
-            "repaired": best.repaired if best else 0,
+            "repaired": snapshots.repaired,
             "missing": len(best.missing) if best else d.parameters,
         },
     }

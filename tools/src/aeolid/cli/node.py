@@ -100,6 +100,7 @@ def _run(feed: Feed, options: list[str]) -> str:
     try:
         try:
             _pump(node, feed)
+            return node.finish()
         except KeyboardInterrupt:
             node.interrupt()
         return node.finish()
