@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -101,10 +102,17 @@ def evidence() -> dict[str, Any]:
     cos2 = np.eye(5)
     cos2[0, 1] = cos2[1, 0] = 0.86
     steps = [1, 2, 5, 10, 20, 50]
+    edges = np.geomspace(0.05, 5.0, 19)
+    bands = [
+        {"output": name, "frequency_hz": [float(low), float(high)], "ratio": 4.0 if low < 0.6 else 0.9,
+         "significant": bool(low < 0.6)}
+        for name in series
+        for low, high in pairwise(edges)
+    ]  # fmt: skip
     return {
         "title": "Turbine with a concealed effect", "series": series,
         "spectra": dict.fromkeys(series, spectrum), "bank": bank,
-        "confusion": {"ids": ids, "cos2": cos2.tolist()},
+        "bands": bands, "confusion": {"ids": ids, "cos2": cos2.tolist()},
         "forensics": [{"check": "units", "channel": "pitch", "finding": "as declared", "severity": "none"}],
         "split": [{"file": "rec.csv", "start_s": 0.0, "stop_s": 240.0, "use": "fit"},
                   {"file": "rec.csv", "start_s": 480.0, "stop_s": 600.0, "use": "sealed"}],

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from aeolid.errors import UsageError
-from aeolid.report import render_demo, render_diagnosis, render_identification
+from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
 from aeolid.report.charts import thin
 from aeolid.report.diagnosis import verdict_sentence
 from aeolid.report.markup import Html, tag, write_page
@@ -195,3 +195,18 @@ def test_a_page_that_reaches_for_the_network_is_noticed(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     write_page(page, "t", Html('<img src="http://127.0.0.1:9/x.png">'))
     assert any("Content Security Policy" in line for line in chromium_messages(page, tmp_path))
+
+
+def test_facts_come_from_a_model_file(tmp_path: Path) -> None:
+    """A model.json as `identify` writes it, its true system, and nothing else make the whole page."""
+    from aeolid.identify.varx import identify_varx
+    from aeolid.plants import hawt
+
+    record = hawt.simulate_closed_loop(1500, 3, excitation=hawt.Excitation(noise=0.1))
+    model = identify_varx([record], past=15, order=7).model_json()
+    true = hawt.build_turbine().model().to_json()
+    facts = identification_facts(model, true_model=true, true_names={0: "rotor speed"}, title="Turbine")
+    seen = Text(page_of(lambda p: render_identification(facts, p), tmp_path)).seen
+    for part in ("Turbine", "Order", "Poles", "rotor speed", "VAF (%), one step", "order 7", "varx", "1500 samples"):
+        assert part in seen, part
+    assert len(facts["true_eigenvalues"]) == 7

@@ -45,7 +45,7 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
 
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Write diagnosis.json, model/model.toml, sealed_before_after.csv; returns the evidence for the report."""
+    """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     chosen = study.second or study.winner
@@ -58,6 +58,7 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     (folder / "model" / "model.toml").write_text(model.to_toml(), encoding="utf-8")
     facts = evidence(study)
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
+    (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
     return facts
 
 

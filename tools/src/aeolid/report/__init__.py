@@ -5,7 +5,8 @@ shows. Plotly's script alone would add 4.8 MB to every page; a whole page of the
 """
 
 from aeolid.report.diagnosis import render_diagnosis
+from aeolid.report.facts import identification_facts
 from aeolid.report.identification import render_identification
 from aeolid.report.joint import render_demo
 
-__all__ = ["render_demo", "render_diagnosis", "render_identification"]
+__all__ = ["identification_facts", "render_demo", "render_diagnosis", "render_identification"]

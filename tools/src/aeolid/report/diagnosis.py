@@ -7,6 +7,7 @@ from typing import Any
 
 from aeolid.report.evidence import (
     appendix,
+    band_map,
     before_after,
     confusion,
     score_bank,
@@ -49,11 +50,11 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     return join(
         [
             _verdict(diagnosis, effects),
-            before_after(evidence, diagnosis.get("sealed") or {}),
+            before_after(evidence, diagnosis.get("sealed") or {}, effect=bool(effects)),
             _effects(effects),
             _rivals(effects),
             score_bank(evidence.get("bank") or [], {e.get("id") for e in effects}),
-            _where(diagnosis, effects),
+            _where(diagnosis, effects, evidence.get("bands") or []),
             confusion(evidence.get("confusion") or {}),
             _not_excluded(diagnosis.get("not_excluded") or []),
             _next_experiment(diagnosis.get("next_experiment") or {}),
@@ -64,7 +65,9 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
 
 
 def verdict_sentence(diagnosis: Facts) -> str:
-    """Return the one sentence that says the result: the best effect's own where there is one."""
+    """Return the one sentence that says the result: the diagnosis's own, else the best effect's, else the verdict's."""
+    if diagnosis.get("statement"):
+        return _sentence(diagnosis["statement"])
     effects = diagnosis.get("effects") or []
     verdict = diagnosis.get("verdict", "")
     if verdict in ("named", "parameter", "data_fault") and effects and effects[0].get("statement"):
@@ -78,6 +81,7 @@ def verdict_sentence(diagnosis: Facts) -> str:
 
 def _sentence(value: Any) -> str:
     text = str(value).strip()
+    text = text[:1].upper() + text[1:]
     return text if not text or text[-1] in ".!?" else text + "."
 
 
@@ -104,11 +108,11 @@ def _proof(sealed: Facts, effects: list[Facts]) -> str:
         worst = max(after, key=lambda y: (before.get(y) or 0.0) - (after.get(y) or 0.0))
         parts.append(
             f"on data never used before, the error of {worst} falls from {percent(before.get(worst))}"
-            f" to {percent(after.get(worst))} of its range of motion"
+            f" to {percent(after.get(worst))} of its standard deviation"
         )
     if effects and sealed.get("log_likelihood_gain"):
         interval = sealed.get("interval") or []
-        between = f" (95 % interval {number(interval[0])} to {number(interval[1])})" if len(interval) == 2 else ""
+        between = f" (90 % interval {number(interval[0])} to {number(interval[1])})" if len(interval) == 2 else ""
         parts.append(f"log-likelihood gain {number(sealed['log_likelihood_gain'])} nats{between}")
     if effects and sealed.get("recovered_fraction") is not None:
         parts.append(f"{percent(sealed['recovered_fraction'], 2)} of what any model could gain")
@@ -144,7 +148,7 @@ def _rivals(effects: list[Facts]) -> Html:
     )
 
 
-def _where(diagnosis: Facts, effects: list[Facts]) -> Html:
+def _where(diagnosis: Facts, effects: list[Facts], bands: list[Facts]) -> Html:
     places = [(e.get("id"), e["location"]) for e in effects if e.get("location")]
     if diagnosis.get("location"):
         places.append(("evidence, before any name", diagnosis["location"]))
@@ -152,7 +156,7 @@ def _where(diagnosis: Facts, effects: list[Facts]) -> Html:
     used = [k for k in keys if any(place.get(k) not in (None, [], "") for _, place in places)]
     rows = [[name, *(_place(place.get(k)) for k in used)] for name, place in places]
     titles = {"frequency_hz": "frequency (Hz)", "time_s": "time (s)", "azimuth_order": "azimuth order"}
-    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows))
+    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows), band_map(bands))
 
 
 def _place(value: Any) -> str:
@@ -165,11 +169,15 @@ def _place(value: Any) -> str:
 
 
 def _not_excluded(entries: list[Facts]) -> Html:
-    rows = [(e.get("id"), quantity(e.get("minimum_detectable"), 2)) for e in entries]
+    known = [e for e in entries if (e.get("minimum_detectable") or {}).get("value") is not None]
+    rows = [(e.get("id"), e.get("entry", ""), quantity(e["minimum_detectable"], 2)) for e in known]
+    silent = sorted({str(e.get("id")) for e in entries if e not in known})
+    rest = f"These data say nothing about: {', '.join(silent)}." if silent else None
     return section(
         "What this recording cannot exclude",
         tag("p", "Effects of the catalogue that may be present below the size given here.") if rows else None,
-        table(["effect", "#smallest size that would have been found"], rows),
+        table(["effect", "where", "#smallest size that would have been found"], rows),
+        tag("p", rest) if rest else None,
     )  # fmt: skip
 
 

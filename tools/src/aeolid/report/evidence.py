@@ -18,13 +18,16 @@ _MOST_OUTPUTS = 6
 _MOST_BARS = 24
 
 
-def before_after(evidence: Facts, sealed: Facts) -> Html:
-    """Show every output on sealed data: a stretch in time, its error spectrum, and the numbers."""
+def before_after(evidence: Facts, sealed: Facts, *, effect: bool) -> Html:
+    """Show every output on sealed data: a stretch in time, its error spectrum, and the numbers.
+
+    effect: whether the second model has a named effect, or only refitted parameters.
+    """
     series, spectra = evidence.get("series") or {}, evidence.get("spectra") or {}
     parts: list[Html] = [_numbers(sealed)]
     for name in list(dict.fromkeys([*series, *spectra]))[:_MOST_OUTPUTS]:
         if name in series:
-            parts.append(_time_figure(name, series[name]))
+            parts.append(_time_figure(name, series[name], "with the effect" if effect else "parameters refitted"))
         if name in spectra:
             parts.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
     data = tag("p", f"Sealed data: {sealed['data']}.") if sealed.get("data") and any(parts) else None
@@ -37,7 +40,7 @@ def _numbers(sealed: Facts) -> Html:
     return table(["output", "#error before (NRMSE)", "#error after (NRMSE)"], rows)
 
 
-def _time_figure(name: str, data: Facts) -> Html:
+def _time_figure(name: str, data: Facts, after: str) -> Html:
     time = np.asarray(data["time_s"], dtype=float)
     lines = {k: np.asarray(data[k], dtype=float) for k in ("measured", "before", "after") if data.get(k)}
     start = _busiest(lines)
@@ -62,7 +65,7 @@ def _time_figure(name: str, data: Facts) -> Html:
     return figure(
         drawing.svg,
         f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model as it was;"
-        f" blue: with the effect. Below: model minus measured.",
+        f" blue: {after}. Below: model minus measured.",
     )
 
 
@@ -82,9 +85,13 @@ def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
         axes.loglog(*charts.thin(frequency, data["before"]), color=charts.BEFORE, linestyle=(0, (4, 2)), label="before")
         axes.loglog(*charts.thin(frequency, data["after"]), color=charts.AFTER, label="after")
         axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel(f"error spectrum\n(({unit})²/Hz)" if unit else "error spectrum (per Hz)")
+        axes.set_ylabel(f"error spectrum\n({_squared(unit)}/Hz)" if unit else "error spectrum (per Hz)")
         axes.legend(loc="best")
     return figure(drawing.svg, f"{name}: at which frequencies the error was, and is.")
+
+
+def _squared(unit: str) -> str:
+    return f"{unit}²" if unit.isalpha() else f"({unit})²"
 
 
 def score_bank(bank: list[Facts], found: set[Any]) -> Html:
@@ -110,6 +117,36 @@ def score_bank(bank: list[Facts], found: set[Any]) -> Html:
         " named above. What the model's own parameters could imitate has been projected out."
     )
     return section("Every effect that was tried", figure(drawing.svg, caption), table(head, rows))
+
+
+def band_map(bands: list[Facts]) -> Html:
+    """Show channel × frequency: how far the innovations of the model as it was are from white."""
+    outputs = list(dict.fromkeys(str(b["output"]) for b in bands))
+    if not outputs:
+        return Html("")
+    edges = sorted({float(edge) for b in bands for edge in b["frequency_hz"]})
+    ratio = np.full((len(outputs), len(edges) - 1), np.nan)
+    with charts.sketch((charts.WIDE[0], 1.2 + 0.45 * len(outputs))) as drawing:
+        axes = drawing.axes[0, 0]
+        for b in bands:
+            row, column = outputs.index(str(b["output"])), edges.index(float(b["frequency_hz"][0]))
+            ratio[row, column] = 10 * np.log10(max(float(b["ratio"]), 1e-3))
+            if b.get("significant"):
+                centre = float(np.sqrt(edges[column] * edges[column + 1]))
+                axes.plot(centre, row + 0.5, "o", color=INK, markersize=4)
+        reach = max(3.0, float(np.nanmax(np.abs(ratio))))
+        image = axes.pcolormesh(edges, np.arange(len(outputs) + 1), ratio, cmap="PuOr_r", vmin=-reach, vmax=reach)
+        axes.set_xscale("log")
+        axes.set_yticks(np.arange(len(outputs)) + 0.5, outputs)
+        axes.invert_yaxis()
+        axes.grid(visible=False)
+        axes.set_xlabel("frequency (Hz)")
+        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
+    caption = (
+        "What the model as it was leaves unexplained, one step ahead: power of its innovations against white noise,"
+        " by channel and third octave. A dot marks what chance does not give (1 % for the whole map)."
+    )
+    return figure(drawing.svg, caption)
 
 
 def confusion(data: Facts) -> Html:

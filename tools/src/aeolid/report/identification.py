@@ -33,6 +33,7 @@ def identification_parts(facts: Facts) -> Html:
     return join(
         [
             tag("p", _summary(facts)),
+            *(tag("p", f"Note: {note}", class_="soft") for note in facts.get("notes") or []),
             _modes(facts),
             tag("div", join([_singular_values(facts), _poles(facts)]), class_="pair"),
             _bode(facts),
@@ -47,10 +48,12 @@ def _summary(facts: Facts) -> str:
     modes, true = facts.get("modes") or [], facts.get("true_modes") or []
     if not modes:
         return ""
-    parts = [f"{len(modes)} mode{'s' if len(modes) != 1 else ''} identified"]
+    count = sum(map(_oscillates, modes))
+    parts = [f"{count} oscillating mode{'s' if count != 1 else ''} identified"]
     if facts.get("order"):
         parts[0] += f" by a model of order {facts['order']}"
-    errors = [abs(m["frequency_hz"] / t["frequency_hz"] - 1) for m, t in _paired(modes, true) if t and _oscillates(t)]
+    pairs = [(m, t) for m, t in _paired(modes, true) if t and _oscillates(t) and _oscillates(m)]
+    errors = [abs(m["frequency_hz"] / t["frequency_hz"] - 1) for m, t in pairs]
     if errors:
         parts.append(f"the frequencies are within {percent(max(errors), 2)} of the true ones")
     return "; ".join(parts) + "."
@@ -79,14 +82,19 @@ def _oscillates(mode: Facts) -> bool:
     return bool(mode.get("frequency_hz")) and abs(mode.get("damping") or 0.0) < 1
 
 
+def _distance(mode: Facts, real: Facts) -> float:
+    """Return how far apart two modes are: in the z-plane where both poles are known, else in Hz."""
+    if mode.get("eigenvalue") and real.get("eigenvalue"):
+        a, b = poles([mode["eigenvalue"], real["eigenvalue"]])
+        return float(abs(a - b))
+    return abs(float(mode.get("frequency_hz") or 0.0) - float(real.get("frequency_hz") or 0.0))
+
+
 def _paired(modes: list[Facts], true: list[Facts]) -> list[tuple[Facts, Facts | None]]:
-    """Give each identified mode the true one nearest in frequency, every true one at most once."""
+    """Give each identified mode the nearest true one, every true one at most once."""
     left = list(range(len(true)))
     pairs: dict[int, int] = {}
-    order = sorted(
-        ((abs(m.get("frequency_hz", 0) - t.get("frequency_hz", 0)), i, j)
-         for i, m in enumerate(modes) for j, t in enumerate(true))
-    )  # fmt: skip
+    order = sorted((_distance(m, t), i, j) for i, m in enumerate(modes) for j, t in enumerate(true))
     for _, i, j in order:
         if i not in pairs and j in left:
             pairs[i] = j
@@ -98,22 +106,31 @@ def _modes(facts: Facts) -> Html:
     modes, true = facts.get("modes") or [], facts.get("true_modes") or []
     if not modes:
         return Html("")
+    shares = any(m.get("outputs") for m in modes)
     rows = []
     for mode, real in _paired(modes, true):
-        row = [
-            mode.get("name") or (real or {}).get("name") or "",
-            with_std(mode.get("frequency_hz"), mode.get("frequency_std_hz"), 4),
-            with_std(_hundred(mode.get("damping")), _hundred(mode.get("damping_std")), 3),
-        ]
+        row = [mode.get("name") or (real or {}).get("name") or ("" if _oscillates(mode) else "real pole")]
+        row += [_mostly(mode.get("outputs") or {})] if shares else []
+        row += [with_std(mode.get("frequency_hz"), mode.get("frequency_std_hz"), 4), _damping(mode)]
         if true:
-            row += [number((real or {}).get("frequency_hz"), 4), number(_hundred((real or {}).get("damping")), 3)]
-            row.append(_signed_error(mode, real))
+            row += [number((real or {}).get("frequency_hz"), 4), _damping(real or {}), _signed_error(mode, real)]
         rows.append(row)
-    head = ["mode", "#frequency (Hz)", "#damping (%)"]
+    head = ["mode", *(["mostly in"] if shares else []), "#frequency (Hz)", "#damping (%)"]
     head += ["#true frequency (Hz)", "#true damping (%)", "#frequency error"] if true else []
-    return section(
-        "Modes", table(head, rows), tag("p", "± is one standard deviation.", class_="soft") if _has_std(modes) else None
-    )
+    note = tag("p", "± is one standard deviation.", class_="soft") if _has_std(modes) else None
+    return section("Modes", table(head, rows), note)
+
+
+def _mostly(shares: Facts) -> str:
+    if not shares:
+        return ""
+    name = max(shares, key=lambda key: float(shares[key]))
+    return f"{name} ({percent(shares[name], 2)})"
+
+
+def _damping(mode: Facts) -> str:
+    """Return the damping in percent; a real pole has none to speak of."""
+    return with_std(_hundred(mode.get("damping")), _hundred(mode.get("damping_std"))) if _oscillates(mode) else "–"
 
 
 def _has_std(modes: list[Facts]) -> bool:
@@ -125,7 +142,7 @@ def _hundred(value: Any) -> Any:
 
 
 def _signed_error(mode: Facts, real: Facts | None) -> str:
-    if real is None or not real.get("frequency_hz"):
+    if real is None or not _oscillates(real) or not _oscillates(mode):
         return "–"
     error = mode["frequency_hz"] / real["frequency_hz"] - 1
     return ("+" if error > 0 else "") + percent(error, 2)
