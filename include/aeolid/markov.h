@@ -9,7 +9,7 @@
  *
  * CONTRACT
  *   Memory: none but the caller's array of AEO_MARKOV_WORDS(n, l) = n l values (n=50, l=3: 150; n=150, l=3: 450).
- *   Operations: one multiplication and one division a parameter. Worst stack: 96 bytes. Deterministic: the same theta
+ *   Operations: one multiplication and one division a parameter. Worst stack: 64 bytes. Deterministic: the same theta
  *   gives the same bits, read at once or one by one.
  *   Threads and interrupts: reads the regressor and theta; call it between two updates.
  */

@@ -14,7 +14,7 @@
  * CONTRACT
  *   Memory: AEO_REGRESSOR_WORDS(r, l, p, e) words of aeo_real_t from the caller, e = 1 for VARMAX, else 0:
  *   p m + r + m + 4 (r + l) with m = r + l (1 + e). Two sizes: r=2, l=3, p=10: 77; r=2, l=3, p=30: 177.
- *   Operations: a push moves p m words and scales m; about 8 (p m + m) instructions. Worst stack: 96 bytes.
+ *   Operations: a push moves p m words and scales m; about 8 (p m + m) instructions. Worst stack: 104 bytes.
  *   Determinism: the same samples give the same bits, whatever came before the last reset or gap plus p samples.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. z and y stay
  *   as they are between two pushes, so a reader in the pushing context needs no lock.

@@ -42,7 +42,8 @@ def array(name: str, values: np.ndarray) -> str:
 
 def generate() -> str:
     """Return the whole header."""
-    text = "/* rls_vectors.h: made by generate.py; do not edit. */\n/* clang-format off */\n#ifndef RLS_VECTORS_H\n#define RLS_VECTORS_H\n\n"
+    text = "/* rls_vectors.h: made by generate.py; do not edit. */\n/* clang-format off */\n"
+    text += "#ifndef RLS_VECTORS_H\n#define RLS_VECTORS_H\n\n"
     table = []
     for c, (n, outputs, count, forgetting, rho) in enumerate(CASES):
         bits = np.random.Generator(np.random.PCG64(2009 + c))

@@ -1,0 +1,89 @@
+"""What the gates share: where the sources are, how to compile them, how to end.
+
+Every gate is called as `python NAME.py [ROOT]`; ROOT holds src/ and include/, by default this repository. It ends with
+exit code 0 and one line of figures, or with 1 and a line for each finding.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(sys.argv[1] if len(sys.argv) > 1 else Path(__file__).parents[2]).resolve()
+SOURCES = sorted((ROOT / "src").glob("*.c"))
+HEADERS = sorted((ROOT / "include/aeolid").glob("*.h"))
+WARNINGS = [
+    "-Wall",
+    "-Wextra",
+    "-Wpedantic",
+    "-Wconversion",
+    "-Wsign-conversion",
+    "-Wdouble-promotion",
+    "-Wfloat-equal",
+    "-Wundef",
+    "-Wswitch-enum",
+    "-Wcast-align",
+    "-Wmissing-declarations",
+    "-Wshadow",
+    "-Werror",
+]
+PRECISIONS: dict[str, list[str]] = {"float": [], "double": ["-DAEO_REAL_DOUBLE"]}
+CORTEX_M4F = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffunction-sections"]
+
+
+def compilers() -> dict[str, list[str]]:
+    """List the compilers present, with what they always need: gcc, clang, and one for a Cortex-M4F."""
+    known = {"gcc": ["gcc"], "clang": ["clang"], "cortex-m4f": ["arm-none-eabi-gcc", *CORTEX_M4F]}
+    found = {name: command for name, command in known.items() if shutil.which(command[0])}
+    # a cross compiler without its C library has no <string.h> and is of no use here
+    if "cortex-m4f" in found and try_compile(found["cortex-m4f"], "#include <string.h>\n#include <math.h>\n"):
+        del found["cortex-m4f"]
+    return found
+
+
+def try_compile(command: list[str], text: str) -> str:
+    """Compile a piece of C; returns the messages, empty when it compiled."""
+    done = subprocess.run(
+        [*command, "-x", "c", "-fsyntax-only", "-"], input=text, capture_output=True, text=True, check=False
+    )
+    return "" if done.returncode == 0 else done.stderr
+
+
+def compile_sources(command: list[str], flags: list[str], directory: Path) -> str:
+    """Compile every source into `directory`; returns the messages, empty when all compiled."""
+    directory.mkdir(parents=True, exist_ok=True)
+    include = [f"-I{ROOT / 'include'}", f"-I{ROOT / 'src'}"]
+    done = subprocess.run(
+        [*command, "-c", *include, *flags, *map(str, SOURCES)],
+        cwd=directory,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return "" if done.returncode == 0 else done.stderr or "compiler failed"
+
+
+def output(*command: object) -> str:
+    """Return what a command prints."""
+    return subprocess.run([str(c) for c in command], capture_output=True, text=True, check=True).stdout
+
+
+def scratch() -> Path:
+    """Return a new directory under the system's temporary one; `finish` removes it."""
+    path = Path(tempfile.mkdtemp(prefix="aeolid-gate-"))
+    _scratch.append(path)
+    return path
+
+
+_scratch: list[Path] = []
+
+
+def finish(findings: list[str], good: str) -> None:
+    """End the gate: print the findings and fail, or print the figures and succeed."""
+    for path in _scratch:
+        shutil.rmtree(path, ignore_errors=True)
+    if not SOURCES or not HEADERS:
+        findings = [f"{ROOT} holds no sources", *findings]
+    print("\n".join(findings) if findings else good)
+    sys.exit(1 if findings else 0)

@@ -1,0 +1,242 @@
+"""Prove that the gates and the tests can fail: seed a defect in a copy of the sources and demand that it is found.
+
+python selftest.py UNITY_DIR; UNITY_DIR holds unity.c. Exit code 0 when every defect was found, for the reason expected.
+That gates and tests are content with the unharmed sources is for themselves to show, in the same run of ctest.
+"""
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+GATES = Path(__file__).resolve().parent
+FAST_MATH = ["-O3", "-ffast-math"]
+
+
+@dataclass(frozen=True)
+class Defect:
+    """One change of one file, the gate or test that must object, and a word of its objection."""
+
+    finder: str
+    file: str
+    old: str
+    new: str
+    objection: str
+    flags: tuple[str, ...] = ()
+
+
+GATE_DEFECTS = [
+    Defect("symbols", "src/status.c", '    return "unknown', '    puts("?");\n    return "unknown', "calls puts"),
+    Defect("symbols", "src/rls.c", "#define SAMPLE_MAX", "int aeo_calls = 3;\n#define SAMPLE_MAX", "keeps state"),
+    Defect(
+        "symbols",
+        "src/rls.c",
+        "#define SAMPLE_MAX",
+        "int spare(void);\nint spare(void) { return 1; }\n#define SAMPLE_MAX",
+        "no aeo_",
+    ),
+    Defect("symbols", "include/aeolid/rls.h", "#define aeo_rls_theta ", "#define aeo_rls_beta ", "keeps its name"),
+    Defect("headers", "include/aeolid/rls.h", '#include "aeolid/config.h"\n', "", "rls.h, gcc"),
+    Defect("headers", "include/aeolid/rls.h", "    uint32_t health;", "    uint32_t class;", "c++"),
+    Defect("headers", "include/aeolid/markov.h", " * CONTRACT", " * TERMS", "no CONTRACT"),
+    Defect("headers", "include/aeolid/status.h", "#ifndef AEOLID_STATUS_H", "#ifndef STATUS_H", "no guard"),
+    Defect(
+        "compilers",
+        "src/rls.c",
+        "const aeo_real_t settings[4]",
+        "int n_unused;\n    const aeo_real_t settings[4]",
+        "unused",
+    ),
+    Defect(
+        "compilers", "src/linalg.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
+    ),
+    Defect(
+        "stack",
+        "src/rls.c",
+        "    const size_t n = self->config.regressors, l = self->config.outputs;\n    for",
+        "    const size_t n = self->config.regressors, l = self->config.outputs;\n"
+        "    volatile aeo_real_t copy[80];\n    copy[l] = y[0];\n    for",
+        "bytes",
+    ),
+    Defect(
+        "memory",
+        "src/rls.c",
+        "    self->config = *config;",
+        "    static volatile aeo_real_t spare[64];\n"
+        "    spare[config->outputs] = config->forgetting;\n    self->config = *config;",
+        "beyond the formula",
+    ),
+    Defect(
+        "memory",
+        "include/aeolid/rls.h",
+        "2u * (size_t)(n) + 2u * (size_t)(l))",
+        "3u * (size_t)(n) + 2u * (size_t)(l))",
+        "refused",
+    ),
+    Defect(
+        "shape",
+        "src/rls.c",
+        "    return self != NULL ? self->health : 0u;",
+        "    int k = 0;\n" + "    k++;\n" * 75 + "    return self != NULL ? self->health : 0u;",
+        "lines",
+    ),
+    Defect("shape", "src/rls.c", "#include <string.h>", "#include <string.h>\n#include <stdlib.h>", "heap"),
+    Defect(
+        "size",
+        "src/status.c",
+        '    return "unknown status";',
+        '    return "unknown status' + " and a sentence that takes its place in flash" * 40 + '";',
+        "at most",
+    ),
+]
+
+TEST_DEFECTS = [
+    Defect("contract_rls", "src/linalg.c", "c * s0 - k * b0", "c * s0 + k * b0", "law_equals_batch"),
+    Defect(
+        "contract_rls",
+        "src/rls.c",
+        "absorb(self, self->config.forgetting, self->inverse_root_forgetting)",
+        "absorb(self, self->config.forgetting, AEO_REAL(1))",
+        "law_equals_batch",
+    ),
+    Defect(
+        "contract_rls",
+        "src/rls.c",
+        "self->innovation[i] * (lambda * inverse)",
+        "self->innovation[i] * inverse",
+        "law_residuals",
+    ),
+    Defect(
+        "contract_rls",
+        "src/linalg.c",
+        "if ((bits & exponent) == exponent) {",
+        "if (x[i] != x[i]) {",
+        "refusal",
+        tuple(FAST_MATH),
+    ),
+    Defect("contract_rls", "src/rls.c", "        aeo_count_up(&self->count.rejected);\n", "", "refusal"),
+    Defect("contract_rls", "src/rls.c", "words < AEO_RLS_WORDS(n, l)", "words + 1 < AEO_RLS_WORDS(n, l)", "memory"),
+    Defect(
+        "contract_rls",
+        "src/rls.c",
+        "memcpy(saved, self->factor, kept",
+        "memcpy(saved, self->factor, (kept - 1)",
+        "restore",
+    ),
+    Defect(
+        "contract_rls",
+        "src/rls.c",
+        "memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);",
+        "memset(self->factor, 0, n * (n + 1) / 2 * sizeof *self->factor);",
+        "law_reset",
+    ),
+    Defect("rls", "src/rls.c", "if (news < self->gate)", "if (news < AEO_REAL(0))", "quiet"),
+    Defect(
+        "rls", "src/rls.c", "        if (variance <= self->variance_max) {", "        if (variance >= 0) {", "bounded"
+    ),
+    Defect(
+        "rls", "src/rls.c", "saved = put_u32(saved, self->scan_row);", "saved = put_u32(saved, 0) - 2;", "saved_head"
+    ),
+    Defect(
+        "rls",
+        "src/rls.c",
+        "    if (!find_innovation(self, z, y)) {",
+        "    if (find_innovation(self, z, y) > 1) {",
+        "runaway",
+    ),
+    Defect("regressor", "src/regressor.c", "self->z[i] = self->z[i + m];", "self->z[i] = self->z[i + m - 1];", "order"),
+    Defect("regressor", "src/regressor.c", "        self->filled = 0;\n    } else", "    } else", "hole"),
+    Defect("regressor", "src/regressor.c", "if (step < half)", "if (step <= half)", "time"),
+    Defect(
+        "regressor",
+        "src/regressor.c",
+        "self->feedthrough >> i & 1u) != 0u",
+        "self->feedthrough >> i & 2u) != 0u",
+        "order",
+    ),
+    Defect(
+        "markov",
+        "src/markov.c",
+        "/ layout->inverse[layout->inputs + i]",
+        "* layout->inverse[layout->inputs + i]",
+        "units_law",
+    ),
+    Defect("status", "src/status.c", '"a number is NaN or infinite"', '"done"', "own_sentence"),
+]
+
+
+def copy_sources() -> Path:
+    """Copy what a defect may touch into a directory of its own."""
+    directory = Path(tempfile.mkdtemp(prefix="aeolid-selftest-"))
+    for name in ("src", "include"):
+        shutil.copytree(REPOSITORY / name, directory / name)
+    return directory
+
+
+def run_gate(name: str, root: Path) -> tuple[bool, str]:
+    """Return whether a gate was content, and what it said."""
+    done = subprocess.run([sys.executable, GATES / f"{name}.py", root], capture_output=True, text=True, check=False)
+    return done.returncode == 0, done.stdout + done.stderr
+
+
+def run_test(name: str, root: Path, unity: Path, flags: tuple[str, ...]) -> tuple[bool, str]:
+    """Build one unit test over the sources in `root`; return whether it passed, and what it said."""
+    unit = REPOSITORY / "tests/unity"
+    sources = [*(root / "src").glob("*.c"), *(unit / "support").glob("*.c"), unit / f"test_{name}.c", unity / "unity.c"]
+    include = [f"-I{d}" for d in (root / "include", root / "src", unit / "support", unity)]
+    command = [
+        "gcc",
+        "-std=c99",
+        "-DUNITY_INCLUDE_DOUBLE",
+        *(flags or ("-O1",)),
+        *include,
+        *sources,
+        "-lm",
+        "-o",
+        root / "t",
+    ]
+    built = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
+    if built.returncode:
+        return True, "does not even compile: " + built.stderr  # a defect that cannot be built proves nothing
+    done = subprocess.run([root / "t"], capture_output=True, text=True, check=False, timeout=60)
+    failed = [line for line in done.stdout.splitlines() if ":FAIL" in line]
+    return done.returncode == 0, "\n".join(failed) or done.stdout
+
+
+def seed_defect(defect: Defect, unity: Path) -> str:
+    """Return what is wrong with the proof of one defect, empty when it was found."""
+    root = copy_sources()
+    try:
+        path = root / defect.file
+        text = path.read_text()
+        if text.count(defect.old) < 1:
+            return f"{defect.file}: nothing to seed, {defect.old!r} is not there"
+        path.write_text(text.replace(defect.old, defect.new, 1))
+        if (GATES / f"{defect.finder}.py").exists():
+            content, said = run_gate(defect.finder, root)
+        else:
+            content, said = run_test(defect.finder, root, unity, defect.flags)
+        if content:
+            return f"{defect.finder} did not object to {defect.new.strip()[:60]!r} in {defect.file}: {said[:300]}"
+        if defect.objection not in said:
+            return f"{defect.finder} objected to {defect.new.strip()[:60]!r} for another reason: {said[:300]}"
+        return ""
+    finally:
+        shutil.rmtree(root, ignore_errors=True)
+
+
+def main() -> None:
+    unity = Path(sys.argv[1])
+    defects = GATE_DEFECTS + TEST_DEFECTS
+    with ThreadPoolExecutor(2) as pool:
+        findings = [f for f in pool.map(lambda d: seed_defect(d, unity), defects) if f]
+    print("\n".join(findings) if findings else f"{len(defects)} seeded defects, every one found")
+    sys.exit(1 if findings else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,68 @@
+"""Gate: no function takes more than 256 bytes of stack, and on a Cortex-M4F no chain of calls of a filter does."""
+
+import re
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import gate
+
+LIMIT = 256  # bytes
+STREAM_LIMIT = 288  # chains that end in the port's send hold a whole CAN FD frame
+
+
+def read_graph(directory: Path) -> tuple[dict[str, int], dict[str, set[str]]]:
+    """Return the frame of each function and whom it calls, from the compiler's call graphs."""
+    frames: dict[str, int] = {}
+    calls: dict[str, set[str]] = {}
+    for graph in directory.glob("*.ci"):
+        text = graph.read_text()
+        for title, label in re.findall(r'node: \{ title: "([^"]+)" label: "([^"]+)"', text):
+            frame = re.search(r"(\d+) bytes \((\w+)", label)
+            if frame:
+                frames[title] = int(frame[1])
+                if frame[2] != "static":
+                    frames[title] = 10**6  # alloca or a variable-length array: no bound is known
+        for caller, callee in re.findall(r'edge: \{ sourcename: "([^"]+)" targetname: "([^"]+)"', text):
+            calls.setdefault(caller, set()).add(callee)
+    return frames, calls
+
+
+def deepest(name: str, frames: dict[str, int], calls: dict[str, set[str]], above: tuple[str, ...] = ()) -> int:
+    """Return the bytes of the deepest chain that starts here; a function that reaches itself has no bound."""
+    if name in above:
+        return 10**6
+    below = (deepest(c, frames, calls, (*above, name)) for c in calls.get(name, ()) if c in frames)
+    return frames[name] + max(below, default=0)
+
+
+def limit_of(function: str) -> int:
+    """Return what a function, named file:function, may take."""
+    return STREAM_LIMIT if function.split("/")[-1].startswith("stream.c") or "aeo_stream_" in function else LIMIT
+
+
+def main() -> None:
+    findings, figures = [], []
+    for name, command in gate.compilers().items():
+        if name == "clang":  # writes no call graph
+            continue
+        for precision, flags in gate.PRECISIONS.items():
+            if name == "cortex-m4f" and precision == "double":
+                continue  # no double unit: nobody runs it there
+            directory = gate.scratch()
+            wanted = ["-std=c99", "-O2", "-fstack-usage", "-fcallgraph-info=su", *flags]
+            messages = gate.compile_sources(command, wanted, directory)
+            if messages:
+                gate.finish([messages], "")
+            frames, calls = read_graph(directory)
+            chains = {f: deepest(f, frames, calls) for f in frames}
+            measured = chains if name == "cortex-m4f" else frames
+            findings += [f"{name} {precision}: {f} takes {b} bytes" for f, b in measured.items() if b > limit_of(f)]
+            findings += [f"{name} {precision}: {f} calls itself" for f, b in chains.items() if b >= 10**6]
+            worst = max(chains, key=lambda f: chains[f])
+            figures.append(f"{name} {precision}: deepest chain {chains[worst]} bytes from {worst.split(':')[-1]}")
+    gate.finish(findings, "; ".join(figures))
+
+
+if __name__ == "__main__":
+    main()
