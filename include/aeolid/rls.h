@@ -16,9 +16,9 @@
  *   2 bound: when a parameter's variance P_ii exceeds growth_max / rho, its present value is absorbed as if it had been
  *     measured, which halves P_ii twice and leaves theta as it is: directions never excited cannot wind up while the
  *     excited ones go on forgetting.
- *   Why this form: on closed-loop turbine data (regressors singular to rounding, n = 50, 10,000 samples, lambda = 1)
- *   the float result lies 1.6e-5 (rho = 1), 1.2e-4 (0.1), 1.5e-3 (0.01) from the double batch solution, and its
- *   predictions 7e-6 at any of them; DESIGN.md has the rivals.
+ *   Why this form: on four closed-loop turbine recordings (regressors singular to rounding, n = 50 and 150, 10,000
+ *   samples, lambda = 1) the float result lies at most 4e-5 (rho = 1), 2e-4 (0.1), 3e-3 (0.01) from the double batch
+ *   solution, its predictions at most 2e-5 at any of them; DESIGN.md has the rivals.
  *
  * CONTRACT
  *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 2 l.
@@ -80,7 +80,7 @@ typedef struct {
                                   large: slow to follow. Start: 1, or 1 - 1 / (10 n) to follow changes */
     aeo_real_t regularisation; /* rho, 1e-8 ... 1e8: as if rho samples of size 1 with output 0 had been seen in each
                                   direction. Too small: in float, directions the data leave open fill with rounding
-                                  noise (below 0.01); too large: bias. Start: 1 with scaled channels */
+                                  noise (below 0.01); too large: bias. Start: 0.1 with scaled channels */
     aeo_real_t excitation_min; /* gate, 0 ... 1; 0: off. Too small: noise counts as excitation; too large: forgetting
                                   stops in normal operation. Start: 0.05 */
     aeo_real_t growth_max;     /* bound on P_ii relative to 1 / rho, 4 ... 1e6 and growth_max / rho <= 1e10. Too small:

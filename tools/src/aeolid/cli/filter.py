@@ -25,7 +25,7 @@ def run(
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
     out: Annotated[Path, typer.Option("--out", help="Where the Markov parameters go (.npz).")],
     forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; 1 forgets nothing.")] = 1.0,
-    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero, 1e-8 to 1e8.")] = 1.0,
+    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero, 1e-8 to 1e8.")] = 0.1,
     precision: Annotated[str, typer.Option("--precision", help="f32 as in a controller, or f64.")] = "f32",
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")

@@ -1,0 +1,295 @@
+"""The C filters from Python: equal to least squares, honest about bad samples, clear about bad requests."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aeolid.cli.main import main
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.filters import REGRESSORS_MAX, FilterResult, filter_record, replay_rls
+from aeolid.native import find_native, load_library
+from aeolid.record import Channel, Record
+
+TURBINE = Path(__file__).resolve().parents[2].parent / "shared/reference/data"
+OK, FILLING, NOT_FINITE, RANGE, TIME, GAP = 0, 1, -3, -4, -5, -6
+
+
+def simulate(samples: int, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate two inputs in newton-metres and degrees, two outputs, one sample of delay and feedback."""
+    rng = np.random.default_rng(seed)
+    u, y, x = np.zeros((samples, 2)), np.zeros((samples, 2)), np.zeros(2)
+    a, b = np.array([[0.8, 0.3], [-0.3, 0.7]]), np.array([[1.0, 0.2], [0.0, 0.5]])
+    for k in range(samples):
+        y[k] = x + 0.05 * rng.standard_normal(2)
+        u[k] = rng.standard_normal(2) - 0.2 * (y[k - 1] if k else 0.0)
+        x = a @ x + b @ u[k] + 0.05 * rng.standard_normal(2)
+    return u * [2e4, 1.5] + [1e5, 10.0], y * [0.01, 3.0] + [1.2, -4.0]
+
+
+def window_of(u: np.ndarray, y: np.ndarray, past: int, feedthrough: tuple[int, ...] = ()) -> np.ndarray:
+    """Stack the regressors of eq. (9) by rows, oldest block first."""
+    z = np.hstack([u, y])
+    n = len(z)
+    return np.hstack([z[j : n - past + j] for j in range(past)] + [u[past:, list(feedthrough)]])
+
+
+def solve(z: np.ndarray, y: np.ndarray, forgetting: float, rho: float) -> np.ndarray:
+    """Return theta (l, n) of the weighted, regularised batch problem by QR."""
+    k, n = z.shape
+    weight = np.sqrt(forgetting) ** np.arange(k - 1, -1, -1)
+    rows = np.vstack([np.sqrt(rho * forgetting**k) * np.eye(n), weight[:, None] * z])
+    q, r = np.linalg.qr(rows)
+    return np.linalg.solve(r, q[n:].T @ (weight[:, None] * y)).T
+
+
+def scaled(result: FilterResult, u: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Apply the filter's scales in double."""
+    offset, scale = np.array(result.settings.offset), np.array(result.settings.scale)
+    x = (np.hstack([u, y]) - offset) / scale
+    return x[:, : u.shape[1]], x[:, u.shape[1] :]
+
+
+def distance(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.linalg.norm(a - b) / np.linalg.norm(b))
+
+
+@pytest.mark.parametrize("precision,bound", [("f32", 1e-3), ("f64", 1e-10)])
+@pytest.mark.parametrize("forgetting", [1.0, 0.998])
+@pytest.mark.parametrize("feedthrough", [(), (1,), (0, 1)])
+def test_equals_batch_least_squares(
+    precision: str, bound: float, forgetting: float, feedthrough: tuple[int, ...]
+) -> None:
+    u, y = simulate(1500)
+    result = replay_rls(
+        u, y, past=4, forgetting=forgetting, precision=precision, feedthrough=feedthrough, excitation_min=0.0
+    )
+    assert result.health == 0
+    us, ys = scaled(result, u, y)
+    exact = float(np.float32(forgetting)) if precision == "f32" else forgetting
+    rho = float(np.float32(0.1)) if precision == "f32" else 0.1
+    theta = solve(window_of(us, ys, 4, feedthrough), ys[4:], exact, rho)
+    assert distance(result.theta_scaled, theta) < bound
+
+
+@pytest.mark.parametrize("case", range(4))
+@pytest.mark.parametrize("past", [10, 30])
+def test_float_is_within_a_thousandth_on_turbine_data(case: int, past: int) -> None:
+    path = TURBINE / f"hawt_{case:02d}.npz"
+    if not path.exists():
+        pytest.skip(f"{path.name} is not at {TURBINE}")
+    data = np.load(path)
+    u, y = data["u"], data["y"]
+    result = replay_rls(u, y, past=past, sample_time_s=0.1)
+    us, ys = scaled(result, u, y)
+    z = window_of(us, ys, past)
+    theta = solve(z, ys[past:], 1.0, float(np.float32(0.1)))
+    assert distance(result.theta_scaled, theta) < 1e-3
+    assert distance(z @ result.theta_scaled.T, z @ theta.T) < 1e-4
+    assert result.health == 0
+
+
+def test_units_are_undone() -> None:
+    u, y = simulate(800)
+    result = replay_rls(u, y, past=3, precision="f64")
+    scale = np.array(result.settings.scale)
+    factor = scale[2:, None] / np.tile(scale, 3)[None, :]
+    np.testing.assert_allclose(result.theta, result.theta_scaled * factor, rtol=1e-12)
+    deviation = np.hstack([u, y]) - np.array(result.settings.offset)
+    z = np.hstack([deviation[j : 800 - 3 + j] for j in range(3)])
+    # the residual of the last sample, with the last parameters, from unscaled numbers
+    np.testing.assert_allclose(deviation[-1, 2:] - result.theta @ z[-1], result.residual[-1], atol=1e-9)
+
+
+def test_same_input_gives_the_same_bits() -> None:
+    u, y = simulate(500)
+    first, second = (replay_rls(u, y, past=5, forgetting=0.99) for _ in range(2))
+    assert first.theta.tobytes() == second.theta.tobytes()
+    assert first.innovation.tobytes() == second.innovation.tobytes()
+
+
+@settings(max_examples=25, deadline=None)
+@given(bad=st.lists(st.integers(0, 199), min_size=1, max_size=12, unique=True), past=st.integers(1, 6))
+def test_bad_samples_are_counted_and_never_used(bad: list[int], past: int) -> None:
+    u, y = simulate(200)
+    for i, k in enumerate(bad):
+        (u if i % 2 else y)[k, i % 2] = (np.nan, np.inf, -np.inf)[i % 3]
+    clean = [k for k in range(200) if k not in bad]
+    expected = []
+    for k in range(200):
+        history = [i not in bad for i in range(max(0, k - past), k)]
+        if k in bad:
+            expected.append(NOT_FINITE)
+        elif k - 1 in bad and k > clean[0]:
+            expected.append(GAP)
+        else:
+            expected.append(OK if len(history) == past and all(history) else FILLING)
+    try:
+        result = replay_rls(u, y, past=past)
+    except NotIdentifiable:
+        assert OK not in expected
+        return
+    assert result.status.tolist() == expected
+    assert result.counters["rejected_not_finite"] == len(bad)
+    assert result.counters["updates"] == expected.count(OK)
+    used = result.status == OK
+    assert np.isfinite(result.innovation[used]).all() and np.isnan(result.innovation[~used]).all()
+    # the same answer as batch least squares over the good windows alone
+    us, ys = scaled(result, u, y)
+    rows = [k for k in range(200) if used[k]]
+    z = np.array([np.hstack([us[k - past : k], ys[k - past : k]]).ravel() for k in rows])
+    assert distance(result.theta_scaled, solve(z, ys[rows], 1.0, 0.1)) < 1e-3
+
+
+def test_time_is_judged() -> None:
+    u, y = simulate(100)
+    time = 0.1 * np.arange(100)
+    time[50:] += 1.0  # a hole of ten samples
+    time[70] = time[69] - 0.05  # backwards
+    result = replay_rls(u, y, past=3, sample_time_s=0.1, time_s=time)
+    assert result.status[50] == GAP and result.status[53] == OK and result.status[52] == FILLING
+    assert result.status[70] == TIME and result.status[71] == GAP
+    assert result.counters["gaps"] == 2 and result.counters["rejected_time"] == 1
+
+
+def test_plausible_range_is_judged() -> None:
+    u, y = simulate(100)
+    y[40, 1] = 1e4
+    result = replay_rls(u, y, past=3, minimum=[-1e9, -1e9, -1e9, -100.0], maximum=[1e9, 1e9, 1e9, 100.0])
+    assert result.status[40] == RANGE and result.counters["rejected_range"] == 1
+
+
+def test_a_still_turbine_does_not_forget() -> None:
+    u, y = simulate(3000)
+    offset, scale = np.r_[u.mean(0), y.mean(0)], np.r_[u.std(0), y.std(0)]
+    results = []
+    for still in (100, 20000):  # the step to standstill is news; what follows is not
+        rest = np.tile(offset, (still, 1))
+        stacked = np.vstack([np.hstack([u, y]), rest])
+        results.append(replay_rls(stacked[:, :2], stacked[:, 2:], past=4, forgetting=0.99, offset=offset, scale=scale))
+    assert results[1].health == 1 and results[1].counters["forgetting_withheld"] > 19900
+    assert results[0].theta.tobytes() == results[1].theta.tobytes()
+
+
+@pytest.mark.parametrize(
+    "change,word",
+    [
+        ({"past": 0}, "past"),
+        ({"past": 10**6}, "past"),
+        ({"past": 2, "precision": "f16"}, "precision"),
+        ({"past": 2, "forgetting": 0.4}, "forgetting"),
+        ({"past": 2, "forgetting": float("nan")}, "forgetting"),
+        ({"past": 2, "regularisation": 0.0}, "regularisation"),
+        ({"past": 2, "feedthrough": (2,)}, "feedthrough"),
+        ({"past": 2, "sample_time_s": 0.0}, "sample_time_s"),
+        ({"past": 2, "offset": [0.0]}, "offset"),
+        ({"past": 2, "scale": [1.0, 1.0, 0.0, 1.0]}, "scale"),
+        ({"past": 2, "maximum": [np.inf] * 4}, "maximum"),
+        ({"past": 2, "time_s": np.zeros(3)}, "time_s"),
+        ({"past": 2, "growth_max": 1.0}, "growth_max"),
+    ],
+)
+def test_bad_settings_are_named(change: dict[str, object], word: str) -> None:
+    u, y = simulate(50)
+    with pytest.raises(UsageError, match=word):
+        replay_rls(u, y, **change)  # type: ignore[arg-type]
+
+
+def test_bad_arrays_are_named() -> None:
+    u, y = simulate(50)
+    with pytest.raises(UsageError, match="u has shape"):
+        replay_rls(u[:, 0], y, past=2)
+    with pytest.raises(UsageError, match="u has 49 samples"):
+        replay_rls(u[:-1], y, past=2)
+    with pytest.raises(UsageError, match="y has shape"):
+        replay_rls(u, np.zeros((50, 33)), past=2)
+    with pytest.raises(DataError, match="constant"):
+        replay_rls(np.ones((50, 2)), y, past=2)
+    with pytest.raises(NotIdentifiable, match="4 good ones in a row"):
+        replay_rls(u[:3], y[:3], past=3)
+    assert REGRESSORS_MAX == 1024
+
+
+def test_missing_library_is_explained(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"no_such_file\.so is in none of"):
+        find_native("no_such_file.so")
+    (tmp_path / "aeolid-thing").write_text("")
+    monkeypatch.setenv("AEOLID_NATIVE", str(tmp_path))
+    assert find_native("aeolid-thing") == tmp_path / "aeolid-thing"
+    assert load_library("f32") is load_library("f32")
+
+
+def as_record(u: np.ndarray, y: np.ndarray) -> Record:
+    names = [
+        ("torque", "N m", "input"),
+        ("pitch", "deg", "input"),
+        ("speed", "rad/s", "output"),
+        ("acc", "m/s2", "output"),
+    ]
+    channels = tuple(Channel(*n) for n in names)
+    return Record(0.1 * np.arange(len(u)), np.hstack([u, y]), channels, 0.1, "rec.csv", "0" * 64)
+
+
+def test_record_errors_name_the_channel() -> None:
+    u, y = simulate(60)
+    record = as_record(np.column_stack([u[:, 0], np.full(60, 4.0)]), y)
+    with pytest.raises(DataError, match=r"rec\.csv: channel 'pitch' is constant \(4\)"):
+        filter_record(record, past=2)
+    record = as_record(u, np.column_stack([y[:, 0], np.full(60, np.nan)]))
+    with pytest.raises(DataError, match="channel 'acc' holds no finite sample"):
+        filter_record(record, past=2)
+    with pytest.raises(UsageError, match="feedthrough 'wind' is no input; the inputs are torque, pitch"):
+        filter_record(as_record(u, y), past=2, feedthrough=("wind",))
+    result = filter_record(as_record(u, y), past=2, feedthrough=("pitch",))
+    assert result.settings.feedthrough == (1,) and result.theta.shape == (2, 9)
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """Write a recording with one missing sample and its roles."""
+    u, y = simulate(400)
+    rows = [f"{0.1 * k:.1f},{u[k, 0]},{u[k, 1]},{'' if k == 200 else y[k, 0]},{y[k, 1]}" for k in range(400)]
+    (tmp_path / "rec.csv").write_text("time_s,torque,pitch,speed,acc\n" + "\n".join(rows) + "\n")
+    roles = '[recording]\ntime = "time_s"\n'
+    units = {"torque": "N m", "pitch": "deg", "speed": "rad/s", "acc": "m/s^2"}
+    for i, (name, unit) in enumerate(units.items()):
+        roles += f'[[channel]]\nname = "{name}"\nunit = "{unit}"\nrole = "{"input" if i < 2 else "output"}"\n'
+    (tmp_path / "roles.toml").write_text(roles)
+    return tmp_path
+
+
+def call(folder: Path, *options: str) -> int:
+    return main(["filter", str(folder / "rec.csv"), "--roles", str(folder / "roles.toml"), *options])
+
+
+def test_command_writes_what_the_contract_names(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = recording / "markov.npz"
+    code = call(recording, "--method", "rls", "--past", "5", "--precision", "f64", "--out", str(out), "--json", "-")
+    assert code == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["counters"]["rejected_not_finite"] == 1 and facts["settings"]["past"] == 5
+    with np.load(out) as markov:
+        assert markov["theta"].shape == (2, 20) and markov["innovation"].shape == (400, 2)
+        assert int(markov["health"]) == 0 and json.loads(str(markov["settings"]))["precision"] == "f64"
+        assert markov["outputs"].tolist() == ["speed", "acc"]
+
+
+def test_command_refuses_in_one_sentence(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = ["--out", str(recording / "m.npz")]
+    for options, code, word in [
+        (["--method", "els", "--past", "5", *out], 2, "this version offers rls"),
+        (["--method", "rls", "--past", "0", *out], 2, "past = 0"),
+        (["--method", "rls", "--past", "5", "--forget", "2", *out], 2, "forgetting"),
+        (["--method", "rls", "--past", "5", "--precision", "f16", *out], 2, "precision"),
+        (["--method", "rls", "--past", "200", *out], 4, "201 good ones in a row"),
+        (["--method", "rls", "--past", "5", "--out", str(recording / "none" / "m.npz")], 3, "cannot be written"),
+    ]:
+        assert call(recording, *options) == code
+        said = capsys.readouterr().err
+        assert word in said and said.count("\n") == 1 and "Traceback" not in said
+    assert not (recording / "m.npz").exists()
