@@ -94,7 +94,7 @@ class Relay:
     def _run(self) -> None:
         listener, _ = self._server.accept()
         nodes = [socket.create_connection(t) for t in self._targets]
-        rest = {node: b"" for node in nodes}
+        rest = dict.fromkeys(nodes, b"")
         try:
             while nodes:
                 for ready in select.select([listener, *nodes], [], [], 1.0)[0]:

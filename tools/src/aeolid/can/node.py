@@ -134,7 +134,16 @@ class Node:
 
     def _use(self, now: Configuration, m: Messages) -> None:
         samples = m.kind == SAMPLE
-        now.samples.add(m.tag[samples], m.index[samples], m.value[samples])
+        tells_index = ((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN)
+        start = 0
+        for stop in [*np.flatnonzero(tells_index).tolist(), len(m)]:  # a full index holds for the samples before it
+            part = slice(start, stop)
+            chosen = samples[part]
+            if chosen.any():
+                now.samples.add(m.tag[part][chosen], m.index[part][chosen], m.value[part][chosen])
+            if stop < len(m):
+                now.samples.anchor(int(m.value[stop]))
+            start = stop
         innovations = m.kind == INNOVATION
         if innovations.any():
             now.innovations.add(m.tag[innovations], m.index[innovations], m.value[innovations])
@@ -145,8 +154,6 @@ class Node:
             self._take_health(now, health)
         snapshot = m.kind >= BEGIN
         if snapshot.any():
-            for full in m.value[m.kind == BEGIN].tolist():
-                now.samples.anchor(full)
             now.snapshots.add(m.take(snapshot), self._newest(now))
 
     def _newest(self, now: Configuration) -> int | None:
@@ -162,7 +169,6 @@ class Node:
             self.flags = int(flags) & ~STOPPED
             self.counters[name] = int(value)
             if tag == 0:
-                now.samples.anchor(int(value))
                 now.innovations.anchor(int(value))
             if int(flags) & STOPPED:
                 self.stopped = True

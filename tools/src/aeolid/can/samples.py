@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 JUMP = 1000  # a larger hole may be a restart or a silence longer than the index counts: a full index decides
+SHUFFLE = 16  # gateways may swap neighbours; a longer way back is a restart, or a silence of 65536 samples
 ANCHOR = 20_000  # a full index told within one batch lies no farther from the newest sample; below half of 65536
 SPARSE = 20  # rows per arrived value that a table may have
 TABLE_BYTES_FREE = 1 << 28  # tables below this size may be as sparse as they like
@@ -59,7 +60,7 @@ class SampleStore:
         self.arrived += len(index)
         previous = np.concatenate([[self._segments[-1].last & 0xFFFF if self._segments else index[0]], index[:-1]])
         step = (index.astype(np.int64) - previous.astype(np.int64) + 32768) % 65536 - 32768
-        breaks = np.flatnonzero(np.abs(step) > JUMP)
+        breaks = np.flatnonzero((step > JUMP) | (step < -SHUFFLE))
         start = 0
         for stop in [*breaks.tolist(), len(index)]:
             if stop > start:
@@ -114,7 +115,7 @@ class SampleStore:
         for segment in self._segments:
             index = np.concatenate(segment.index) + self._shift(segment, last)
             hole = None if last is None else int(index.min()) - last
-            if hole is None or hole < -JUMP or hole > JUMP + SPARSE * total * max(every, 1):
+            if hole is None or hole < 0 or hole > JUMP + SPARSE * total * max(every, 1):
                 runs.append([])
                 total = 0
             runs[-1].append((index, np.concatenate(segment.channel), np.concatenate(segment.value)))

@@ -1,0 +1,244 @@
+"""The C packer, aeolid.dbc through cantools, and the bulk decoder of the host say the same, bit for bit."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aeolid.can import repair, wire
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = ("AEO_Health", "AEO_Description", "AEO_Sample", "AEO_Innovation", "AEO_Begin", "AEO_Parameter", "AEO_Repair",
+         "AEO_End")  # fmt: skip
+WORDS = st.one_of(
+    st.sampled_from([0, 1, 0x7F800000, 0xFF800000, 0x7FC00001, 0x80000000, 0x00000001, 0x7F7FFFFF, 0xFFFFFFFF]),
+    st.integers(0, 2**32 - 1),
+)
+
+
+class Address(ctypes.Structure):
+    _fields_ = [("base", ctypes.c_uint32), ("node", ctypes.c_uint8), ("extended", ctypes.c_uint8)]
+
+
+class Message(ctypes.Structure):
+    _fields_ = [
+        ("kind", ctypes.c_int),
+        ("tag", ctypes.c_uint8),
+        ("index", ctypes.c_uint16),
+        ("count", ctypes.c_uint8),
+        ("value", ctypes.c_uint32 * 15),
+    ]
+
+
+class Frame(ctypes.Structure):
+    _fields_ = [
+        ("id", ctypes.c_uint32),
+        ("length", ctypes.c_uint8),
+        ("flags", ctypes.c_uint8),
+        ("data", ctypes.c_uint8 * 64),
+    ]
+
+
+class Spread(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_uint32) for name in ("count", "stride", "groups", "repairs")]
+
+
+@pytest.fixture(scope="module")
+def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Compile the packer alone."""
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("no C compiler")
+    target = tmp_path_factory.mktemp("frame") / "frame.so"
+    sources = [ROOT / "src" / name for name in ("frame.c", "spread.c")]
+    command = [compiler, "-std=c99", "-O1", "-shared", "-fPIC", f"-I{ROOT}/include", "-o", target, *sources]
+    subprocess.run([str(c) for c in command], check=True)
+    loaded = ctypes.CDLL(str(target))
+    for name in ("aeo_frame_crc32", "aeo_frame_repair_set", "aeo_spread_index", "aeo_spread_repair"):
+        getattr(loaded, name).restype = ctypes.c_uint32
+    return loaded
+
+
+def pack(library: Any, kind: int, tag: int, index: int, values: list[int], node: int = 1) -> Frame:
+    """Pack with C."""
+    address, frame = Address(wire.BASE, node, 1), Frame()
+    message = Message(kind, tag, index, len(values), (ctypes.c_uint32 * 15)(*values))
+    assert library.aeo_frame_pack(ctypes.byref(address), ctypes.byref(message), ctypes.byref(frame)) == 0
+    return frame
+
+
+def unpack(library: Any, identifier: int, data: bytes) -> Message:
+    """Unpack with C."""
+    frame = Frame(identifier, len(data), 1, (ctypes.c_uint8 * 64)(*data))
+    address, message, node = Address(wire.BASE, 0, 1), Message(), ctypes.c_uint8()
+    code = library.aeo_frame_unpack(*map(ctypes.byref, (address, frame, message, node)))
+    assert code == 0
+    return message
+
+
+def float_of(bits: int) -> np.float32:
+    """Reinterpret a pattern."""
+    return np.array([bits], np.uint32).view(np.float32)[0]
+
+
+def expected_signals(kind: int, tag: int, index: int, value: int) -> dict[str, Any]:
+    """Say by hand what each message means: the table of frame.h, written a second time."""
+    number = float(float_of(value))
+    bytes_of = [value >> shift & 0xFF for shift in (0, 8, 16, 24)]
+    if kind == wire.HEALTH:
+        return {"Item": tag, "Flags": index, wire.health_names()[tag]: value}
+    if kind == wire.DESCRIPTION:
+        return {"Item": tag} | [
+            {"WireVersion": index, "ConfigurationHash": value},
+            {"ModelSet": index}
+            | dict(zip(("Inputs", "Outputs", "Scheduling", "ValuesPerFrame"), bytes_of, strict=True)),
+            {"PastWindow": index, "Parameters": value},
+            {"SampleEvery": index, "SampleTime": number},
+            {"Forgetting": number},
+            {"Regularisation": number},
+            {"Feedthrough": value},
+            {"OffsetChannel": index, "Offset": number},
+            {"ScaleChannel": index, "Scale": number},
+            {"NameChannel": index & 0xFF, "NamePart": index >> 8, "NameCharacters": value},
+            {"UnitChannel": index & 0xFF, "UnitPart": index >> 8, "UnitCharacters": value},
+        ][tag]
+    return [
+        {"Channel": tag, "Index": index, "Value": number},
+        {"Channel": tag, "Index": index, "Value": number},
+        {"Snapshot": tag, "Count": index + 1, "SampleIndex": value},
+        {"Snapshot": tag, "Index": index, "Value": number},
+        {"Snapshot": tag, "Number": index, "Combination": value},
+        {"Snapshot": tag, "IndexLow": index, "Crc": value},
+    ][kind - 2]
+
+
+def limit_tag(kind: int, tag: int) -> int:
+    """Choose a tag that exists for this kind."""
+    if kind == wire.HEALTH:
+        names = sorted(wire.health_names())
+        return names[tag % len(names)]
+    return tag % 11 if kind == wire.DESCRIPTION else tag
+
+
+def same(a: Any, b: Any) -> bool:
+    """Compare numbers, NaN with NaN."""
+    return a == b or (a != a and b != b)
+
+
+@settings(max_examples=400, deadline=None)
+@given(kind=st.integers(0, 7), tag=st.integers(0, 255), index=st.integers(0, 65535), value=WORDS)
+def test_c_packs_cantools_decodes(library: Any, kind: int, tag: int, index: int, value: int) -> None:
+    """Every field that C packs is what the DBC says, for random and extreme values."""
+    tag = limit_tag(kind, tag)
+    if kind == wire.DESCRIPTION and tag in (4, 5, 6):
+        index = 0  # these carry no index
+    frame = pack(library, kind, tag, index, [value])
+    message = wire.load_dbc().get_message_by_name(NAMES[kind])
+    assert message.frame_id == frame.id - 1 and message.is_extended_frame and message.length == frame.length == 8
+    decoded = message.decode(bytes(frame.data[:8]), decode_choices=False)
+    assert decoded.pop("Check") == frame.data[3]
+    expected = expected_signals(kind, tag, index, value)
+    assert decoded.keys() == expected.keys()
+    assert all(same(decoded[k], expected[k]) for k in expected), (decoded, expected)
+
+
+@settings(max_examples=400, deadline=None)
+@given(kind=st.integers(0, 7), tag=st.integers(0, 255), index=st.integers(0, 65535), value=WORDS)
+def test_cantools_encodes_c_unpacks(library: Any, kind: int, tag: int, index: int, value: int) -> None:
+    """What the DBC encodes C reads back; only the check is put in by the C side's own rule."""
+    tag = limit_tag(kind, tag)
+    if kind == wire.DESCRIPTION and tag in (4, 5, 6):
+        index = 0
+    if value & 0x7F800000 == 0x7F800000:
+        value &= ~0x007FFFFF  # a NaN's payload does not survive a double
+    message = wire.load_dbc().get_message_by_name(NAMES[kind])
+    signals = expected_signals(kind, tag, index, value) | {"Check": 0}
+    data = bytearray(message.encode(signals, scaling=True, padding=False, strict=False))
+    data[3] = wire.encode(0, kind, tag, index, value)[1][3]
+    found = unpack(library, message.frame_id, bytes(data))
+    assert (found.kind, found.tag, found.index, found.count, found.value[0]) == (kind, tag, index, 1, value)
+
+
+def test_bulk_decoder_equals_cantools_bit_for_bit() -> None:
+    """The fast path of the host against cantools on 4,000 frames of all kinds, every field."""
+    generator = np.random.default_rng(5)
+    rows, meant = [], []
+    for _ in range(4000):
+        kind = int(generator.integers(8))
+        tag = limit_tag(kind, int(generator.integers(256)))
+        index = 0 if kind == wire.DESCRIPTION and tag in (4, 5, 6) else int(generator.integers(65536))
+        node, value = int(generator.integers(254)), int(generator.integers(2**32))
+        identifier, data = wire.encode(node, kind, tag, index, value)
+        rows.append((identifier, True, data))
+        meant.append((node, kind, tag, index, value))
+    decoded = wire.decode(wire.pack_frames(rows))
+    assert (len(decoded), decoded.foreign, decoded.damaged) == (4000, 0, 0)
+    fast = zip(decoded.node, decoded.kind, decoded.tag, decoded.index, decoded.value, strict=True)
+    assert [tuple(map(int, row)) for row in fast] == meant
+    dbc = wire.load_dbc()
+    for (identifier, _, data), (node, kind, tag, index, value) in zip(rows, meant, strict=True):
+        signals = dbc.get_message_by_name(NAMES[kind]).decode(data, decode_choices=False)
+        assert identifier - node == dbc.get_message_by_name(NAMES[kind]).frame_id
+        expected = expected_signals(kind, tag, index, value)
+        assert all(same(signals[k], expected[k]) for k in expected)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    kind=st.integers(0, 7), tag=st.integers(0, 255), index=st.integers(0, 65535), node=st.integers(0, 253),
+    values=st.sampled_from([1, 2, 3, 4, 5, 7, 11, 15]).flatmap(lambda n: st.lists(WORDS, min_size=n, max_size=n)),
+)  # fmt: skip
+def test_host_reads_what_c_packs(library: Any, kind: int, tag: int, index: int, node: int, values: list[int]) -> None:
+    """Classic and CAN FD frames of C through the host's decoder; FD frames carry consecutive channels or indices."""
+    frame = pack(library, kind, tag, index, values, node)
+    decoded = wire.decode(wire.pack_frames([(frame.id, True, bytes(frame.data[: frame.length]))]))
+    assert decoded.damaged == decoded.foreign == 0
+    assert decoded.node.tolist() == [node] * len(values) and decoded.kind.tolist() == [kind] * len(values)
+    by_channel = kind in (wire.SAMPLE, wire.INNOVATION)
+    tags = [(tag + i * by_channel) % 256 for i in range(len(values))]
+    indices = [(index + i * (not by_channel)) % 65536 for i in range(len(values))]
+    assert decoded.tag.tolist() == tags and decoded.index.tolist() == indices
+    assert decoded.value.tolist() == values
+
+
+def test_check_and_crc_are_the_standard_ones(library: Any) -> None:
+    """CRC-32 equals zlib's; the CRC-8 table gives the published check value of CRC-8/AUTOSAR, 0xDF."""
+    words = np.random.default_rng(1).integers(0, 2**32, 50, dtype=np.uint64).astype("<u4")
+    crc = 0xFFFFFFFF
+    for word in words.tolist():
+        crc = library.aeo_frame_crc32(ctypes.c_uint32(crc), ctypes.c_uint32(word))
+    assert crc ^ 0xFFFFFFFF == zlib.crc32(words.tobytes())
+    state = 0xFF
+    for byte in b"123456789":
+        state = int(wire._TABLE[state ^ byte])
+    assert state ^ 0xFF == 0xDF
+
+
+@pytest.mark.parametrize("count", [1, 2, 15, 16, 40, 255, 256, 257, 456, 1000, 4097, 65535, 65536])
+def test_order_and_repair_sets_are_those_of_c(library: Any, count: int) -> None:
+    """Host and node agree on order, groups and the content of repair frames."""
+    spread = Spread()
+    library.aeo_spread_choose(ctypes.byref(spread), count, 25)
+    members = repair.group_members(count)
+    assert spread.stride == repair.choose_stride(count) and spread.groups == len(members)
+    order = np.empty(count, np.int64)
+    for g, member in enumerate(members):
+        order[g :: len(members)] = member
+    for q in {0, 1, count // 2, count - 1} & set(range(count)):
+        assert library.aeo_spread_index(ctypes.byref(spread), q) == order[q]
+    theta = np.random.default_rng(count).integers(0, 2**32, count, dtype=np.uint64).astype(np.uint32)
+    for number in {0, 1, 2, spread.repairs - 1, 65535}:
+        member = members[number % len(members)]
+        chosen = repair.repair_sets(np.array([number]), len(member))[0]
+        mine = int(np.bitwise_xor.reduce(theta[member][chosen])) if chosen.any() else 0
+        theirs = library.aeo_spread_repair(ctypes.byref(spread), theta.ctypes.data_as(ctypes.c_void_p), number)
+        assert mine == theirs
