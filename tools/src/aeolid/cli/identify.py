@@ -39,6 +39,7 @@ def identify(
     regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
+    report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
@@ -61,6 +62,11 @@ def identify(
     if json_target != "-":
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
+    if report is not None:
+        from aeolid.report import identification_facts, render_identification
+
+        title = f"Identification of {', '.join(p.name for p in recordings)}"
+        render_identification(identification_facts(result.model_json(), title=title), report)
     emit_json(result.to_json(), json_target)
 
 

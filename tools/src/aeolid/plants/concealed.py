@@ -37,38 +37,46 @@ blades = 3
 
 
 class LaggedLoop(ClosedLoop):
-    """Step the turbine in its closed loop with a pitch drive: τ dβ/dt = β_demand − β, the demand held for a sample.
+    """Step the turbine in its closed loop with a pitch drive τ dβ/dt = β_demand − β, by the plant's bilinear rule.
 
-    What `advance` returns as pitch is the demand, as a controller's log has it. lag_s = 0 is no drive at all.
+    β_k = a β_{k−1} + b (β_demand,k + β_demand,k−1), a = (2τ − h)/(2τ + h), b = h/(2τ + h). What `advance` returns as
+    pitch is the demand, as a controller's log has it; the blade angle β stays inside. lag_s = 0 is no drive at all.
     """
 
     def __init__(self, seed: int, *, lag_s: float, excitation: Excitation | None = None) -> None:
         super().__init__(seed, excitation=excitation)
         if not 0 <= lag_s <= 5:
             raise UsageError(f"lag {lag_s} s: 0 to 5 s is the range of pitch drives")
-        self._share = 1.0 - np.exp(-SAMPLE_TIME_S / lag_s) if lag_s else None
-        self._blade = 0.0
+        h = SAMPLE_TIME_S
+        self._lag_s, self._a, self._b = lag_s, (2 * lag_s - h) / (2 * lag_s + h), h / (2 * lag_s + h)
+        self._blade = self._demand = 0.0
 
     def advance(self, excitation: Array, wind: Array, noise: Array) -> tuple[float, Array, Array]:
         """Advance one sample; returns time in s, demand and torque (2,) in deg and N m, y (3,) in rad/s and m/s."""
-        if self._share is None:
+        if self._lag_s == 0:
             return super().advance(excitation, wind, noise)
         demand = excitation[0] - self._pitch.memory
+        self._blade = self._a * self._blade + self._b * (demand + self._demand)
+        self._demand = demand
         shifted = np.array([excitation[0] + self._blade - demand, excitation[1]])  # so the plant gets the blade angle
         time, u, y = super().advance(shifted, wind, noise)
-        self._blade += self._share * (demand - self._blade)
         return time, np.array([demand, u[1]]), y
 
 
-def write_case(folder: str | Path, *, lag_s: float = 0.3, samples: int = 9000, seed: int = 7) -> Path:
+QUIET = Excitation(pitch_deg=0.5, wind_m_per_s=0.05, noise=0.05)
+"""Half a degree of pitch, steady wind, measurement noise of 5 % of the outputs' usual motion."""
+
+
+def write_case(
+    folder: str | Path, *, lag_s: float = 0.3, samples: int = 3000, seed: int = 7, excitation: Excitation = QUIET
+) -> Path:
     """Write recording.csv, roles.toml, model.json and case.toml; returns the folder.
 
-    lag_s: time constant of the concealed drive in s (0: nothing is concealed); samples: length, 9000 are 15 minutes;
-    excitation 0.5 deg and 1 kN m, wind 1 m/s, measurement noise 10 % of each output's motion.
+    lag_s: time constant of the concealed drive in s (0: nothing is concealed); samples: length, 3000 are 5 minutes.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
-    loop = LaggedLoop(seed, lag_s=lag_s, excitation=Excitation(pitch_deg=0.5, noise=0.1))
+    loop = LaggedLoop(seed, lag_s=lag_s, excitation=excitation)
     values, time = np.empty((samples, 7)), np.empty(samples)
     for k in range(samples):
         time[k], values[k, :2], values[k, 2:5] = loop.step()

@@ -52,7 +52,7 @@ def _summary(facts: Facts) -> str:
     parts = [f"{count} oscillating mode{'s' if count != 1 else ''} identified"]
     if facts.get("order"):
         parts[0] += f" by a model of order {facts['order']}"
-    pairs = [(m, t) for m, t in _paired(modes, true) if t and _oscillates(t) and _oscillates(m)]
+    pairs = [(m, t) for m, t in paired(modes, true) if t and _oscillates(t) and _oscillates(m)]
     errors = [abs(m["frequency_hz"] / t["frequency_hz"] - 1) for m, t in pairs]
     if errors:
         parts.append(f"the frequencies are within {percent(max(errors), 2)} of the true ones")
@@ -90,7 +90,7 @@ def _distance(mode: Facts, real: Facts) -> float:
     return abs(float(mode.get("frequency_hz") or 0.0) - float(real.get("frequency_hz") or 0.0))
 
 
-def _paired(modes: list[Facts], true: list[Facts]) -> list[tuple[Facts, Facts | None]]:
+def paired(modes: list[Facts], true: list[Facts]) -> list[tuple[Facts, Facts | None]]:
     """Give each identified mode the nearest true one, every true one at most once."""
     left = list(range(len(true)))
     pairs: dict[int, int] = {}
@@ -108,7 +108,7 @@ def _modes(facts: Facts) -> Html:
         return Html("")
     shares = any(m.get("outputs") for m in modes)
     rows = []
-    for mode, real in _paired(modes, true):
+    for mode, real in paired(modes, true):
         row = [mode.get("name") or (real or {}).get("name") or ("" if _oscillates(mode) else "real pole")]
         row += [_mostly(mode.get("outputs") or {})] if shares else []
         row += [with_std(mode.get("frequency_hz"), mode.get("frequency_std_hz"), 4), _damping(mode)]
@@ -188,10 +188,15 @@ def _poles(facts: Facts) -> Html:
         axes.set_ylabel("imaginary part")
         axes.legend(loc="best", fontsize=8.5)
     caption = "Eigenvalues in the z plane"
-    if len(true) == len(found):
-        distance = max(float(np.min(np.abs(found - t))) for t in true)
-        caption += f"; the largest distance from a true one to the nearest identified is {number(distance, 2)}"
+    if len(true):
+        caption += f"; no true one is farther than {number(poles_apart(facts), 2)} from an identified one"
     return tag("section", tag("h3", "Poles"), figure(drawing.svg, caption + "."))
+
+
+def poles_apart(facts: Facts) -> float:
+    """Return the largest distance, in the z-plane, from a true eigenvalue to the nearest identified one."""
+    found, true = poles(facts["eigenvalues"]), poles(facts["true_eigenvalues"])
+    return max(float(np.min(np.abs(found - t))) for t in true)
 
 
 def _frame_square(axes: Any, points: Any) -> None:
