@@ -213,3 +213,8 @@ def test_broken_model_files_are_refused(tmp_path, content, error):
         load_model(path)
     with pytest.raises(UsageError):
         load_model(tmp_path / "model.txt")
+
+
+def test_unknown_pole_covariance_leaves_no_deviation():
+    (mode,) = modes_of(oscillator(0.3, 0.1, 0.1), pole_covariance=np.full((2, 2, 2), np.nan))
+    assert mode.frequency_std_hz is None and mode.damping_std is None

@@ -154,7 +154,8 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     """Return the outputs at rest (l,) under the mean input, scaled units: what the constants of the regressions say.
 
     The regressions are about the mean window, x⁺ = A x + B u + b, y = C x + D u + c; the rest is x* = (I − A)⁻¹ b,
-    y* = C x* + c. Directions in which I − A is below 1 % of its largest singular value stay at zero: an integrator has no rest.
+    y* = C x* + c. Directions in which I − A is below 1 % of its largest singular value stay at zero: an integrator
+    has no rest.
     """
     m, r, n = factor.channels, factor.inputs, len(T)
     width, mean = factor.past * m, factor.mean

@@ -24,7 +24,10 @@ ComplexArray = NDArray[np.complex128]
 def pole_covariance(factor: WindowFactor, basis: StateBasis, model: ScaledModel, markov: MarkovEstimate) -> Array:
     """Return the covariance (n, 2, 2) of real and imaginary part of each pole, in the order of eig(model.A)."""
     values, right = np.linalg.eig(model.A)
-    left = np.linalg.inv(right).conj().T  # columns w with wᴴ v = 1
+    try:
+        left = np.linalg.inv(right).conj().T  # columns w with wᴴ v = 1
+    except np.linalg.LinAlgError:  # a defective A has no first-order expansion of its poles
+        return np.full((len(values), 2, 2), np.nan)
     order, m, outputs = len(model.A), factor.channels, factor.outputs
     width = factor.past * m
     blocks = basis.selector(order).reshape(order, -1, outputs)  # S_i (n, l), i = 0 … f − 1

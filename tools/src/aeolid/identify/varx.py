@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.decimate import decimate
-from aeolid.identify.fit import measure_fit, stretches
+from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
 from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
 from aeolid.identify.result import Identification, Settings
@@ -64,10 +64,7 @@ def identify_varx(
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
-    require_windows(records, past, scaling.channels)
-    fitted = factorise(records, scaling, past, last=FIT_PART)
-    factor = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
-    require_windows(records, past, scaling.channels, factor.windows)
+    fitted, factor = _compress(records, scaling, past)
     estimate = _markov(factor, scaling, through, regularization, markov, past)
     require_excitation(estimate, records[0].source)
     basis = find_states(factor, estimate.theta, settings.future)
@@ -79,8 +76,7 @@ def identify_varx(
     if stable:
         scaled = stabilise(factor, scaled, T)
     model = _with_start(_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
-    fit = measure_fit(model, records)
-    model = replace(model, innovation_covariance=np.atleast_2d(np.cov(fit.innovations.T)))
+    model, fit = _measured(model, records)
     return Identification(
         model=model,
         modes=_find_modes(model, scaling, spread, records),
@@ -142,6 +138,24 @@ def _order(
     return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, LARGEST_AUTO_ORDER)
 
 
+def _compress(records: Sequence[Record], scaling: Scaling, past: int) -> tuple[WindowFactor, WindowFactor]:
+    """Return the factor of the part that chooses the order from what is held out, and the factor of everything."""
+    require_windows(records, past, scaling.channels)
+    fitted = factorise(records, scaling, past, last=FIT_PART)
+    factor = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
+    require_windows(records, past, scaling.channels, factor.windows)
+    return fitted, factor
+
+
+def _measured(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
+    """Return the model with the covariance of its innovations as measured, and its fit."""
+    fit = measure_fit(model, records)
+    covariance = np.atleast_2d(np.cov(fit.innovations.T))
+    if not np.isfinite(covariance).all():  # the one of the Riccati equation stays
+        return model, fit
+    return replace(model, innovation_covariance=covariance), fit
+
+
 def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
     usable = largest_useful_order(basis)
     if choice.order > usable:
@@ -176,8 +190,7 @@ def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record
     offset = scaling.offset + scaling.scale * np.concatenate([np.zeros(r), rest])
     su, sy = scaling.scale[:r], scaling.scale[r:]
     signals = [
-        Signal(n, record.unit(n), float(o))
-        for n, o in zip(scaling.inputs + scaling.outputs, offset, strict=True)
+        Signal(n, record.unit(n), float(o)) for n, o in zip(scaling.inputs + scaling.outputs, offset, strict=True)
     ]
     n = len(scaled.A)
     return StateSpace(

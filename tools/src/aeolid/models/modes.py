@@ -84,7 +84,8 @@ def modes_of(
         frequency, damping = frequency_and_damping(complex(s))
         deviation: tuple[float | None, float | None] = (None, None)
         if pole_covariance is not None:
-            deviation = _spread(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
+            spread = _spread(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
+            deviation = spread if np.isfinite(spread).all() else (None, None)
         total = shape[:, i].sum() or 1.0
         shares = {o.name: float(v / total) for o, v in zip(model.outputs, shape[:, i], strict=True)}
         found.append(Mode(frequency, damping, complex(values[i]), deviation[0], deviation[1], shares))
