@@ -160,6 +160,17 @@ def test_order_of_the_turbine_is_seven_with_a_reason(turbine_record):
     assert len(result.order_choice.losses) == 60
 
 
+def test_order_is_the_smallest_within_two_percent_of_the_best():
+    """Where feedthrough is left out the best order is a large one that gains nothing that matters."""
+    seen = []
+    for seed in range(3):
+        choice = identify_varx([simulate_closed_loop(5000, seed)], past=20).order_choice
+        losses = np.array(choice.losses)
+        assert choice.order == int(np.flatnonzero(losses <= losses.min() + 0.02)[0]) + 1
+        seen.append(choice.order < int(np.argmin(losses)) + 1)
+    assert any(seen)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_order_of_the_example_is_four(seed):
     assert identify_varx([simulate_fourth_order(3000, seed, feedback=0.25)], past=10).order == 4
