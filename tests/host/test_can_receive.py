@@ -174,6 +174,23 @@ def test_no_loss_ever_makes_a_false_parameter(lost: list[int], seed: int) -> Non
     assert not now.snapshots.latest.complete or there.all()
 
 
+def test_wrong_bits_and_digits_are_refused() -> None:
+    """Each wrong bit of data, kind and base, and each character that is no digit: no message, one more in the count."""
+    identifier, _, data = samples(9, 1)[0]
+    for bit in range(64):
+        wrong = bytes(byte ^ (1 << bit % 8 if at == bit // 8 else 0) for at, byte in enumerate(data))
+        decoded = wire.decode(wire.pack_frames([(identifier, True, wrong)]))
+        assert (len(decoded), decoded.damaged) == (0, 1)
+    for bit in range(8, 29):
+        decoded = wire.decode(wire.pack_frames([(identifier ^ 1 << bit, True, data)]))
+        assert len(decoded) == 0 and decoded.damaged + decoded.foreign == 1
+    line = b"T%08X8%s" % (identifier, data.hex().upper().encode())
+    assert len(parse(line + b"\r")[0]) == 1
+    for at in range(len(line)):
+        frames, _ = parse(line[:at] + b"G" + line[at + 1 :] + b"\r" + line + b"\r")
+        assert (len(frames), frames.garbled) == (1, 1)
+
+
 def test_wrong_parameter_that_passes_its_check_is_caught_by_the_crc() -> None:
     """A forged parameter makes the snapshot damaged, not complete."""
     body = snapshot(THETA, repairs=0)
@@ -330,7 +347,7 @@ def test_all_frame_letters_are_read() -> None:
     ]
 
 
-@pytest.mark.parametrize("suffix", [".blf", ".asc", ".log"])
+@pytest.mark.parametrize("suffix", [".blf", ".asc", ".log", ".mf4"])
 def test_can_logs_are_recordings(suffix: str, tmp_path: Path) -> None:
     """A log written by python-can is read as a recording through the roles file."""
     path = tmp_path / f"bus{suffix}"

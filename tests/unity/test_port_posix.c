@@ -149,7 +149,9 @@ static void listeners_come_and_go(void)
     TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame)); /* nobody listens: taken and lost */
     first = connect_to_bus();
     second = connect_to_bus();
-    say(first, "V\rO\r");
+    say(first, "V\r");
+    TEST_ASSERT_EQUAL_UINT(0, posix_bus_listeners(&bus)); /* a question opens nothing */
+    say(first, "O\r");
     TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
     TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
     expect(first, "V1013\r\rT1CFF42018F0F1F2F3F4F5F6F7\r", 34);

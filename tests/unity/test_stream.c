@@ -224,7 +224,11 @@ static void order_is_a_spread_permutation(void)
             }
         }
         TEST_ASSERT_TRUE(spread.groups * 256u >= sizes[s]);
-        TEST_ASSERT_TRUE(spread.repairs <= 65535u);
+        TEST_ASSERT_EQUAL_UINT32(sizes[s] / 4u + 8u * spread.groups, spread.repairs);
+        aeo_spread_choose(&spread, sizes[s], 100);
+        TEST_ASSERT_TRUE(spread.repairs <= 65535u); /* what its number can hold */
+        aeo_spread_choose(&spread, sizes[s], 0);
+        TEST_ASSERT_EQUAL_UINT32(0, spread.repairs);
     }
 }
 
@@ -384,6 +388,34 @@ static void share_of_the_bus_is_kept(void)
     share_is_kept(AEO_STREAM_SHARE(250000, 200), 20000, 1);
     share_is_kept(AEO_STREAM_SHARE(1000000, 1000), 1000, 1);
     share_is_kept(9000, 100000, 0);
+}
+
+/* A quiet hour earns one burst and no more: the bus does not meet an hour's worth of frames at once. */
+static void silence_is_not_saved_up(void)
+{
+    aeo_stream_config_t config = make_config();
+    unsigned k;
+    config.bits_per_s = 25000; /* a frame each 6.4 ms */
+    port.time_us = read_clock;
+    start(&config);
+    while (stream.described == 0u) {
+        fake.now_us += 100000u;
+        (void)aeo_stream_step(&stream);
+    }
+    stream.config.health_every = 65535;
+    stream.config.describe_every = 65535;
+    stream.health_in = stream.describe_in = 65535;
+    for (k = 0; k < 36000u; k++) {
+        fake.now_us += 100000u;
+        TEST_ASSERT_EQUAL_INT(0, aeo_stream_step(&stream));
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 1, theta));
+    fake.kept = 0;
+    for (k = 0; k < 64u; k++) {
+        fake.now_us += 1000u;
+        (void)aeo_stream_step(&stream);
+    }
+    TEST_ASSERT_EQUAL_UINT(16u + 9u, fake.kept); /* the burst at the first step, 63 ms of credit after it */
 }
 
 /* Samples that come ten times faster than declared are dropped and counted, not sent on credit for ever. */
@@ -631,6 +663,7 @@ int main(void)
     RUN_TEST(refusal_at_every_call);
     RUN_TEST(a_dead_bus_blocks_nothing);
     RUN_TEST(share_of_the_bus_is_kept);
+    RUN_TEST(silence_is_not_saved_up);
     RUN_TEST(samples_too_fast_are_dropped);
     RUN_TEST(every_kth_sample);
     RUN_TEST(description_is_repeated_and_hashed);

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -81,11 +82,8 @@ def _check_targets(record: Path | None, markov: Path | None, seconds: float | No
 
 def _receive(source: Source, assembly: Assembly, seconds: float | None, until_end: bool, bit_rate: int) -> str:
     """Feed the assembly until something ends it; returns end, time, stopped or the reason why the bus broke off."""
-    from rich.live import Live
-
     began = time.monotonic()
-    shown = Progress(assembly, bit_rate, began)
-    with Live(get_renderable=shown.render, console=progress_console, refresh_per_second=4, transient=True):
+    with _shown(Progress(assembly, bit_rate, began)):
         try:
             while True:
                 assembly.feed(source.read(0.1))
@@ -97,6 +95,15 @@ def _receive(source: Source, assembly: Assembly, seconds: float | None, until_en
                     return "time"
         except KeyboardInterrupt:
             return "stopped"
+
+
+def _shown(progress: Progress) -> AbstractContextManager[object]:
+    """Keep the progress on the terminal up to date; nothing where standard error is a file."""
+    from rich.live import Live
+
+    if not progress_console.is_terminal:
+        return nullcontext()
+    return Live(get_renderable=progress.render, console=progress_console, refresh_per_second=4, transient=True)
 
 
 class Progress:

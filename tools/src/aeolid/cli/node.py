@@ -112,7 +112,8 @@ def _pump(node: SoftwareNode, feed: Feed) -> None:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=progress_console, transient=True) as progress:
+    silent = not progress_console.is_terminal
+    with Progress(*columns, console=progress_console, transient=True, disable=silent) as progress:
         task = progress.add_task("samples", total=feed.samples)
         for rows in feed.rows:
             node.feed(rows)
