@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from aeolid.errors import UsageError
 from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
-from aeolid.report.charts import thin
+from aeolid.report.charts import smooth_spectrum, thin
 from aeolid.report.diagnosis import verdict_sentence
 from aeolid.report.markup import Html, tag, write_page
 from aeolid.report.numbers import number, with_std
@@ -143,6 +143,7 @@ def test_numbers_are_cut_where_the_uncertainty_begins() -> None:
     assert with_std(0.312345, 0.0212) == "0.312 ± 0.021"
     assert with_std(20431.0, 1300.0) == "20\u202f400 ± 1300"
     assert with_std(-3.0, None) == "−3.00"
+    assert with_std(0.4371, 1.0066, 4) == "0.4371 ± 1.0"
     assert number(float("nan")) == "–" and number(None) == "–" and number(12) == "12"
 
 
@@ -166,6 +167,15 @@ def test_thinning_keeps_the_extremes(length: int, seed: int) -> None:
     x, kept = thin(np.arange(length), y)
     assert len(kept) <= 1500 and kept.min() == y.min() and kept.max() == y.max()
     assert np.all(np.diff(x) > 0)
+
+
+def test_smoothing_a_spectrum_keeps_its_level() -> None:
+    frequency = np.linspace(0.0, 5.0, 2001)
+    centre, level = smooth_spectrum(frequency.tolist(), np.full(2001, 3.0).tolist())
+    np.testing.assert_allclose(level, 3.0)
+    assert np.all(np.diff(centre) > 0) and centre[0] > 0 and centre[-1] <= 5.0
+    peak = smooth_spectrum(frequency, np.exp(-(((frequency - 0.44) / 0.02) ** 2)))
+    assert peak[0][np.argmax(peak[1])] == pytest.approx(0.44, rel=2 ** (1 / 12) - 1)
 
 
 def chromium_messages(page: Path, tmp_path: Path) -> list[str]:

@@ -62,9 +62,11 @@ class _Assembly:
         self.done = False
 
     def crc_fits(self) -> bool:
+        """Tell whether the values are those the checksum was made of."""
         return self.crc is not None and zlib.crc32(self.values.astype("<u4").tobytes()) == self.crc
 
     def repair(self) -> None:
+        """Restore missing parameters from the repair frames."""
         if not self.have.all() and self.repairs:
             before = int(np.count_nonzero(self.have))
             restore(self.values, self.have, self.repairs)

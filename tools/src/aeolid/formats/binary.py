@@ -59,10 +59,11 @@ def read_mat(path: Path, choose: Choose) -> Table:
     """Read a MATLAB file up to version 7: vectors, matrices, or one structure that holds them."""
     from scipy.io import loadmat
 
+    with open(path, "rb") as handle:
+        if handle.read(10) == b"MATLAB 7.3":
+            raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
     try:
         content = loadmat(path, squeeze_me=False, struct_as_record=True)
-    except NotImplementedError:
-        raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')") from None
     except Exception as error:  # the reader raises whatever its parser meets in a damaged file
         raise unreadable(path, "MATLAB", error) from None
     arrays: dict[str, Any] = {}

@@ -72,6 +72,16 @@ def thin(x: Sequence[float] | Array, y: Sequence[float] | Array) -> tuple[Array,
     return a[keep], b[keep]
 
 
+def smooth_spectrum(frequency_hz: Sequence[float], power: Sequence[float], per_octave: int = 12) -> tuple[Array, Array]:
+    """Average a spectrum over equal parts of an octave; returns centre frequencies and means of the parts in use."""
+    f, p = np.asarray(frequency_hz, dtype=float), np.asarray(power, dtype=float)
+    use = (f > 0) & np.isfinite(p)
+    part = np.floor(per_octave * np.log2(f[use])).astype(int)
+    _, group = np.unique(part, return_inverse=True)
+    count = np.bincount(group)
+    return np.bincount(group, f[use]) / count, np.bincount(group, p[use]) / count
+
+
 def label(name: str, unit: str | None) -> str:
     """Write an axis label: name and unit."""
     return f"{name} ({unit})" if unit else name

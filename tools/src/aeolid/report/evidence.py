@@ -81,13 +81,17 @@ def _busiest(lines: dict[str, Any]) -> int:
 def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
     with charts.sketch((charts.WIDE[0], 2.7)) as drawing:
         axes = drawing.axes[0, 0]
-        frequency = np.asarray(data["frequency_hz"], dtype=float)
-        axes.loglog(*charts.thin(frequency, data["before"]), color=charts.BEFORE, linestyle=(0, (4, 2)), label="before")
-        axes.loglog(*charts.thin(frequency, data["after"]), color=charts.AFTER, label="after")
+        for key, style in (
+            ("before", {"color": charts.BEFORE, "linestyle": (0, (4, 2))}),
+            ("after", {"color": charts.AFTER}),
+        ):
+            axes.loglog(*charts.smooth_spectrum(data["frequency_hz"], data[key]), label=key, **style)
         axes.set_xlabel("frequency (Hz)")
         axes.set_ylabel(f"error spectrum\n({_squared(unit)}/Hz)" if unit else "error spectrum (per Hz)")
         axes.legend(loc="best")
-    return figure(drawing.svg, f"{name}: at which frequencies the error was, and is.")
+    return figure(
+        drawing.svg, f"{name}: at which frequencies the error was, and is (averaged over twelfths of an octave)."
+    )
 
 
 def _squared(unit: str) -> str:

@@ -13,6 +13,7 @@ from aeolid.report.numbers import number, percent, quantity, with_std
 from aeolid.report.response import frequencies, poles, response
 
 Facts = dict[str, Any]
+_FLOOR = 1e-6  # of the greatest identified gain: what lies below is no gain worth the axis
 _MOST_PAIRS = 12  # frequency responses on one page; the others are named
 
 
@@ -165,7 +166,8 @@ def _singular_values(facts: Facts) -> Html:
             axes.legend(loc="upper right")
         axes.set_xlabel("index")
         axes.set_ylabel("singular value")
-    reason = f"Order {order}: {facts['order_reason']}" if order and facts.get("order_reason") else "Singular values."
+    reason = str(facts.get("order_reason") or "Singular values.")
+    reason = reason[:1].upper() + reason[1:]
     return tag("section", tag("h3", "Order"), figure(drawing.svg, reason))
 
 
@@ -247,8 +249,9 @@ def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, 
                 lines.append((real, {"color": charts.TRUTH, "linestyle": (0, (4, 2)), "label": "true"}))
             for values, style in lines:
                 g = values[:, row, column]
-                gain_axes.loglog(grid, np.maximum(np.abs(g), 1e-300), **style)
-                phase_axes.semilogx(grid, np.degrees(np.unwrap(np.angle(g))), **style)
+                gain = np.where(np.abs(g) > _FLOOR * np.max(np.abs(gains[:, row, column])), np.abs(g), np.nan)
+                gain_axes.loglog(grid, gain, **style)
+                phase_axes.semilogx(grid, _phase(g, gains[:, row, column], gain), **style)
             unit = f"{out.get('unit') or '1'} / {signal.get('unit') or '1'}"
             gain_axes.set_title(f"{signal['name']} → {out['name']}")
             gain_axes.set_ylabel(f"gain ({unit})")
@@ -257,6 +260,13 @@ def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, 
         if real is not None:
             drawing.axes[0, 0].legend(loc="best")
     return drawing.svg
+
+
+def _phase(g: Any, reference: Any, gain: Any) -> Any:
+    """Return the unwrapped phase in degrees, by whole turns as near as can be to that of a reference."""
+    turns = (np.unwrap(np.angle(g)) - np.unwrap(np.angle(reference))) / (2 * np.pi)
+    phase = np.degrees(np.unwrap(np.angle(g)) - 2 * np.pi * np.round(np.median(turns)))
+    return np.where(np.isnan(gain), np.nan, phase)
 
 
 def _fit(fit: Facts) -> Html:

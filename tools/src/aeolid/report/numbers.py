@@ -32,7 +32,7 @@ def with_std(value: Any, std: Any, digits: int = 3) -> str:
     if not (math.isfinite(std) and math.isfinite(value) and std > 0):
         return number(value, digits)
     last = math.floor(math.log10(std)) - 1
-    if not -6 <= last <= 4:
+    if not -6 <= last <= 4 or std >= abs(value):  # an uncertainty beyond the value must not hide the value
         return f"{number(value, digits)} ± {number(std, 2)}"
     decimals = max(0, -last)
     return f"{_grouped(f'{round(value, -last):.{decimals}f}')} ± {_grouped(f'{round(std, -last):.{decimals}f}')}"
