@@ -3,8 +3,8 @@
 #include <string.h>
 
 #define FIXED_ITEMS 7u /* description items before the per-channel ones */
-#define NAME_PARTS (AEO_STREAM_NAME_MAX / 4)
-#define UNIT_PARTS (AEO_STREAM_UNIT_MAX / 4)
+#define NAME_PARTS  (AEO_STREAM_NAME_MAX / 4)
+#define UNIT_PARTS  (AEO_STREAM_UNIT_MAX / 4)
 
 unsigned aeo_describe_channels(const aeo_stream_config_t *config)
 {

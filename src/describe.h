@@ -15,9 +15,9 @@
 #ifdef AEO_REAL_DOUBLE
 #define aeo_describe_is_sound aeo_describe_is_sound_f64
 #define aeo_describe_channels aeo_describe_channels_f64
-#define aeo_describe_slots aeo_describe_slots_f64
-#define aeo_describe aeo_describe_f64
-#define aeo_describe_hash aeo_describe_hash_f64
+#define aeo_describe_slots    aeo_describe_slots_f64
+#define aeo_describe          aeo_describe_f64
+#define aeo_describe_hash     aeo_describe_hash_f64
 #endif
 
 /* Return inputs + outputs + scheduling. */

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define HEAD_BYTES 4u
-#define CHECK_AT 3u
+#define CHECK_AT   3u
 
 typedef struct {
     uint32_t kind_step;  /* distance of two kinds */

@@ -1,8 +1,8 @@
 #include "spread.h"
 
 #define GROUP_MAX 256u
-#define BURST 16u /* frames lost in a row that are to hit distant parameters */
-#define REACH 16u /* how far from the golden section a stride is looked for */
+#define BURST     16u /* frames lost in a row that are to hit distant parameters */
+#define REACH     16u /* how far from the golden section a stride is looked for */
 
 static uint32_t find_divisor(uint32_t a, uint32_t b)
 {
@@ -35,7 +35,8 @@ static uint32_t choose_stride(uint32_t count)
     uint32_t fallback = 0, i;
     for (i = 0; i < 2u * REACH + 1u; i++) {
         const uint32_t shift = (i + 1u) / 2u;
-        const uint32_t stride = i % 2u == 1u ? centre + shift : centre - shift; /* wraps below 0: then not below count */
+        const uint32_t stride =
+            i % 2u == 1u ? centre + shift : centre - shift; /* wraps below 0: then not below count */
         if (stride < 1u || (stride >= count && count > 1u) || find_divisor(count, stride) != 1u) {
             continue;
         }
@@ -68,8 +69,8 @@ uint32_t aeo_spread_index(const aeo_spread_t *self, uint32_t position)
 
 uint32_t aeo_spread_repair(const aeo_spread_t *self, const uint32_t *theta, uint16_t repair)
 {
-    const uint32_t group = repair % self->groups;                        /* groups >= 1 */
-    const uint32_t hop = (self->groups * self->stride) % self->count;    /* 256 * 40518 < 2^32 */
+    const uint32_t group = repair % self->groups;                     /* groups >= 1 */
+    const uint32_t hop = (self->groups * self->stride) % self->count; /* 256 * 40518 < 2^32 */
     uint32_t at = (group * self->stride) % self->count;
     uint32_t position, member = 0, set = 0, sum = 0;
     for (position = group; position < self->count; position += self->groups) {

@@ -7,9 +7,9 @@
 
 #include <string.h>
 
-#define FAREWELLS 4u        /* at 10 % loss all of them vanish once in 10^4 ends */
+#define FAREWELLS        4u /* at 10 % loss all of them vanish once in 10^4 ends */
 #define DESCRIPTION_TURN 4u /* one frame in so many is description while one is due */
-#define STREAM_ITEMS 5u     /* own counters in health, before those of the filter */
+#define STREAM_ITEMS     5u /* own counters in health, before those of the filter */
 
 typedef enum { PHASE_IDLE, PHASE_BEGIN, PHASE_BLOCKS, PHASE_END, PHASE_REPAIR, PHASE_CLOSE } phase_t;
 typedef enum { FROM_NOTHING, FROM_DESCRIPTION, FROM_HEALTH, FROM_SNAPSHOT, FROM_FAREWELL } origin_t;
@@ -32,7 +32,8 @@ static void unlock(const aeo_stream_t *self)
 static int send_message(aeo_stream_t *self, const aeo_message_t *message)
 {
     aeo_can_frame_t frame;
-    if (aeo_frame_pack(&self->config.address, message, &frame) != AEO_OK || !self->port.send(self->port.context, &frame)) {
+    if (aeo_frame_pack(&self->config.address, message, &frame) != AEO_OK ||
+        !self->port.send(self->port.context, &frame)) {
         return 0;
     }
     self->counters.sent++;
@@ -51,7 +52,8 @@ static int config_is_valid(const aeo_stream_config_t *config)
         config->repair_percent > 100u || config->burst < 1u || !aeo_describe_is_sound(config)) {
         return 0;
     }
-    return h >= AEO_REAL(2e-5) && h <= AEO_REAL(1000.0) && (config->bits_per_s == 0u || config->bits_per_s >= AEO_FRAME_BITS_EXTENDED);
+    return h >= AEO_REAL(2e-5) && h <= AEO_REAL(1000.0) &&
+           (config->bits_per_s == 0u || config->bits_per_s >= AEO_FRAME_BITS_EXTENDED);
 }
 
 static uint32_t cost_frame_us(const aeo_stream_config_t *config)
@@ -76,7 +78,7 @@ int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const
         return AEO_E_MEMORY;
     }
     frame_us = cost_frame_us(config);
-    period_us = (uint32_t)(config->sample_time_s * AEO_REAL(1e6) + AEO_REAL(0.5)); /* at most 10^9 */
+    period_us = (uint32_t)(config->sample_time_s * AEO_REAL(1e6) + AEO_REAL(0.5));               /* at most 10^9 */
     frames = aeo_describe_channels(config) + (config->innovations != 0u ? config->outputs : 0u); /* at most 128 */
     if (config->sample_every > 0u && frames * frame_us / config->sample_every > period_us / 10u * 9u) {
         return AEO_E_BUDGET;
@@ -334,7 +336,8 @@ static void commit_description(aeo_stream_t *self)
     self->turn = 0;
     do {
         self->slot++;
-    } while (self->slot < aeo_describe_slots(&self->config) && !aeo_describe(&self->config, self->hash, self->slot, &skipped));
+    } while (self->slot < aeo_describe_slots(&self->config) &&
+             !aeo_describe(&self->config, self->hash, self->slot, &skipped));
     if (self->slot >= aeo_describe_slots(&self->config)) {
         self->slot = 0;
         self->described = 1;

@@ -28,7 +28,7 @@
  *   the CRC-15 of the bus.
  *
  * CONTRACT
- *   Memory: none beyond the arguments. Constant tables 80 bytes. About 30 operations a byte. Stack under 64 bytes.
+ *   Memory: none beyond the arguments. Constant tables 80 bytes. About 330 instructions a classic frame. Stack 64 bytes.
  *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
  */
 #ifndef AEOLID_FRAME_H
@@ -55,8 +55,8 @@ extern "C" {
 
 /* aeo_can_frame_t.flags */
 #define AEO_CAN_EXTENDED 1u /* 29 bit identifier */
-#define AEO_CAN_FD 2u       /* CAN FD frame */
-#define AEO_CAN_BRS 4u      /* CAN FD data phase at the fast rate */
+#define AEO_CAN_FD       2u /* CAN FD frame */
+#define AEO_CAN_BRS      4u /* CAN FD data phase at the fast rate */
 
 typedef enum {
     AEO_KIND_HEALTH = 0,
@@ -72,11 +72,11 @@ typedef enum {
 
 /* tag of a description message */
 typedef enum {
-    AEO_ITEM_WIRE = 0,           /* index: wire version (this item never changes its place); value: configuration hash */
-    AEO_ITEM_SHAPE = 1,          /* index: model set; value: inputs, outputs, scheduling, values a frame, a byte each */
-    AEO_ITEM_PARAMETERS = 2,     /* index: past window p; value: number of parameters */
-    AEO_ITEM_SAMPLE_TIME = 3,    /* index: every how many samples one is sent, 0 none; value: binary32 s */
-    AEO_ITEM_FORGETTING = 4,     /* value: binary32 lambda */
+    AEO_ITEM_WIRE = 0,        /* index: wire version (this item never changes its place); value: configuration hash */
+    AEO_ITEM_SHAPE = 1,       /* index: model set; value: inputs, outputs, scheduling, values a frame, a byte each */
+    AEO_ITEM_PARAMETERS = 2,  /* index: past window p; value: number of parameters */
+    AEO_ITEM_SAMPLE_TIME = 3, /* index: every how many samples one is sent, 0 none; value: binary32 s */
+    AEO_ITEM_FORGETTING = 4,  /* value: binary32 lambda */
     AEO_ITEM_REGULARISATION = 5, /* value: binary32 rho */
     AEO_ITEM_FEEDTHROUGH = 6,    /* value: bit j set: input j has a current-sample parameter */
     AEO_ITEM_OFFSET = 7,         /* index: channel; value: binary32, the channel's unit */
@@ -88,13 +88,13 @@ typedef enum {
 
 /* tag of a health message: the newest sample index; the streamer's counters sent, refused, dropped, snapshots, busy; from
  * AEO_HEALTH_FILTER on up to eight counters of the filter */
-#define AEO_HEALTH_INDEX 0u
-#define AEO_HEALTH_SENT 1u
-#define AEO_HEALTH_REFUSED 2u
-#define AEO_HEALTH_DROPPED 3u
+#define AEO_HEALTH_INDEX     0u
+#define AEO_HEALTH_SENT      1u
+#define AEO_HEALTH_REFUSED   2u
+#define AEO_HEALTH_DROPPED   3u
 #define AEO_HEALTH_SNAPSHOTS 4u
-#define AEO_HEALTH_BUSY 5u
-#define AEO_HEALTH_FILTER 8u
+#define AEO_HEALTH_BUSY      5u
+#define AEO_HEALTH_FILTER    8u
 /* Bit 15 of the flags of a health message: the node has ended its stream on purpose. The others are the filter's. */
 #define AEO_HEALTH_STOPPED 0x8000u
 
@@ -118,8 +118,8 @@ typedef struct {
     aeo_kind_t kind;
     uint8_t tag;
     uint16_t index;
-    uint8_t count;                         /* 1 on classic CAN; on CAN FD also 2, 3, 4, 5, 7, 11, 15 */
-    uint32_t value[AEO_FRAME_VALUES_MAX];  /* bit patterns; aeo_float_bits for numbers */
+    uint8_t count;                        /* 1 on classic CAN; on CAN FD also 2, 3, 4, 5, 7, 11, 15 */
+    uint32_t value[AEO_FRAME_VALUES_MAX]; /* bit patterns; aeo_float_bits for numbers */
 } aeo_message_t;
 
 #ifdef AEO_REAL_DOUBLE

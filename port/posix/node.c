@@ -20,8 +20,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BURST 16u
-#define STALL_S 5.0  /* a listener that takes nothing for so long has gone */
+#define BURST    16u
+#define STALL_S  5.0 /* a listener that takes nothing for so long has gone */
 #define LINGER_S 2.0 /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
 
 typedef struct {
@@ -188,10 +188,10 @@ static void wait_until_due(node_t *self, uint64_t number)
 
 static void report_health(node_t *self)
 {
-    const uint32_t counter[AEO_STREAM_COUNTERS] = {
-        self->regressor.count.samples, self->regressor.count.not_finite, self->regressor.count.range,
-        self->regressor.count.time,    self->regressor.count.gaps,       self->filter.count.withheld,
-        self->filter.count.bounded,    self->filter.count.reinitialised};
+    const uint32_t counter[AEO_STREAM_COUNTERS] = {self->regressor.count.samples, self->regressor.count.not_finite,
+                                                   self->regressor.count.range,   self->regressor.count.time,
+                                                   self->regressor.count.gaps,    self->filter.count.withheld,
+                                                   self->filter.count.bounded,    self->filter.count.reinitialised};
     (void)aeo_stream_health(&self->stream, aeo_rls_health(&self->filter), counter, AEO_STREAM_COUNTERS);
 }
 
@@ -245,7 +245,8 @@ static int run(node_t *self)
             continue;
         }
         if (got <= 0) {
-            return got == 0 && held == 0u ? 0 : fail("standard input", got < 0 ? strerror(errno) : "ends within a sample");
+            return got == 0 && held == 0u ? 0
+                                          : fail("standard input", got < 0 ? strerror(errno) : "ends within a sample");
         }
         held += (size_t)got;
         for (at = 0; held - at >= size && !stopped; at += size) {
@@ -267,7 +268,8 @@ static void drain(node_t *self)
 {
     uint64_t number = self->samples;
     const double since = clock_s();
-    self->start_s = since - (double)number * self->options.sample_time_s / (self->options.speed > 0 ? self->options.speed : 1);
+    self->start_s =
+        since - (double)number * self->options.sample_time_s / (self->options.speed > 0 ? self->options.speed : 1);
     while (aeo_stream_pending(&self->stream)) {
         wait_until_due(self, ++number);
         wait_for_room(self); /* a listener that hangs must not keep the node for ever */

@@ -80,7 +80,19 @@ typedef struct {
     double value;
 } setting_t;
 
-enum { SAMPLE_TIME, PAST, FORGET, REGULARIZE, FEEDTHROUGH, BIT_RATE, SHARE, NODE_ID, SNAPSHOT_EVERY, SAMPLE_EVERY, REPAIR };
+enum {
+    SAMPLE_TIME,
+    PAST,
+    FORGET,
+    REGULARIZE,
+    FEEDTHROUGH,
+    BIT_RATE,
+    SHARE,
+    NODE_ID,
+    SNAPSHOT_EVERY,
+    SAMPLE_EVERY,
+    REPAIR
+};
 
 static void take_settings(node_options_t *self, const setting_t *setting)
 {
@@ -121,10 +133,17 @@ static int read_setting(node_options_t *self, setting_t *setting, size_t count, 
 int node_options_read(node_options_t *self, int argc, char **argv)
 {
     setting_t setting[] = {
-        {"--sample-time", 2e-5, 1000.0, 0.0}, {"--past", 1, 1023, 0},          {"--forget", 0.5, 1.0, 1.0},
-        {"--regularize", 1e-8, 1e8, 1.0},     {"--feedthrough", 0, 4294967295.0, 0}, {"--bit-rate", 10000, 8e6, 500000},
-        {"--share", 0, 100, 5},               {"--node-id", 0, 253, 1},        {"--snapshot-every", 0, 1e9, 10},
-        {"--sample-every", 0, 65535, 1},      {"--repair", 0, 100, 25},
+        {"--sample-time", 2e-5, 1000.0, 0.0},
+        {"--past", 1, 1023, 0},
+        {"--forget", 0.5, 1.0, 1.0},
+        {"--regularize", 1e-8, 1e8, 1.0},
+        {"--feedthrough", 0, 4294967295.0, 0},
+        {"--bit-rate", 10000, 8e6, 500000},
+        {"--share", 0, 100, 5},
+        {"--node-id", 0, 253, 1},
+        {"--snapshot-every", 0, 1e9, 10},
+        {"--sample-every", 0, 65535, 1},
+        {"--repair", 0, 100, 25},
     };
     int at = 1, result;
     memset(self, 0, sizeof *self);

@@ -36,7 +36,7 @@ typedef struct {
     int terminal;      /* 1: pty, 0: TCP */
     uint16_t tcp_port; /* 0: any */
     uint32_t bits_per_s;
-    double speed;      /* 0: as fast as the listeners read */
+    double speed; /* 0: as fast as the listeners read */
     int wait;
     uint8_t node;
     double snapshot_s;

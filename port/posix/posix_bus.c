@@ -114,7 +114,8 @@ int posix_bus_open_tcp(posix_bus_t *self, uint16_t port)
     }
     error = make_nonblocking(fd);
     self->server = fd;
-    (void)snprintf(self->address, sizeof self->address, "slcan:socket://127.0.0.1:%u", (unsigned)ntohs(address.sin_port));
+    (void)snprintf(self->address, sizeof self->address, "slcan:socket://127.0.0.1:%u",
+                   (unsigned)ntohs(address.sin_port));
     return error;
 }
 

@@ -17,26 +17,26 @@
 #include <aeolid/port.h>
 
 #define POSIX_BUS_LISTENERS 4
-#define POSIX_BUS_RING 262144u /* characters, a power of two; 9700 classic frames */
+#define POSIX_BUS_RING      262144u /* characters, a power of two; 9700 classic frames */
 
 /* One peer. */
 typedef struct {
-    int fd;            /* -1: free place */
-    int open;          /* 1: its channel is open */
-    uint32_t head;     /* characters written, wraps */
-    uint32_t tail;     /* characters taken by the peer, wraps */
-    uint32_t dropped;  /* frames it lost because its ring was full */
+    int fd;           /* -1: free place */
+    int open;         /* 1: its channel is open */
+    uint32_t head;    /* characters written, wraps */
+    uint32_t tail;    /* characters taken by the peer, wraps */
+    uint32_t dropped; /* frames it lost because its ring was full */
     size_t command_length;
     char command[160]; /* line being received */
     char ring[POSIX_BUS_RING];
 } posix_listener_t;
 
 typedef struct {
-    int terminal;          /* 1: pseudo terminal, 0: TCP */
-    int server;            /* listening socket, -1 for a terminal */
-    uint32_t refused;      /* frames no listener had room for */
-    uint32_t dropped;      /* frames lost to single listeners that have left */
-    char address[96];      /* what a listener opens: slcan:/dev/pts/3 or slcan:socket://127.0.0.1:29536 */
+    int terminal;     /* 1: pseudo terminal, 0: TCP */
+    int server;       /* listening socket, -1 for a terminal */
+    uint32_t refused; /* frames no listener had room for */
+    uint32_t dropped; /* frames lost to single listeners that have left */
+    char address[96]; /* what a listener opens: slcan:/dev/pts/3 or slcan:socket://127.0.0.1:29536 */
     posix_listener_t listener[POSIX_BUS_LISTENERS];
 } posix_bus_t;
 

@@ -81,8 +81,12 @@ static int64_t read_hex(const char *text, unsigned digits)
 int slcan_parse(const char *line, size_t length, aeo_can_frame_t *frame)
 {
     static const char letters[] = "tTdDbB";
-    static const uint8_t flags[] = {0, AEO_CAN_EXTENDED, AEO_CAN_FD, AEO_CAN_FD | AEO_CAN_EXTENDED,
-                                    AEO_CAN_FD | AEO_CAN_BRS, AEO_CAN_FD | AEO_CAN_BRS | AEO_CAN_EXTENDED};
+    static const uint8_t flags[] = {0,
+                                    AEO_CAN_EXTENDED,
+                                    AEO_CAN_FD,
+                                    AEO_CAN_FD | AEO_CAN_EXTENDED,
+                                    AEO_CAN_FD | AEO_CAN_BRS,
+                                    AEO_CAN_FD | AEO_CAN_BRS | AEO_CAN_EXTENDED};
     const char *found = length > 0u && line[0] != '\0' ? strchr(letters, line[0]) : NULL;
     aeo_can_frame_t result;
     int64_t id, code, byte;

@@ -87,8 +87,15 @@ static void every_shape_goes_there_and_back(void)
 
 static void broken_text_is_no_frame(void)
 {
-    static const char *const texts[] = {"", "T", "T1CFF4201", "X1CFF42018F0F1F2F3F4F5F6F7", "T1CFF42018F0F1F2F3F4F5F6G7",
-                                        "TFFFFFFFF8F0F1F2F3F4F5F6F7", "t8000", "t6129F0", "r6128"};
+    static const char *const texts[] = {"",
+                                        "T",
+                                        "T1CFF4201",
+                                        "X1CFF42018F0F1F2F3F4F5F6F7",
+                                        "T1CFF42018F0F1F2F3F4F5F6G7",
+                                        "TFFFFFFFF8F0F1F2F3F4F5F6F7",
+                                        "t8000",
+                                        "t6129F0",
+                                        "r6128"};
     aeo_can_frame_t frame, before;
     unsigned i;
     memset(&frame, 0x5A, sizeof frame);

@@ -205,7 +205,8 @@ static void theta_arrives_bit_for_bit(void)
 /* Every size has each parameter once, and a burst of 16 lost frames takes parameters that are N / 40 apart. */
 static void order_is_a_spread_permutation(void)
 {
-    static const uint32_t sizes[] = {1, 2, 3, 5, 7, 16, 40, 255, 256, 257, 300, 456, 512, 513, 1021, 4096, 65535, 65536};
+    static const uint32_t sizes[] = {1,   2,   3,   5,   7,   16,   40,   255,   256,
+                                     257, 300, 456, 512, 513, 1021, 4096, 65535, 65536};
     static uint8_t seen[65536];
     unsigned s;
     for (s = 0; s < sizeof sizes / sizeof *sizes; s++) {
@@ -245,7 +246,8 @@ static void repair_restores_a_lost_parameter(void)
             memory[i] = i * UINT32_C(2654435761) + 12345u;
         }
         for (lost = 0; lost < sizes[s]; lost += 1u + sizes[s] / 50u) { /* position of the lost one */
-            const uint32_t group = lost % spread.groups, member = lost / spread.groups, at = aeo_spread_index(&spread, lost);
+            const uint32_t group = lost % spread.groups, member = lost / spread.groups,
+                           at = aeo_spread_index(&spread, lost);
             const uint32_t truth = memory[at];
             uint32_t repair = group;
             uint32_t with;
