@@ -183,17 +183,20 @@ def filter_record(
         problem = _describe_dead_channel(samples)
         if problem:
             raise DataError(f"{record.source}: channel {name!r} {problem}")
-    return replay_rls(
-        u,
-        y,
-        past=past,
-        sample_time_s=record.sample_time_s,
-        forgetting=forgetting,
-        regularisation=regularisation,
-        precision=precision,
-        feedthrough=tuple(names_u.index(name) for name in feedthrough),
-        time_s=record.time_s,
-    )
+    try:
+        return replay_rls(
+            u,
+            y,
+            past=past,
+            sample_time_s=record.sample_time_s,
+            forgetting=forgetting,
+            regularisation=regularisation,
+            precision=precision,
+            feedthrough=tuple(names_u.index(name) for name in feedthrough),
+            time_s=record.time_s,
+        )
+    except NotIdentifiable as error:
+        raise NotIdentifiable(f"{record.source}: {error}") from None
 
 
 def save_markov(target: BinaryIO, result: FilterResult, record: Record) -> None:
