@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations, State
+from aeolid.models.equations import Auxiliary, Equations, State
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -28,14 +28,14 @@ _FORCE_OF_MASS = {
 class Motion:
     """Hold one velocity of the model, its position if it has one, and how an extra force enters.
 
-    inject(model, force) adds the force to the equation of motion; force_unit is that of the force so added
-    (acceleration where the model shows no mass). Sizes are typical magnitudes from the baseline's own run.
+    inject(model, force, name) adds the force, called `name`, to the equation of motion; force_unit is its unit (an
+    acceleration where the model shows no mass). Sizes are typical magnitudes from the baseline's own run.
     """
 
     location: str
     velocity: ast.expr
     position: ast.expr | None
-    inject: Callable[[Equations, ast.expr], Equations]
+    inject: Callable[[Equations, ast.expr, str], Equations]
     force_name: str
     force_unit: str
     velocity_size: float
@@ -87,8 +87,8 @@ def _mass_of(derivative: ast.expr, model: Equations) -> tuple[float, str] | None
     return None
 
 
-def _force_on(name: str, has_mass: bool) -> Callable[[Equations, ast.expr], Equations]:
-    def inject(model: Equations, force: ast.expr) -> Equations:
+def _force_on(name: str, has_mass: bool) -> Callable[[Equations, ast.expr, str], Equations]:
+    def inject(model: Equations, force: ast.expr, _: str) -> Equations:
         return replace(model, states=tuple(_push(s, force) if s.name == name else s for s in model.states))
 
     def _push(state: State, force: ast.expr) -> State:
@@ -100,15 +100,18 @@ def _force_on(name: str, has_mass: bool) -> Callable[[Equations, ast.expr], Equa
     return inject
 
 
-def motions_of_state_space(model: StateSpace, converted: Equations, sizes: Array, spreads: Array) -> list[Motion]:
+def motions_of_state_space(
+    model: StateSpace, converted: Equations, sizes: Array, spreads: Array
+) -> tuple[list[Motion], Equations]:
     """Read each oscillatory mode as q̈ = −ω² q − 2ζω q̇ with q, q̇ linear in the states.
 
     The output that shows the mode most (against its spread, spreads (l,)) and the derivative order in its unit fix
-    the mode's scale and phase.
+    the mode's scale and phase. Returns the motions, and the equations with their coordinates as intermediates.
     """
     values, right = np.linalg.eig(model.A)
     left = np.linalg.inv(right)
-    found = []
+    found: list[Motion] = []
+    shared: list[Auxiliary] = []
     for k in np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > 0.2)):
         lam = np.log(values[k]) / model.sample_time_s
         shape = model.C @ right[:, k]  # (l,): how each output sees the mode
@@ -118,15 +121,21 @@ def motions_of_state_space(model: StateSpace, converted: Equations, sizes: Array
         q = np.imag(beta * left[k])
         v = np.imag(beta * lam * left[k])
         push = 2 * np.real(right[:, k] / (beta * lam.imag))
-        span = np.abs(q) @ sizes, np.abs(v) @ sizes
+        tag = f"modal{len(found) + 1}"
+        shared += [
+            Auxiliary(f"{tag}_position", _linear(q, converted)),
+            Auxiliary(f"{tag}_velocity", _linear(v, converted)),
+        ]
+        span = np.abs(q) @ sizes[: len(q)], np.abs(v) @ sizes[: len(v)]
         found.append(
             Motion(
-                f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", _linear(v, converted), _linear(q, converted),
-                _force_on_mode(push * model.sample_time_s, converted), "acceleration", f"{_base_unit(model.outputs[j].unit)}/s^2",
+                f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
+                _force_on_mode(push * model.sample_time_s, converted), "acceleration",
+                f"{_base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
             )
         )  # fmt: skip
-    return found
+    return found, replace(converted, auxiliaries=(*converted.auxiliaries, *shared))
 
 
 def _derivative_order(unit: str) -> int:
@@ -143,20 +152,16 @@ def _linear(row: Array, model: Equations) -> ast.expr:
     return ex.parse(" + ".join(terms) or "0", "mode coordinate")
 
 
-def _force_on_mode(push: Array, model: Equations) -> Callable[[Equations, ast.expr], Equations]:
-    share = {s.name: float(c) for s, c in zip(model.states, push, strict=True)}
+def _force_on_mode(push: Array, model: Equations) -> Callable[[Equations, ast.expr, str], Equations]:
+    share = {s.name: float(c) for s, c in zip(model.states, push, strict=False)}
 
-    def inject(target: Equations, force: ast.expr) -> Equations:
-        return replace(
-            target,
-            states=tuple(
-                replace(
-                    s, derivative=ex.combine("+", s.derivative, ex.combine("*", ast.Constant(share[s.name]), force))
-                )
-                if share.get(s.name)
-                else s
-                for s in target.states
-            ),
-        )
+    def inject(target: Equations, force: ast.expr, name: str) -> Equations:
+        shared = (*target.auxiliaries, Auxiliary(name, force))
+        states = tuple(_push(s, name) if share.get(s.name) else s for s in target.states)
+        return replace(target, states=states, auxiliaries=shared)
+
+    def _push(state: State, name: str) -> State:
+        term = ex.combine("*", ast.Constant(share[state.name]), ast.Name(id=name))
+        return replace(state, derivative=ex.combine("+", state.derivative, term))
 
     return inject

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations, Output, Parameter, State
+from aeolid.models.equations import Auxiliary, Equations, Output, Parameter, State
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -25,25 +25,41 @@ def discretise(model: StateSpace, step: float) -> StateSpace:
 
 
 def equations_of(model: StateSpace) -> Equations:
-    """Write x⁺ = A x + B (u − u₀ + b_u), y = C x + D (…) + y₀ + b_y as equations.
+    """Write x⁺ = A x + B (u − u₀ + b_u), y = C x + D (…) + y₀ + b_y + d as equations.
 
-    The constant offsets b_u, b_y are free: a linear model knows its operating point only as far as it was told.
+    The constant offsets b_u, b_y are free: a linear model knows its operating point only as far as it was told. Each
+    output has a shaped disturbance d⁺ = a d + (gain) e with a free pole: noise whose colour the plant's poles lack.
     """
+    shaped = [f"noise{j + 1}" for j in range(len(model.outputs))]
+    poles = [Parameter(f"noise_pole{j + 1}", 0.5, "1", 0.0, 0.9999, True) for j in range(len(model.outputs))]
     states = [f"x{i + 1}" for i in range(model.order)]
     inputs = [f"u{i + 1}" for i in range(len(model.inputs))]
-    drive = [f"(u{i + 1} - {s.offset!r} + bias_u{i + 1})" for i, s in enumerate(model.inputs)]
+    drive = [f"drive{i + 1}" for i in range(len(model.inputs))]
+    acting = [
+        Auxiliary(d, ex.parse(f"u{i + 1} - {s.offset!r} + bias_u{i + 1}", "input"))
+        for i, (d, s) in enumerate(zip(drive, model.inputs, strict=True))
+    ]
     rows = [_row(model.A[i], states, model.B[i], drive) for i in range(model.order)]
     reads = [_row(model.C[j], states, model.D[j], drive) for j in range(len(model.outputs))]
     bias = [Parameter(f"bias_u{i + 1}", 0.0, s.unit, free=True) for i, s in enumerate(model.inputs)]
     bias += [Parameter(f"bias_y{j + 1}", 0.0, s.unit, free=True) for j, s in enumerate(model.outputs)]
     return Equations(
-        "baseline", model.sample_time_s, tuple(bias),
-        tuple(State(n, s.unit, row, float(x), True) for n, s, row, x in zip(states, model.states, rows, model.x0, strict=True)),
-        tuple(
-            Output(s.name, s.unit, ex.combine("+", read, ex.parse(f"{s.offset!r} + bias_y{j + 1}", "output offset")))
-            for j, (s, read) in enumerate(zip(model.outputs, reads, strict=True))
+        "baseline", model.sample_time_s, (*bias, *poles),
+        (
+            *(
+                State(n, s.unit, r, float(x), True)
+                for n, s, r, x in zip(states, model.states, rows, model.x0, strict=True)
+            ),
+            *(
+                State(n, s.unit, ex.parse(f"{p.name}*{n}", "noise"), 0.0)
+                for n, s, p in zip(shaped, model.outputs, poles, strict=True)
+            ),
         ),
-        model.inputs, tuple(inputs),
+        tuple(
+            Output(s.name, s.unit, ex.combine("+", read, ex.parse(f"{s.offset!r} + bias_y{j + 1} + {d}", "offset")))
+            for j, (s, read, d) in enumerate(zip(model.outputs, reads, shaped, strict=True))
+        ),
+        model.inputs, tuple(inputs), (), tuple(acting),
     )  # fmt: skip
 
 

@@ -89,9 +89,9 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 )
             if what == "output" and role != "output":
                 raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
-    if isinstance(model, StateSpace) and model.sample_time_s:
-        if abs(model.sample_time_s - record.sample_time_s) > 1e-6 * model.sample_time_s:
-            raise DataError(
-                f"{source}: sample time {model.sample_time_s:g} s, the recording has {record.sample_time_s:g} s;"
-                " resample the recording or identify the model at its rate"
-            )
+    step = model.sample_time_s
+    if step and abs(step - record.sample_time_s) > 1e-6 * step:
+        raise DataError(
+            f"{source}: sample time {step:g} s, the recording has {record.sample_time_s:g} s;"
+            " resample the recording or identify the model at its rate"
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,7 +90,8 @@ def _features(
 
 
 def _coarse(segment: Segment) -> Array:
-    return segment.u.reshape(len(segment.y), segment.stride, -1).mean(axis=1)
+    mean: Array = segment.u.reshape(len(segment.y), segment.stride, -1).mean(axis=1)
+    return mean
 
 
 def _state_sizes(predictor: Predictor, point: Point) -> tuple[Array, Array]:
@@ -131,12 +133,11 @@ def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> l
     rng = np.random.default_rng(seed)
     f, power = welch(white, 1 / step, nperseg=length, axis=0)
     edges = np.geomspace(max(f[2], f[-1] / 100), f[-1], 3 * 6 + 1)
-    null = np.stack(
-        [
-            _bands(*welch(rng.standard_normal((len(white), 1)), 1 / step, nperseg=length, axis=0), edges)[:, 0]
-            for _ in range(draws)
-        ]
-    )
+    null_rows = []
+    for _ in range(draws):
+        noise_f, noise_power = welch(rng.standard_normal((len(white), 1)), 1 / step, nperseg=length, axis=0)
+        null_rows.append(_bands(noise_f, noise_power, edges)[:, 0])
+    null = np.stack(null_rows)
     centre, spread = null.mean(axis=0), np.maximum(null.std(axis=0), 1e-12)
     limit = float(np.quantile(np.max(np.abs(null - centre) / spread, axis=1), 0.99)) * (1 + 0.1 * np.log(outputs))
     measured = _bands(f, power, edges)
@@ -155,7 +156,7 @@ def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> l
 
 def _bands(f: Array, power: Array, edges: Array) -> Array:
     rows = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in itertools.pairwise(edges.tolist()):
         inside = (f >= low) & (f <= high)
         rows.append(power[inside].mean(axis=0) if np.any(inside) else np.zeros(power.shape[1]))
     return np.array(rows)

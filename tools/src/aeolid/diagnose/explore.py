@@ -14,6 +14,7 @@ _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
 _PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings
 NOISE_LADDER = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)  # process noise amplitudes to try, in sizes of the states
 _KEEP = 6
+_TRIED = 4  # starts that are fitted briefly
 _QUICK, _FULL = 5, 40  # Gauss–Newton iterations to compare starts, and to finish
 
 
@@ -26,7 +27,7 @@ def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int
     scales = predictor.scales
     moving = [
         i for i in free.theta
-        if i not in fixed and np.isfinite(scales.low[i]) and np.isfinite(scales.high[i]) and scales.high[i] > scales.low[i]
+        if i not in fixed and np.isfinite(scales.high[i] - scales.low[i]) and scales.high[i] > scales.low[i]
     ]  # fmt: skip
     if not moving:
         return []
@@ -63,11 +64,8 @@ def noise_ladder(point: Point, free: Free) -> list[Point]:
 
 
 def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free) -> Fit | None:
-    """Fit briefly from every start, fully from the two best; returns the best, None where all diverge."""
-    trials = [t for t in (predictor.fit(s, free, iterations=_QUICK) for s in starts) if t is not None]
-    done = [
-        predictor.fit(t.point, free, iterations=_FULL)
-        for t in sorted(trials, key=lambda t: -t.log_likelihood)[:2]
-    ]  # fmt: skip
-    finished = [d for d in done if d is not None]
-    return max(finished, key=lambda d: d.log_likelihood) if finished else None
+    """Fit briefly from the most likely starts, fully from the best; returns None where all diverge."""
+    ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:_TRIED]
+    trials = [predictor.fit(starts[i], free, iterations=_QUICK) for value, i in ranked if value < 1e299]
+    best = max((t for t in trials if t is not None), key=lambda t: t.log_likelihood, default=None)
+    return None if best is None else predictor.fit(best.point, free, iterations=_FULL)

@@ -41,7 +41,7 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
         for p in model.parameters
     )
     states = tuple(replace(s, initial=start[s.name]) for s in model.states)
-    return replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states)
+    return replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states).pruned()
 
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -86,7 +86,8 @@ def evidence(study: Study) -> dict[str, Any]:
         std, fitted = float(prepared.fit.std[k]), float(prepared.fit.point.theta[i])
         spread = np.hypot(std, p.prior_std or 0.0)
         parameters.append(
-            {"name": p.name, "unit": p.unit, "prior": p.value, "fitted": fitted, "std": std if np.isfinite(std) else None,
+            {"name": p.name, "unit": p.unit, "prior": p.value, "fitted": fitted,
+             "std": std if np.isfinite(std) else None,
              "pull": float((fitted - p.value) / spread) if np.isfinite(spread) and spread > 0 else None}
         )  # fmt: skip
     facts: dict[str, Any] = {

@@ -155,7 +155,9 @@ def _as_row(winner: Candidate) -> Row:
 def _declared(prepared: Prepared, seed: int) -> Proof | None:
     """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both)."""
     physical = [
-        i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(("bias_u", "bias_y"))
+        i
+        for i in prepared.free.theta
+        if not prepared.extended.parameters[i].name.startswith(("bias_u", "bias_y", "noise_pole"))
     ]
     if not physical:
         return None

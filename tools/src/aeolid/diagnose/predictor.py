@@ -5,8 +5,10 @@ Innovations form: x⁺ = F(x, u, θ) + K s e, y = h(x, u, θ) + e, e coloured by
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +17,10 @@ from scipy.linalg import expm
 from aeolid.models.integrate import Compiled, apply_filters, numeric_jacobian, output_jacobian, substeps
 
 Array = NDArray[np.float64]
+_POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
 # BIC chooses the noise-model order among these. A physical noise model needs little colour on top; more would
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
-_VAR_ORDERS_FREE_GAIN = (0, 1, 2, 4, 8)
 _HUGE = 1e300
 
 
@@ -201,13 +203,15 @@ class Predictor:
         return np.concatenate(parts).ravel()
 
     def choose_var_order(self, point: Point) -> int:
-        """Return the noise-model order that BIC prefers at this point."""
+        """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""
+        if point.K is not None:
+            return 0
         innovations = self.innovations(point)
         burns = [s.burn for s in self.segments]
         rows = sum(len(s.y) - s.burn for s in self.segments)
         outputs = self.segments[0].y.shape[1]
         best, choice = np.inf, 0
-        for order in _VAR_ORDERS if point.K is None else _VAR_ORDERS_FREE_GAIN:
+        for order in _VAR_ORDERS:
             if rows < 20 * (order * outputs + 1):
                 break
             noise = estimate_noise(innovations, burns, order)
@@ -217,17 +221,41 @@ class Predictor:
         return choice
 
     def sensitivity(self, point: Point, noise: Noise, base: Array, free: Free) -> Array:
-        """Return d(−residual)/d(parameter) (M, k) by forward differences, in units of 1/parameter."""
-        columns = [self.theta_column(point, noise, base, {i: self.step_of(i, point)}) for i in free.theta]
-        columns += [self.noise_column(point, noise, base, i) for i in free.noise]
-        columns += [self.gain_column(point, noise, base, i, j) for i, j in free.gain]
-        for s in range(len(self.segments)):
-            columns += [self._x0_column(point, noise, base, s, i) for i in free.x0]
-        return np.column_stack(columns) if columns else np.zeros((len(base), 0))
+        """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
+
+        One filter pass a parameter, on two threads.
+        """
+        jobs: list[Callable[[], Array]] = []
+        jobs += [partial(self.theta_column, point, noise, base, {i: self.step_of(i, point)}) for i in free.theta]
+        jobs += [partial(self.noise_column, point, noise, base, i) for i in free.noise]
+        jobs += [partial(self.gain_column, point, noise, base, i, j) for i, j in free.gain]
+        jobs += [partial(self._x0_column, point, noise, base, s, i) for s in range(len(self.segments)) for i in free.x0]
+        columns = list(_POOL.map(lambda job: job(), jobs))
+        return np.column_stack([*columns, self._var_columns(point, noise)]) if columns else np.zeros((len(base), 0))
+
+    def _var_columns(self, point: Point, noise: Noise) -> Array:
+        """Return d(−residual)/d(VAR coefficient) (M, q l²): the noise model is estimated too and is projected out.
+
+        Leaving them in the step is Kaufman's variable projection: the fit then converges in a few iterations although
+        the noise model follows every step.
+        """
+        outputs = self.segments[0].y.shape[1]
+        order = len(noise.var)
+        if not order:
+            return np.zeros((sum(len(s.y) - s.burn for s in self.segments) * outputs, 0))
+        parts = []
+        for e, segment in zip(self.innovations(point), self.segments, strict=True):
+            past = np.zeros((order, *e.shape))
+            for i in range(1, order + 1):
+                past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
+            lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
+            block = np.einsum("tib,ac->tciab", lagged, noise.factor)  # −dr[t, c] / dA_i[a, b]
+            parts.append(block.reshape(len(lagged) * outputs, -1))
+        return np.vstack(parts)
 
     def step_of(self, index: int, point: Point) -> float:
         """Return a finite-difference step for one θ, into the allowed range."""
-        h = 1e-5 * max(self.scales.theta[index], abs(point.theta[index]))
+        h = 1e-5 * max(float(self.scales.theta[index]), abs(float(point.theta[index])))
         return h if point.theta[index] + h <= self.scales.high[index] else -h
 
     def theta_column(self, point: Point, noise: Noise, base: Array, steps: dict[int, float]) -> Array:
@@ -241,14 +269,14 @@ class Predictor:
     def noise_column(self, point: Point, noise: Noise, base: Array, index: int) -> Array:
         """Return the change of −residual (M,) a unit of a noise amplitude's square (variance)."""
         amplitude = point.noise.copy()
-        h = max(1e-3 * amplitude[index] ** 2, 1e-10)
+        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-10)
         amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
         return (base - self.whitened(self.innovations(replace(point, noise=amplitude)), noise)) / h
 
     def gain_column(self, point: Point, noise: Noise, base: Array, state: int, output: int) -> Array:
         """Return the change of −residual (M,) a unit of K[state, output]."""
         assert point.K is not None
-        h = 1e-5 * self.scales.gain[state, output]
+        h = 1e-5 * float(self.scales.gain[state, output])
         K = point.K.copy()
         K[state, output] += h
         return (base - self.whitened(self.innovations(replace(point, K=K)), noise)) / h
@@ -281,8 +309,9 @@ class Predictor:
             base = self.whitened(innovations, noise)
             jacobian = self.sensitivity(point, noise, base, free)
             before = value
+            normal = self._normal(jacobian, base, point, free)
             for _ in range(8):
-                trial = self._move(point, free, self._step(jacobian, base, point, free, damping))
+                trial = self._move(point, free, _damped_step(*normal, damping))
                 trial_value = self.objective(trial)
                 if trial_value < value:
                     point, value, damping = trial, trial_value, max(damping * 0.1, 1e-9)
@@ -302,17 +331,15 @@ class Predictor:
         jacobian = self.sensitivity(point, noise, base, free)
         return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian)
 
-    def _step(self, jacobian: Array, base: Array, point: Point, free: Free, damping: float) -> Array:
+    def _normal(self, jacobian: Array, base: Array, point: Point, free: Free) -> tuple[Array, Array]:
+        """Return the normal equations (k, k), (k,) with the priors of declared parameters."""
         gram, slope = jacobian.T @ jacobian, jacobian.T @ base
         for k, i in enumerate(free.theta):
             if np.isfinite(self.scales.prior[i, 1]):
                 weight = 1.0 / self.scales.prior[i, 1] ** 2
                 gram[k, k] += weight
                 slope[k] -= weight * (point.theta[i] - self.scales.prior[i, 0])
-        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
-        step: Array = np.linalg.solve(scaled, slope / size) / size
-        return step
+        return gram, slope
 
     def _move(self, point: Point, free: Free, step: Array) -> Point:
         theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]
@@ -349,6 +376,14 @@ class Predictor:
         return _levelled_density(white, fit.noise, segments), other, point
 
 
+def _damped_step(gram: Array, slope: Array, damping: float) -> Array:
+    """Solve the scaled, damped normal equations (Levenberg–Marquardt)."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
+    step: Array = np.linalg.solve(scaled, slope / size) / size
+    return step
+
+
 def _levelled_density(white: Array, noise: Noise, segments: Sequence[Segment]) -> Array:
     outputs = segments[0].y.shape[1]
     parts, start = [], 0
@@ -375,7 +410,7 @@ def _settle(head: Predictor, fit: Fit, n: int) -> Array:
                 best, choice = value, point.x0[0]
             free = Free((), (), (), tuple(range(n)))
             jacobian = head.sensitivity(point, fit.noise, base, free)
-            point = head._move(point, free, head._step(jacobian, base, point, free, 1e-4))
+            point = head._move(point, free, _damped_step(*head._normal(jacobian, base, point, free), 1e-4))
     return choice
 
 
@@ -435,7 +470,8 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     y, z = y[good], z[good]
     var = np.zeros((order, outputs, outputs))
     if order:
-        coefficients = np.linalg.lstsq(z, y, rcond=1e-12)[0]
+        gram = z.T @ z
+        coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
         var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
         y = y - z @ coefficients
     covariance = y.T @ y / max(len(y), 1)

@@ -60,11 +60,11 @@ def prepare(case: Case) -> Prepared:
     spreads = _spread(y, outputs, case)
     rough, scales = _rough(compiled, split.fit, spreads, linear)
     sizes, rates = _sizes(rough, scales)
-    motions = tuple(
-        motions_of_equations(declared, sizes, rates)
-        if linear is None
-        else motions_of_state_space(linear, declared, sizes, spreads)
-    )
+    if linear is None:
+        motions = tuple(motions_of_equations(declared, sizes, rates))
+    else:
+        found, declared = motions_of_state_space(linear, declared, sizes, spreads)
+        motions = tuple(found)
     u = np.vstack([s.u for s in split.fit])
     site = Site(declared, linear, motions, step, u, y, tuple(names), tuple(outputs), case.context)
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
@@ -119,11 +119,13 @@ def _rough(
     n, m = len(model.states), len(model.outputs)
     x_size = np.array([max(abs(s.initial), 1e-6) for s in model.states])
     scales = _scales(model, x_size, spreads)
-    predictor = Predictor(compiled, segments, scales, 1)
+    predictor = Predictor(compiled, segments, scales, 0 if linear is not None else 1)
     x0 = tuple(model.x0.copy() for _ in segments)
     if linear is not None:
-        gains = [np.zeros((n, m))] + ([linear.K] if linear.K is not None else []) + _riccati_gains(linear, spreads)
-        candidates = [Point(model.theta, np.zeros(n + m), K, x0) for K in gains]
+        gains = [np.zeros((linear.order, m))] + ([linear.K] if linear.K is not None else [])
+        gains += _riccati_gains(linear, spreads)
+        rest = np.zeros((n - linear.order, m))  # the shaped disturbances start without a gain
+        candidates = [Point(model.theta, np.zeros(n + m), np.vstack([K, rest]), x0) for K in gains]
     else:
         noise = np.concatenate([np.zeros(n), np.ones(m)])
         candidates = noise_ladder(Point(model.theta, noise, None, x0), Free((), noisy_states(model), (), ()))
@@ -166,7 +168,8 @@ def _scales(model: Equations, x_size: Array, spreads: Array) -> Scales:
     prior = np.array([[p.value, p.prior_std or np.inf] for p in model.parameters]).reshape(-1, 2)
     return Scales(
         theta, np.outer(x_size, 1.0 / spreads), x_size,
-        np.array([p.minimum for p in model.parameters]), np.array([p.maximum for p in model.parameters]), prior, spreads,
+        np.array([p.minimum for p in model.parameters]), np.array([p.maximum for p in model.parameters]), prior,
+        spreads,
     )  # fmt: skip
 
 

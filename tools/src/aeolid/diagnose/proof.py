@@ -37,7 +37,8 @@ def prove(
     """Score both predictors on the sealed segments: log-likelihood gain with a block-bootstrap 90 % interval.
 
     Fit errors are those of predictions restarted from the filtered state every settling time (three of the model's
-    slowest decaying time constants): long enough to show the dynamics, short enough for a model that integrates.
+    slowest decaying time constants, at most a twentieth of the sealed data, at least 20 samples): long enough to show
+    the dynamics, short enough for a model that integrates.
     """
     runs = []
     for predictor, fit in (before, after):
@@ -45,12 +46,12 @@ def prove(
         runs.append((np.where(np.isfinite(density), density, -1e3), other, point))
     difference = runs[1][0] - runs[0][0]
     interval = block_interval(difference, seed)
-    horizon = max(20, int(settle_s / sealed[0].step))
+    horizon = max(20, min(int(settle_s / sealed[0].step), sum(len(s.y) for s in sealed) // 20))
     names = [o.name for o in before[0].compiled.model.outputs]
     long_run = [_restarted(other, point, horizon) for _, other, point in runs]
     measured = np.vstack([s.y[s.burn :] for s in sealed])
     nrmse = [_nrmse(measured, np.vstack(r)) for r in long_run]
-    profile = _profile([(r[1], r[2]) for r in runs], measured, names, horizon)
+    profile = _profile([(r[1], r[2]) for r in runs], measured, names)
     series = _series(sealed, names, before[0], long_run)
     return Proof(
         float(difference.sum()), interval, difference, dict(zip(names, nrmse[0], strict=True)),
@@ -94,10 +95,10 @@ def _nrmse(measured: Array, predicted: Array) -> list[float]:
 
 
 def _profile(
-    runs: Sequence[tuple[Predictor, Point]], measured: Array, names: list[str], longest: int
+    runs: Sequence[tuple[Predictor, Point]], measured: Array, names: list[str]
 ) -> dict[str, dict[str, list[float]]]:
     """Return the normalised error k samples ahead, sampled at starts spread over the sealed data."""
-    steps = [k for k in _HORIZONS if k <= longest and k < len(measured) // 3]
+    steps = [k for k in _HORIZONS if k < len(measured) // 5]
     errors = [[_ahead(predictor, point, k) for k in steps] for predictor, point in runs]
     return {
         name: {

@@ -42,7 +42,7 @@ class Candidate:
 
     @property
     def score(self) -> float:
-        """Return what candidates are ranked by: gain on fit data less a nat a parameter, plus gain on selection data."""
+        """Return what candidates are ranked by: gain on the fit data less a nat a parameter, plus that on selection."""
         return self.fit_gain - self.parameters + self.select_gain
 
 
@@ -84,7 +84,8 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
     attachments = tuple(r.attachment for r in rows)
     free = free_with(base.free, attachments, prepared)
     starts: list[Point] = []
-    for origin in (base.point, replace(base.point, theta=model.theta)):
+    origins = [base.point] if prepared.linear else [base.point, replace(base.point, theta=model.theta)]
+    for origin in origins:
         for options in itertools.product(*(_starts(r) for r in rows)):
             merged = {k: v for o in options for k, v in o.items()}
             starts.append(_with_gains(shifted(origin, model, _clip(merged, predictor, prepared)), rows, prepared))

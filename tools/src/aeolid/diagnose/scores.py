@@ -59,7 +59,7 @@ def overlap(a: Row, b: Row) -> float:
     """Return cos² between two hypotheses: the largest squared canonical correlation of their directions."""
     if a.basis is None or b.basis is None:
         return 0.0
-    return float(min(1.0, np.linalg.norm(a.basis.T @ b.basis, 2) ** 2))
+    return min(1.0, float(np.linalg.norm(a.basis.T @ b.basis, 2)) ** 2)
 
 
 def score_bank(
@@ -67,7 +67,7 @@ def score_bank(
 ) -> Bank:
     """Score all attachments at a fitted baseline.
 
-    G̃ = G − Q Qᵀ G with Q spanning the baseline's own sensitivities; LM = |Hᵀ r|², H an orthonormal basis of G̃, one-sided
+    G̃ = G − Q Qᵀ G, Q spanning the baseline's own sensitivities; LM = |Hᵀ r|², H an orthonormal basis of G̃, one-sided
     where the physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a
     block wild bootstrap of the residuals (robust to changing variance and short correlation). `threshold` overrides it.
     Cost: one filter pass a parameter and grid point.
@@ -117,7 +117,9 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
     for grid in attachment.grid:
         point = shifted(fit.point, model, grid)
         columns = [predictor.theta_column(point, fit.noise, fit.residual, {model.index(s.name): s.size}) for s in local]
-        gains = [(g, j) for g in attachment.gain_states for j in range(outputs)] if point.K is not None else []
+        gains: list[tuple[str, int]] = (
+            [(g, j) for g in attachment.gain_states for j in range(outputs)] if point.K is not None else []
+        )
         columns += [predictor.gain_column(point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
         if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
             gains = [(attachment.gain_states[-1], -1)]
@@ -136,7 +138,8 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
             continue
         if len(R) == 1 and R[0, 0] < 0:
             Q, R = -Q, -R
-        kept = [n for n, k in zip([s.name for s in local] + gains, keep, strict=True) if k]
+        labels: list[str | tuple[str, int]] = [*(s.name for s in local), *gains]
+        kept = [n for n, k in zip(labels, keep, strict=True) if k]
         sided = len(kept) == 1 and len(local) == 1 and local[0].low == local[0].null
         result.append(
             _Cell(
@@ -147,7 +150,9 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
     return result
 
 
-def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, signs: tuple[Array, Array]) -> tuple[Row, Array]:
+def _evaluate(
+    attachment: Attachment, cell: _Cell, residual: Array, signs: tuple[Array, NDArray[np.int64]]
+) -> tuple[Row, Array]:
     eta, starts = signs
     freedom = cell.basis.shape[1]
     point = cell.basis.T @ residual
@@ -190,7 +195,7 @@ def _span(jacobian: Array) -> Array:
     return result
 
 
-def _block_signs(samples: int, outputs: int, seed: int) -> tuple[Array, Array]:
+def _block_signs(samples: int, outputs: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
     """Draw ±1 for blocks of samples, all outputs of a sample in one block; returns signs and block starts."""
     length = max(1, round(samples ** (1 / 3)))
     starts = np.arange(0, samples, length) * outputs

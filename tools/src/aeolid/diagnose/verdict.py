@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -139,7 +139,7 @@ def _parameter_effect(study: Study) -> dict[str, Any]:
     moved = []
     for k, i in enumerate(prepared.free.theta):
         p = prepared.extended.parameters[i]
-        if not p.name.startswith("bias_"):
+        if not p.name.startswith(("bias_", "noise_pole")):
             std = float(prepared.fit.std[k])
             moved.append(
                 (
@@ -232,7 +232,7 @@ def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
     return result
 
 
-def _next_experiment(study: Study, verdict: str, effects: list[Mapping[str, Any]]) -> dict[str, Any] | None:
+def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     if verdict == "ambiguous":
         ids = [str(e["id"]) for e in effects]
         hints = dict(entry(ids[0]).confused_with)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +55,14 @@ class Output:
     slope: ast.expr | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Auxiliary:
+    """Hold an intermediate quantity that several equations share; it may use those before it."""
+
+    name: str
+    equation: ast.expr
+
+
 @dataclass(frozen=True)
 class InputFilter:
     """Say what happens to an input before it acts: kind and the names of the parameters it uses."""
@@ -80,6 +88,7 @@ class Equations:
     inputs: tuple[Signal, ...]
     symbols: tuple[str, ...]
     filters: tuple[InputFilter, ...] = ()
+    auxiliaries: tuple[Auxiliary, ...] = ()
 
     @property
     def theta(self) -> Array:
@@ -105,6 +114,18 @@ class Equations:
             raise DataError(f"{record.source}: input {self.inputs[column].name} is missing at sample {row}")
         return simulate(compile_equations(self), u, self.theta, self.x0, record.sample_time_s)
 
+    def pruned(self) -> Equations:
+        """Return the model without intermediates that no equation uses."""
+        used: set[str] = set()
+        for tree in [s.derivative for s in self.states] + [o.equation for o in self.outputs]:
+            used |= ex.names_in(tree)
+        kept: list[Auxiliary] = []
+        for a in reversed(self.auxiliaries):
+            if a.name in used:
+                kept.insert(0, a)
+                used |= ex.names_in(a.equation)
+        return replace(self, auxiliaries=tuple(kept))
+
     def to_toml(self) -> str:
         """Return the text of model.toml."""
         return "\n".join(_write(self)) + "\n"
@@ -117,7 +138,7 @@ def load(path: str | Path) -> Equations:
 
 def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     """Build the model from parsed TOML; `text` serves to name the line of a bad expression."""
-    check_keys(data, {"model", "parameters", "state", "output", "input", "input_filter"}, source)
+    check_keys(data, {"model", "parameters", "state", "output", "input", "input_filter", "auxiliary"}, source)
     head = data.get("model", {})
     check_keys(head, {"name", "time", "sample_time_s"}, f"{source} [model]")
     sample_time = _time_base(head, source)
@@ -126,23 +147,25 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     outputs = tuple(_output(o, i, text, source) for i, o in enumerate(data.get("output", [])))
     if not outputs:
         raise DataError(f"{source}: no [[output]] entry")
-    own = [p.name for p in parameters] + [s.name for s in states]
+    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(data.get("auxiliary", [])))
+    own = [p.name for p in parameters] + [s.name for s in states] + [a.name for a in auxiliaries]
     double = sorted({n for n in own if own.count(n) > 1})
     if double:
         raise DataError(f"{source}: {double[0]!r} is defined twice")
     declared = [_input(entry, i, source) for i, entry in enumerate(data.get("input", []))]
     symbols = [symbol for symbol, _ in declared]
     signals = [signal for _, signal in declared]
-    for tree in [s.derivative for s in states] + [o.equation for o in outputs]:
+    for tree in [a.equation for a in auxiliaries] + [s.derivative for s in states] + [o.equation for o in outputs]:
         for name in ex.unknown_names(tree, own + symbols):
             symbols.append(name)
             signals.append(Signal(name))
     filters = tuple(_filter(f, i, source) for i, f in enumerate(data.get("input_filter", [])))
     model = Equations(
         str(head.get("name", Path(source).stem)), sample_time, parameters, states, outputs,
-        tuple(signals), tuple(symbols), filters,
+        tuple(signals), tuple(symbols), filters, auxiliaries,
     )  # fmt: skip
     _check_filters(model, source)
+    _check_order(model, source)
     return model
 
 
@@ -198,6 +221,23 @@ def _state(entry: Any, index: int, text: str, source: str) -> State:
     check_keys(initial, {"value", "free"}, f"{where} {name} initial")
     value = _number(initial.get("value", 0.0), f"{where} {name} initial")
     return State(name, str(entry.get("unit", "")), tree, value, bool(initial.get("free", False)))
+
+
+def _auxiliary(entry: Any, index: int, text: str, source: str) -> Auxiliary:
+    where = f"{source} [[auxiliary]] {index + 1}"
+    check_keys(entry, {"name", "equation"}, where)
+    _check_name(entry.get("name"), where)
+    if "equation" not in entry:
+        raise DataError(f"{where} {entry['name']}: equation is missing")
+    return Auxiliary(entry["name"], ex.parse(entry["equation"], _line(entry["equation"], text, where, source)))
+
+
+def _check_order(model: Equations, source: str) -> None:
+    names = [a.name for a in model.auxiliaries]
+    for i, a in enumerate(model.auxiliaries):
+        late = sorted(ex.names_in(a.equation) & set(names[i:]))
+        if late:
+            raise DataError(f"{source} [[auxiliary]] {a.name}: uses {late[0]!r}, which must stand before it")
 
 
 def _output(entry: Any, index: int, text: str, source: str) -> Output:
@@ -272,6 +312,8 @@ def _write(model: Equations) -> list[str]:
     for symbol, signal in zip(model.symbols, model.inputs, strict=True):
         lines += ["[[input]]", f"name = {quote(signal.name)}", f"symbol = {quote(symbol)}"]
         lines += [f"unit = {quote(signal.unit)}"] if signal.unit else []
+    for a in model.auxiliaries:
+        lines += ["[[auxiliary]]", f"name = {quote(a.name)}", f"equation = {quote(ex.to_text(a.equation))}"]
     for s in model.states:
         key = "next" if model.sample_time_s else "derivative"
         lines += ["[[state]]", f"name = {quote(s.name)}", f"{key} = {quote(ex.to_text(s.derivative))}"]

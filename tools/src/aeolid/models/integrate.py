@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,19 +32,41 @@ class Compiled:
 
 def compile_equations(model: Equations) -> Compiled:
     """Generate and compile the model (about half a second)."""
+    model = model.pruned()
     variables = {s.name: f"x[{i}]" for i, s in enumerate(model.states)}
     variables |= {s: f"u[{i}]" for i, s in enumerate(model.symbols)}
     variables |= {p.name: f"th[{i}]" for i, p in enumerate(model.parameters)}
-    lines = ["def flow(x, u, th, d):", "    pass"]
+    variables |= {a.name: f"v{i}" for i, a in enumerate(model.auxiliaries)}
+    lines = [
+        "def flow(x, u, th, d):",
+        "    pass",
+        *_intermediates(model, variables, [s.derivative for s in model.states]),
+    ]
     lines += [f"    d[{i}] = {ex.to_source(s.derivative, variables)}" for i, s in enumerate(model.states)]
-    lines += ["def read(x, u, th, y, s):", "    pass"]
+    lines += [
+        "def read(x, u, th, y, s):",
+        "    pass",
+        *_intermediates(model, variables, [o.equation for o in model.outputs]),
+    ]
     for i, o in enumerate(model.outputs):
         lines.append(f"    y[{i}] = {ex.to_source(o.equation, variables)}")
         lines.append(f"    s[{i}] = {'1.0' if o.slope is None else ex.to_source(o.slope, variables)}")
     space: dict[str, Any] = {"np": np}
     exec("\n".join(lines), space)
     flow, read = (njit(error_model="numpy")(space[n]) for n in ("flow", "read"))
-    return Compiled(model, _make_predictor(flow, read, model.sample_time_s > 0), flow, read)
+    make = _make_discrete if model.sample_time_s > 0 else _make_continuous
+    return Compiled(model, make(flow, read), flow, read)
+
+
+def _intermediates(model: Equations, variables: dict[str, str], roots: list[ast.expr]) -> list[str]:
+    """Write the assignments of the intermediates that these equations need."""
+    used = set().union(*(ex.names_in(r) for r in roots)) if roots else set()
+    lines: list[str] = []
+    for a in reversed(model.auxiliaries):
+        if a.name in used:
+            used |= ex.names_in(a.equation)
+            lines.insert(0, f"    {variables[a.name]} = {ex.to_source(a.equation, variables)}")
+    return lines
 
 
 def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> Array:
@@ -123,7 +146,7 @@ def apply_filters(model: Equations, u: Array, theta: Array, step: float) -> Arra
     return result
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def lag_held_input(u: Array, tau: float) -> Array:
     """Return each step's mean of a first-order lag driven by a held input; tau in samples, 0 is no lag.
 
@@ -141,11 +164,11 @@ def lag_held_input(u: Array, tau: float) -> Array:
     return out
 
 
-@njit(cache=True)  # type: ignore[untyped-decorator]
+@njit(cache=True)
 def delay_held_input(u: Array, delay: float) -> Array:
     """Return each step's mean of a held input delayed by `delay` samples (exact for a held input)."""
     out = np.empty_like(u)
-    whole = int(math.floor(max(delay, 0.0)))
+    whole = int(max(delay, 0.0))
     part = max(delay, 0.0) - whole
     for k in range(len(u)):
         near = u[max(k - whole, 0)]
@@ -162,53 +185,76 @@ def _check_step(model: Equations, step: float) -> None:
         )
 
 
-def _make_predictor(flow: Any, read: Any, discrete: bool) -> Callable[..., tuple[Array, Array, Array]]:
-    """Build e_k = y_k − h(x_k, u_k), x_{k+1} = F(x_k, u_k) + K s e_k; a missing y corrects nothing.
+def _make_continuous(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, Array]]:
+    """Build the predictor of a continuous-time model: classical Runge–Kutta steps between corrections.
 
+    e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added; a missing y corrects nothing.
     Y has one row for every `stride` rows of U: the model runs at the inputs' rate, the outputs correct it at theirs.
     s is the slope of a folding sensor. With `generate` Y holds innovations and the states follow from them.
     Returns innovations (N, l), predictions (N, l), states (N + 1, n).
     """
 
-    @njit(error_model="numpy")  # type: ignore[untyped-decorator]
+    @njit(error_model="numpy", nogil=True)
     def predict(
         U: Array, Y: Array, th: Array, K: Array, x0: Array, step: float, count: int, stride: int, generate: bool
     ) -> Any:
         N, n, m = len(Y), len(x0), Y.shape[1]
         E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, n))
-        x = x0.copy()
+        x, s = x0.copy(), np.empty(m)
         k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-        s = np.empty(m)
         h = step / count
         for k in range(N):
             X[k] = x
             read(x, U[k * stride], th, P[k], s)
-            for part in range(stride):
-                u = U[k * stride + part]
-                if discrete:
-                    flow(x, u, th, k1)
-                    for i in range(n):
-                        x[i] = k1[i]
-                    continue
-                for _ in range(count):
-                    flow(x, u, th, k1)
-                    for i in range(n):
-                        mid[i] = x[i] + 0.5 * h * k1[i]
-                    flow(mid, u, th, k2)
-                    for i in range(n):
-                        mid[i] = x[i] + 0.5 * h * k2[i]
-                    flow(mid, u, th, k3)
-                    for i in range(n):
-                        mid[i] = x[i] + h * k3[i]
-                    flow(mid, u, th, k4)
-                    for i in range(n):
-                        x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-            for j in range(m):
-                E[k, j] = Y[k, j] if generate else Y[k, j] - P[k, j]
-                if E[k, j] == E[k, j]:  # a missing output is NaN and corrects nothing
-                    for i in range(n):
-                        x[i] += K[i, j] * s[j] * E[k, j]
+            for part in range(stride * count):
+                u = U[k * stride + part // count]
+                flow(x, u, th, k1)
+                for i in range(n):
+                    mid[i] = x[i] + 0.5 * h * k1[i]
+                flow(mid, u, th, k2)
+                for i in range(n):
+                    mid[i] = x[i] + 0.5 * h * k2[i]
+                flow(mid, u, th, k3)
+                for i in range(n):
+                    mid[i] = x[i] + h * k3[i]
+                flow(mid, u, th, k4)
+                for i in range(n):
+                    x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+            _correct(x, Y[k], P[k], E[k], K, s, generate)
         X[N] = x
         return E, P, X
 
-    return predict  # type: ignore[no-any-return]
+    return predict
+
+
+def _make_discrete(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, Array]]:
+    """Build the predictor of a discrete-time model; arguments and results as for a continuous one."""
+
+    @njit(error_model="numpy", nogil=True)
+    def predict(
+        U: Array, Y: Array, th: Array, K: Array, x0: Array, step: float, count: int, stride: int, generate: bool
+    ) -> Any:
+        N, n, m = len(Y), len(x0), Y.shape[1]
+        E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, n))
+        x, after, s = x0.copy(), np.empty(n), np.empty(m)
+        for k in range(N):
+            X[k] = x
+            read(x, U[k * stride], th, P[k], s)
+            for part in range(stride):
+                flow(x, U[k * stride + part], th, after)
+                for i in range(n):
+                    x[i] = after[i]
+            _correct(x, Y[k], P[k], E[k], K, s, generate)
+        X[N] = x
+        return E, P, X
+
+    return predict
+
+
+@njit(error_model="numpy", nogil=True)
+def _correct(x: Array, y: Array, p: Array, e: Array, K: Array, s: Array, generate: bool) -> None:
+    for j in range(len(y)):
+        e[j] = y[j] if generate else y[j] - p[j]
+        if e[j] == e[j]:  # a missing output is NaN and corrects nothing
+            for i in range(len(x)):
+                x[i] += K[i, j] * s[j] * e[j]

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.models.equations import Equations, InputFilter, Parameter
+
+
+def _statement(name: str, v: Mapping[str, float]) -> str:
+    return f"{name} acts through a first-order lag of {v['tau_s']:.3g} s that the model leaves out"
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -27,9 +33,7 @@ def _attach(site: Site) -> list[Attachment]:
                 (Slot(tau, "tau_s", "s", 0.0, 0.0, span / 4, 0.3 * site.step),),
                 starts=({}, {tau: site.step}, {tau: 5 * site.step}),
                 equation=f"d({name}_actual)/dt = ({name} - {name}_actual)/tau_s",
-                statement=lambda v, name=name: (
-                    f"{name} acts through a first-order lag of {v['tau_s']:.3g} s that the model leaves out"
-                ),
+                statement=partial(_statement, name),
             )
         )  # fmt: skip
     return result

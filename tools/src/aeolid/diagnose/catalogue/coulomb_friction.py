@@ -26,7 +26,7 @@ def _on(motion: Motion, number: int) -> Attachment:
         sign = ast.Call(func=ast.Name(id="tanh"), args=[ratio], keywords=[])
         pull = ast.UnaryOp(op=ast.USub(), operand=ex.combine("*", ast.Name(id=force), sign))
         extended = replace(model, parameters=(*model.parameters, Parameter(force, 0.0, motion.force_unit, 0.0, top)))
-        return motion.inject(extended, pull)
+        return motion.inject(extended, pull, f"{force}_force")
 
     return Attachment(
         "coulomb_friction", f"coulomb_friction {motion.location}", location(motion.location), edit,
@@ -45,10 +45,10 @@ ENTRY = Entry(
     family="friction",
     name="Coulomb friction",
     equation="F = -force_N*sign(v)",
-    source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, Automatica 30(7); smoothed as tanh(v/v_s), v_s 1 % of typical",
+    source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, Automatica 30(7); smoothed as tanh(v/v_s)",
     quantities=(Quantity("force_N", "N (N m, m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction force"),),
     attaches_to="every velocity with an equation of motion, every oscillatory mode",
-    signature="a force that flips with the sign of the velocity and does not grow with it; odd harmonics, stick at reversal",
+    signature="a force that flips with the sign of the velocity and does not grow with it; odd harmonics",
     confused_with=(
         ("viscous_friction_change", "size against speed: Coulomb is flat, viscous grows in proportion"),
         ("stiction", "pre-sliding spring and break-away peak at reversal"),

@@ -26,7 +26,7 @@ def _on(motion: Motion, position: ast.expr, number: int) -> Attachment:
         extended = replace(
             model, parameters=(*model.parameters, Parameter(name, 0.0, unit, -100 * natural, 100 * natural))
         )
-        return motion.inject(extended, pull)
+        return motion.inject(extended, pull, f"{name}_force")
 
     return Attachment(
         "cubic_stiffness", f"cubic_stiffness {motion.location}", location(motion.location), edit,

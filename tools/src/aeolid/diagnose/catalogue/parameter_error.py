@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
@@ -37,8 +39,9 @@ def _gain(i: int, name: str) -> Attachment:
         scaled = {model.symbols[i]: ex.parse(f"{model.symbols[i]}*(1 + {factor})", "gain")}
         states = tuple(replace(s, derivative=ex.substitute(s.derivative, scaled)) for s in model.states)
         outputs = tuple(replace(o, equation=ex.substitute(o.equation, scaled)) for o in model.outputs)
+        auxiliaries = tuple(replace(a, equation=ex.substitute(a.equation, scaled)) for a in model.auxiliaries)
         parameters = (*model.parameters, Parameter(factor, 0.0, "1", -3.0, 10.0))
-        return replace(model, states=states, outputs=outputs, parameters=parameters)
+        return replace(model, states=states, outputs=outputs, parameters=parameters, auxiliaries=auxiliaries)
 
     return Attachment(
         "parameter_error", f"parameter_error gain of {name}", location(f"input:{name}", inputs=(name,)), edit,
@@ -46,6 +49,10 @@ def _gain(i: int, name: str) -> Attachment:
         equation=f"{name} acts with (1 + gain_change) times the model's gain",
         statement=lambda v: f"the structure is right, but the gain from {name} is off by {v['gain_change']:+.1%}",
     )  # fmt: skip
+
+
+def _mode_statement(kind: str, label: str, where: str, v: Mapping[str, float]) -> str:
+    return f"the structure is right, but the {kind} of {where} is off by {v[label]:+.2%}"
 
 
 def _mode(number: int, motion: Motion, position: ast.expr) -> list[Attachment]:
@@ -61,7 +68,7 @@ def _mode(number: int, motion: Motion, position: ast.expr) -> list[Attachment]:
         def edit(model: Equations, name: str = name, form: str = form, acting: ast.expr = acting) -> Equations:
             force = ex.combine("*", ex.parse(form.format(p=name), "mode change"), acting)
             extended = replace(model, parameters=(*model.parameters, Parameter(name, 0.0, "1", -0.9, 0.9)))
-            return motion.inject(extended, force)
+            return motion.inject(extended, force, f"{name}_force")
 
         result.append(
             Attachment(
@@ -69,9 +76,7 @@ def _mode(number: int, motion: Motion, position: ast.expr) -> list[Attachment]:
                 (Slot(name, label, "1", 0.0, -0.9, 0.9, 1e-4),),
                 equation=f"{kind} of {motion.location} changed by {label}"
                 + (" (relative)" if kind == "frequency" else " (added to the damping ratio)"),
-                statement=lambda v, kind=kind, label=label: (
-                    f"the structure is right, but the {kind} of {motion.location} is off by {v[label]:+.2%}"
-                ),
+                statement=partial(_mode_statement, kind, label, motion.location),
             )
         )  # fmt: skip
     return result

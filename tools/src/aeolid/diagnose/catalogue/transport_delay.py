@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.models.equations import Equations, InputFilter, Parameter
+
+
+def _statement(name: str, v: Mapping[str, float]) -> str:
+    return f"{name} takes effect {v['delay_s']:.3g} s later than the model says (a dead time)"
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -27,9 +33,7 @@ def _attach(site: Site) -> list[Attachment]:
                 (Slot(delay, "delay_s", "s", 0.0, 0.0, longest, 0.3 * site.step),),
                 starts=({}, {delay: 1.5 * site.step}, {delay: 4.5 * site.step}),
                 equation=f"{name}_actual(t) = {name}(t - delay_s)",
-                statement=lambda v, name=name: (
-                    f"{name} takes effect {v['delay_s']:.3g} s later than the model says (a dead time)"
-                ),
+                statement=partial(_statement, name),
             )
         )  # fmt: skip
     return result
