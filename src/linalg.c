@@ -112,10 +112,13 @@ aeo_real_t aeo_linalg_rotate(aeo_real_t *factor, const aeo_real_t *projection, s
         const aeo_real_t a = projection[j];
         const aeo_real_t alpha_new = alpha + a * a;
         const aeo_real_t root_new = AEO_SQRT(alpha_new);
-        /* alpha grows from a value above 0, so neither root is 0. */
-        const aeo_real_t q = scale / (root * root_new);
+        /* alpha grows from a value above 0, so neither root is 0. As root <= root_new, c <= scale, and c is scale to
+         * the bit when a is lost in alpha: alpha scale / (root root_new) lies 5e-8 above it on average, and over 1e7
+         * samples P would grow threefold along directions that are never excited. */
+        const aeo_real_t c = root / root_new * scale;
+        const aeo_real_t k = a / (root * root_new) * scale;
         column -= n - j;
-        rotate_column(column, gain + j, n - j, a, alpha * q, a * q);
+        rotate_column(column, gain + j, n - j, a, c, k);
         alpha = alpha_new;
         root = root_new;
     }

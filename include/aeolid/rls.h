@@ -28,7 +28,9 @@
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.
- *   Long runs: with lambda = 1 in float the gain cannot fall below rounding, about 1e7 samples of memory.
+ *   Long runs: in float the gain cannot fall below rounding, about 1e7 samples of memory; and where channels are
+ *   exactly collinear, P must not span more than 1e7: keep memory / rho below 1e6 samples, lambda <= 0.99999 with rho =
+ *   0.1 (3e7 samples stay sound), lambda = 1 up to 1e5 samples. Double has no such limit in practice.
  */
 #ifndef AEOLID_RLS_H
 #define AEOLID_RLS_H
@@ -84,7 +86,7 @@ typedef struct {
     aeo_real_t excitation_min; /* gate, 0 ... 1; 0: off. Too small: noise counts as excitation; too large: forgetting
                                   stops in normal operation. Start: 0.05 */
     aeo_real_t growth_max;     /* bound on P_ii relative to 1 / rho, 4 ... 1e6 and growth_max / rho <= 1e10. Too small:
-                                  holds on to old values; too large: jumps when a dead direction wakes. Start: 1000 */
+                                  holds on to old values; too large: parameters the data leave open drift. Start: 10 */
 } aeo_rls_config_t;
 
 /* Counters never decrease; at 4,294,967,295 they stay. */

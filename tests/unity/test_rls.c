@@ -134,6 +134,22 @@ static void without_the_gate_variances_stay_bounded(void)
     TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[2] + 1.0) < 1e-3);
 }
 
+static void rounding_does_not_inflate_the_covariance(void)
+{
+    /* collinear regressors, lambda = 1: along the difference of the first two nothing is ever learnt or forgotten, so
+     * their variance tends to half of 1 / rho = 1 from above and must not creep up again */
+    start(1, 0, 1e6);
+    double lowest = 1.0;
+    for (int k = 0; k < 300000; k++) {
+        fill(z, N, &seed);
+        z[1] = z[0];
+        y[0] = y[1] = z[0];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        lowest = variance(0) < lowest ? variance(0) : lowest;
+    }
+    TEST_ASSERT_TRUE(lowest > 0.499 && variance(0) < lowest * 1.001);
+}
+
 static void bounding_leaves_theta_alone(void)
 {
     /* same samples with a tight and with a loose bound: until the next sample that matters, theta is the same bits */
@@ -281,6 +297,7 @@ int main(void)
     RUN_TEST(covariance_matches_the_conventional_recursion);
     RUN_TEST(quiet_samples_do_not_forget);
     RUN_TEST(without_the_gate_variances_stay_bounded);
+    RUN_TEST(rounding_does_not_inflate_the_covariance);
     RUN_TEST(bounding_leaves_theta_alone);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(settings_out_of_range_are_refused);

@@ -110,7 +110,7 @@ def replay_rls(
     maximum: ArrayLike | None = None,
     time_s: ArrayLike | None = None,
     excitation_min: float = 0.05,
-    growth_max: float = 1000.0,
+    growth_max: float = 10.0,
 ) -> FilterResult:
     """Replay samples through the C regressor and square-root RLS.
 
