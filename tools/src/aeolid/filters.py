@@ -18,18 +18,9 @@ Array = NDArray[np.float64]
 CHANNELS_MAX = 32  # AEO_REGRESSOR_CHANNELS_MAX
 REGRESSORS_MAX = 1024  # AEO_REGRESSOR_LENGTH_MAX, AEO_RLS_REGRESSORS_MAX
 HEALTH = {1: "forgetting withheld", 2: "variance bounded", 4: "re-initialised"}  # AEO_RLS_WITHHELD …
-COUNTERS = (
-    "samples",
-    "rejected_not_finite",
-    "rejected_range",
-    "rejected_time",
-    "gaps",
-    "updates",
-    "updates_rejected",
-    "forgetting_withheld",
-    "variances_bounded",
-    "reinitialised",
-)
+REGRESSOR_COUNTERS = ("samples", "rejected_not_finite", "rejected_range", "rejected_time", "gaps")
+RLS_COUNTERS = ("updates", "updates_rejected", "forgetting_withheld", "variances_bounded", "reinitialised")
+COUNTERS = REGRESSOR_COUNTERS + RLS_COUNTERS  # the order of aeo_replay_t.count
 
 
 @dataclass(frozen=True)
