@@ -1,8 +1,9 @@
 /* describe.h (internal): lists the description of a stream, one message a slot.
  *
  * MODEL
- *   Slots run by tag and then by index: fixed items, offsets, scales, name parts, unit parts. The configuration hash is the
- *   CRC-32 over the words tag + 65536 * index and value of every slot that is not empty, but slot 0, which carries it.
+ *   Slots run by tag and then by index: fixed items, offsets, scales, name parts, unit parts. The configuration hash is
+ *   the CRC-32 over the words tag + 65536 * index and value of every slot that is not empty, but slot 0, which carries
+ *   it.
  *
  * CONTRACT
  *   Memory: none. A slot costs at most 48 operations; the hash all slots. Pure; may be called from anywhere.

@@ -27,8 +27,8 @@ static int spreads(uint32_t count, uint32_t stride)
     return 1;
 }
 
-/* Nearest to 0.618 N that is coprime with N and spreads; from N = 16 on there is one within 16 (checked for every N). Below
- * that the nearest coprime one, which may be 1. */
+/* Nearest to 0.618 N that is coprime with N and spreads; from N = 16 on there is one within 16 (checked for every N).
+ * Below that the nearest coprime one, which may be 1. */
 static uint32_t choose_stride(uint32_t count)
 {
     const uint32_t centre = (count * 618u + 500u) / 1000u; /* 65536 * 618 < 2^32 */

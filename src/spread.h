@@ -5,8 +5,8 @@
  *   k mod G + j G, for which bit j of aeo_frame_repair_set is set. See stream.h.
  *
  * CONTRACT
- *   Memory: none. A repair costs at most 256 exclusive ors. Pure; may be called from anywhere. No aeo_real_t: one symbol
- *   serves both builds.
+ *   Memory: none. A repair costs at most 256 exclusive ors. Pure; may be called from anywhere. No aeo_real_t: one
+ *   symbol serves both builds.
  */
 #ifndef AEOLID_SPREAD_H
 #define AEOLID_SPREAD_H

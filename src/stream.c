@@ -121,8 +121,8 @@ void aeo_stream_reset(aeo_stream_t *self)
 
 /* ---- what the control task brings -------------------------------------------------------------------------------- */
 
-/* Send one value at once; deeper in debt than two samples it is dropped, so that the average keeps within the budget even
- * when samples come faster than declared. */
+/* Send one value at once; deeper in debt than two samples it is dropped, so that the average keeps within the budget
+ * even when samples come faster than declared. */
 static int send_value(aeo_stream_t *self, aeo_kind_t kind, unsigned channel, uint32_t index, aeo_real_t value)
 {
     const int32_t deepest = -(int32_t)(2u * AEO_STREAM_CHANNELS_MAX * self->frame_us); /* >= -1.28e8 */

@@ -3,7 +3,7 @@
  * MODEL
  *   One shape for all messages, so that a decoder needs one rule:
  *
- *     identifier   29 bit: base + kind * 256 + node       (J1939: priority 7, proprietary B group, source address = node)
+ *     identifier   29 bit: base + kind * 256 + node       (J1939: priority 7, proprietary B, source address node)
  *                  11 bit: base + kind * 16  + node
  *     byte 0       tag      what the kind says: channel, item or snapshot number
  *     byte 1..2    index    little endian: what the kind says
@@ -24,11 +24,12 @@
  *
  *   aeolid.dbc names the same fields; a test holds the two together. Source of the CRCs: Koopman and Chakravarty,
  *   "Cyclic redundancy code polynomial selection for embedded networks", DSN 2004; IEEE 802.3 for the 32 bit one.
- *   Deviation from a usual DBC layout: the check is there because serial CAN adapters carry frames as plain text, without
- *   the CRC-15 of the bus.
+ *   Deviation from a usual DBC layout: the check is there because serial CAN adapters carry frames as plain text,
+ *   without the CRC-15 of the bus.
  *
  * CONTRACT
- *   Memory: none beyond the arguments. Constant tables 80 bytes. About 330 instructions a classic frame. Stack 64 bytes.
+ *   Memory: none beyond the arguments. Constant tables 80 bytes. About 330 instructions a classic frame. Stack 64
+ *   bytes.
  *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
  */
 #ifndef AEOLID_FRAME_H
@@ -86,8 +87,8 @@ typedef enum {
     AEO_ITEM_COUNT = 11
 } aeo_item_t;
 
-/* tag of a health message: the newest sample index; the streamer's counters sent, refused, dropped, snapshots, busy; from
- * AEO_HEALTH_FILTER on up to eight counters of the filter */
+/* tag of a health message: the newest sample index; the streamer's counters sent, refused, dropped, snapshots, busy;
+ * from AEO_HEALTH_FILTER on up to eight counters of the filter */
 #define AEO_HEALTH_INDEX     0u
 #define AEO_HEALTH_SENT      1u
 #define AEO_HEALTH_REFUSED   2u
@@ -127,19 +128,20 @@ typedef struct {
 #endif
 
 /* Pack `message` into `frame` for the node at `address`; count > 1 makes a CAN FD frame with the fast data phase.
- * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind or count not in the lists above. */
+ * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind or count not in the lists
+ * above. */
 int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
 
 /* Unpack `frame` into `message` if it belongs to any node at address->base; its number goes to *node.
- * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, length). AEO_E_DAMAGED: the
- * check is wrong. On failure message and node are unchanged. */
+ * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, length). AEO_E_DAMAGED:
+ * the check is wrong. On failure message and node are unchanged. */
 int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node);
 
 /* Return the binary32 pattern of a number; the double build rounds to nearest first. */
 uint32_t aeo_float_bits(aeo_real_t value);
 
-/* Continue a CRC-32 (IEEE 802.3, reflected) with the four bytes of `word`, least significant first. Start and finish with
- * an inversion: crc = ~0; crc = aeo_frame_crc32(crc, w) ...; ~crc. */
+/* Continue a CRC-32 (IEEE 802.3, reflected) with the four bytes of `word`, least significant first. Start and finish
+ * with an inversion: crc = ~0; crc = aeo_frame_crc32(crc, w) ...; ~crc. */
 uint32_t aeo_frame_crc32(uint32_t crc, uint32_t word);
 
 /* Return word `word` (0, 1, ...) of the set drawn for repair number `repair`: bit j stands for member 32 * word + j. An

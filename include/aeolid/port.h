@@ -13,8 +13,8 @@
  *           (only when the two differ)                                             library never runs in here
  *
  * CONTRACT
- *   Memory: the structure below, copied by aeo_stream_init. No callback may block: `send` hands over a copy of the frame or
- *   refuses. The streamer calls nothing but these four. Status codes -48 ... -63 are for ports to define.
+ *   Memory: the structure below, copied by aeo_stream_init. No callback may block: `send` hands over a copy of the
+ *   frame or refuses. The streamer calls nothing but these four. Status codes -48 ... -63 are for ports to define.
  */
 #ifndef AEOLID_PORT_H
 #define AEOLID_PORT_H

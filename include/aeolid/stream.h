@@ -5,13 +5,14 @@
  *
  *     begin, parameter x N, end, repair x R, end, end          snapshot number modulo 256 in every frame
  *
- *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: 16 neighbours in time are at least
- *   N / 40 apart in theta, so a burst of losses does not hit one block. A lost frame costs its own parameter only; the repair frames bring
- *   it back within the same cycle: positions fall into G = ceil(N / 256) interleaved groups q mod G; repair number k is the
- *   exclusive or of a drawn half of group k mod G (aeo_frame_repair_set). Any set of repair frames a few longer than the
- *   number of parameters missing in the group restores them exactly (random linear code over GF(2): Luby, "LT codes",
- *   FOCS 2002, is the sparse relative). Deviation: dense sets instead of sparse ones; groups of 256 keep a repair frame
- *   at 256 exclusive ors and need about 3 surplus frames instead of some percent.
+ *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: 16 neighbours in time are at
+ *   least N / 40 apart in theta, so a burst of losses does not hit one block. A lost frame costs its own parameter
+ *   only; the repair frames bring it back within the same cycle: positions fall into G = ceil(N / 256) interleaved
+ *   groups q mod G; repair number k is the exclusive or of a drawn half of group k mod G (aeo_frame_repair_set). Any
+ *   set of repair frames a few longer than the number of parameters missing in the group restores them exactly (random
+ *   linear code over GF(2): Luby, "LT codes", FOCS 2002, is the sparse relative). Deviation: dense sets instead of
+ *   sparse ones; groups of 256 keep a repair frame at 256 exclusive ors and need about 3 surplus frames instead of some
+ *   percent.
  *
  *   Pacing: time earns credit, a frame costs frame_us = frame bits / bits_per_s, and nothing but samples leaves without
  *   credit. Samples are time-critical: they go at once and leave a debt that the rest waits for.
@@ -19,15 +20,17 @@
  *   Order in a step: first description, health when due, description when due (every fourth frame), snapshot.
  *
  * CONTRACT
- *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4, n = 44.
- *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 240 bytes (64-bit pointers).
+ *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
+ *   n = 44.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 240 bytes (64-bit
+ *   pointers).
  *   Instructions, measured on x86-64 at -O2: sample 410 a channel; snapshot 80 N; step at most `burst` frames of 560, a
  *   repair frame 560 + 16 min(N, 256). Worst stack 288 bytes (Cortex-M4F), the port's own aside; a quarter of it is one
  *   CAN FD frame. Deterministic. Never blocks, never retries within a call.
  *   Threads: sample, innovation, snapshot and health belong to the control task, step to one context of lower priority;
  *   where these differ the port needs lock and unlock (drawing in port.h).
- *   Failures: a frame the port refuses is counted. A sample is then lost (counters.dropped); everything else keeps its turn
- *   and is offered again at the next step (counters.refused).
+ *   Failures: a frame the port refuses is counted. A sample is then lost (counters.dropped); everything else keeps its
+ *   turn and is offered again at the next step (counters.refused).
  *   In the double build every function here has the suffix _f64 in its symbol, see config.h.
  */
 #ifndef AEOLID_STREAM_H
@@ -85,14 +88,13 @@ typedef struct {
     aeo_real_t lambda;                    /* forgetting factor of the filter, for the description only */
     aeo_real_t rho;                       /* regularisation of the filter, for the description only */
     const aeo_stream_channel_t *channels; /* inputs + outputs + scheduling entries; must live on */
-    uint16_t sample_every;   /* send every so-manieth sample, 0 none. 1 to start with; more where the bus is narrow */
-    uint16_t health_every;   /* steps between two health frames, 1 ...; 10 to start with */
-    uint16_t describe_every; /* steps between two descriptions, 1 ...; 600 to start with: what a late joiner waits */
-    uint8_t
-        repair_percent;  /* repair frames per 100 parameters, plus 8 a group, 0 ... 100. 25 to start with: 10 % loss is
-                               made good in the same cycle; 0: none, a loss is made good by the next snapshot only */
-    uint8_t burst;       /* frames in one step at most, 1 ...; 16 to start with: too many make a step long */
-    uint32_t bits_per_s; /* budget, 160 ...; AEO_STREAM_SHARE(500000, 50) to start with; 0: no limit (virtual buses) */
+    uint16_t sample_every;                /* send every k-th sample, 0 none. Start: 1; more where the bus is narrow */
+    uint16_t health_every;                /* steps between two health frames, 1 ... Start: 10 */
+    uint16_t describe_every; /* steps between two descriptions, 1 ...; a late joiner waits so long. Start: 10 s */
+    uint8_t repair_percent;  /* repair frames per 100 parameters, plus 8 a group, 0 ... 100. Start: 25, which makes good
+                                10 % loss in the same cycle; 0: none, only the next snapshot makes good a loss */
+    uint8_t burst;           /* frames in one step at most, 1 ...; many make a step long. Start: 16 */
+    uint32_t bits_per_s;     /* budget, 160 ...; 0: no limit (virtual buses). Start: AEO_STREAM_SHARE(500000, 50) */
 } aeo_stream_config_t;
 
 /* Order of the parameters within a snapshot. */
@@ -156,30 +158,33 @@ typedef struct {
 #define aeo_stream_reset      aeo_stream_reset_f64
 #endif
 
-/* Start a stream; nothing is sent yet. config and port are copied, memory (words >= AEO_STREAM_WORDS(parameters)) is used
- * until the end. AEO_E_ARG: null pointer, setting out of its range, port without send, lock without unlock.
- * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples alone exceed nine tenths of bits_per_s; raise sample_every. On failure
- * self is unchanged. */
+/* Start a stream; nothing is sent yet. config and port are copied, memory (words >= AEO_STREAM_WORDS(parameters)) is
+ * used until the end. AEO_E_ARG: null pointer, setting out of its range, port without send, lock without unlock.
+ * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples alone exceed nine tenths of bits_per_s; raise sample_every. On
+ * failure self is unchanged. */
 int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
                     uint32_t words);
 
-/* Send sample `index`: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as binary32; a NaN
- * arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer. AEO_E_REFUSED. */
+/* Send sample `index`: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as binary32;
+ * a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
+ * AEO_E_REFUSED. */
 int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
                       const aeo_real_t *s);
 
-/* Send the innovation e (outputs) of sample `index`; nothing when config.innovations is 0. Returns as aeo_stream_sample. */
+/* Send the innovation e (outputs) of sample `index`; nothing when config.innovations is 0. Returns as
+ * aeo_stream_sample. */
 int aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e);
 
-/* Copy theta (parameters values: l x n by rows) as binary32 and begin to send it; `index` is the last sample in it. Call
- * between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: nothing is changed but counters.busy. */
+/* Copy theta (parameters values: l x n by rows) as binary32 and begin to send it; `index` is the last sample in it.
+ * Call between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: nothing is changed but counters.busy. */
 int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta);
 
-/* Keep flags (bits 0 ... 14) and `count` counters (0 ... AEO_STREAM_COUNTERS) for the health frames to come. AEO_E_ARG. */
+/* Keep flags (bits 0 ... 14) and `count` counters (0 ... AEO_STREAM_COUNTERS) for the health frames to come.
+ * AEO_E_ARG. */
 int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count);
 
-/* Send what credit and port allow; call once a sample time, or more often with port.time_us. Returns the frames sent, or
- * AEO_E_ARG for a null pointer. */
+/* Send what credit and port allow; call once a sample time, or more often with port.time_us. Returns the frames sent,
+ * or AEO_E_ARG for a null pointer. */
 int aeo_stream_step(aeo_stream_t *self);
 
 /* Announce the end: after the snapshot under way, closing health frames say that the node stops on purpose. */
@@ -188,7 +193,8 @@ void aeo_stream_finish(aeo_stream_t *self);
 /* Return 1 while first description, snapshot or closing frames are still to be sent, else 0. */
 int aeo_stream_pending(const aeo_stream_t *self);
 
-/* Forget snapshot, health and credit and describe anew, as after init; configuration, counters and snapshot number stay. */
+/* Forget snapshot, health and credit and describe anew, as after init; configuration, counters and snapshot number
+ * stay. */
 void aeo_stream_reset(aeo_stream_t *self);
 
 #ifdef __cplusplus

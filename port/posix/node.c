@@ -3,7 +3,8 @@
  * Standard input, one record a sample, 8-byte little-endian doubles and nothing else:
  *     index, time in seconds, u (inputs), y (outputs)                          NaN: the sample is missing
  * Standard output, one line: the address for a listener, as `aeolid listen --bus` takes it.
- * Standard error: a line `health {json}` at the end, a sentence when something fails. Exit 0, or 2 for wrong usage, or 3.
+ * Standard error: a line `health {json}` at the end, a sentence when something fails. Exit 0, or 2 for wrong usage, or
+ * 3.
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
 #include "node_options.h"
@@ -20,9 +21,10 @@
 #include <time.h>
 #include <unistd.h>
 
-#define BURST    16u
-#define STALL_S  5.0 /* a listener that takes nothing for so long has gone */
-#define LINGER_S 2.0 /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
+#define BURST      16u
+#define STALL_S    5.0  /* a listener that takes nothing for so long has gone */
+#define DESCRIBE_S 10.0 /* what a late joiner waits at most for the description */
+#define LINGER_S   2.0  /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
 
 typedef struct {
     node_options_t options;
@@ -91,13 +93,20 @@ static int init_filter(node_t *self, uint32_t *parameters)
     config.forgetting = o->lambda;
     config.regularisation = o->rho;
     config.excitation_min = AEO_REAL(0.05);
-    config.growth_max = o->rho < 1e-6f ? 1e9f * o->rho : AEO_REAL(1000.0); /* rls.h: growth_max / rho <= 1e10 */
+    config.growth_max = AEO_REAL(10.0);
     rls_words = AEO_RLS_WORDS(config.regressors, config.outputs);
     if (aeo_rls_init(&self->filter, &config, calloc(rls_words, sizeof(aeo_real_t)), rls_words) != AEO_OK) {
         return fail("filter", "past window, forgetting or regularisation out of range (rls.h)");
     }
     *parameters = (uint32_t)config.regressors * config.outputs;
     return 0;
+}
+
+/* Steps in DESCRIBE_S, within what the stream takes. */
+static uint16_t choose_describe_every(double sample_time_s)
+{
+    const double steps = DESCRIBE_S / sample_time_s;
+    return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
 }
 
 static int init_stream(node_t *self, uint32_t parameters)
@@ -123,7 +132,7 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.channels = o->channel;
     config.sample_every = o->sample_every;
     config.health_every = 10;
-    config.describe_every = 600;
+    config.describe_every = choose_describe_every(o->sample_time_s);
     config.repair_percent = o->repair_percent;
     config.burst = BURST;
     config.bits_per_s = o->bits_per_s;

@@ -136,7 +136,7 @@ int node_options_read(node_options_t *self, int argc, char **argv)
         {"--sample-time", 2e-5, 1000.0, 0.0},
         {"--past", 1, 1023, 0},
         {"--forget", 0.5, 1.0, 1.0},
-        {"--regularize", 1e-8, 1e8, 1.0},
+        {"--regularize", 1e-8, 1e8, 0.1},
         {"--feedthrough", 0, 4294967295.0, 0},
         {"--bit-rate", 10000, 8e6, 500000},
         {"--share", 0, 100, 5},

@@ -1,12 +1,13 @@
 /* node_options.h: reads what the software node is told on its command line.
  *
- *   aeolid-node --input NAME UNIT OFFSET SCALE ... --output NAME UNIT OFFSET SCALE ... --sample-time S --past P [options]
+ *   aeolid-node --input NAME UNIT OFFSET SCALE ... --output NAME UNIT OFFSET SCALE ... --sample-time S --past P
+ *   [options]
  *
  *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h
  *   --sample-time S     seconds between two samples
  *   --past P            past window
  *   --forget L          forgetting factor, default 1
- *   --regularize RHO    regularisation, default 1
+ *   --regularize RHO    regularisation, default 0.1
  *   --feedthrough MASK  bit j: input j has a current-sample parameter, default 0
  *   --bus pty | tcp:PORT   default tcp:0, any free port
  *   --bit-rate B        of the bus the share is taken from, default 500000

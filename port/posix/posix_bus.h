@@ -2,14 +2,14 @@
  *
  * MODEL
  *   streamer --send--> one ring a listener --poll--> terminal or sockets
- *   A listener is a peer that has opened its channel (slcan command O or L; C closes it). What is sent while it is closed
- *   is not kept: it joins late, as on a real bus. Other slcan commands are acknowledged; frames from listeners are read
- *   over and dropped: this node listens to nothing.
+ *   A listener is a peer that has opened its channel (slcan command O or L; C closes it). What is sent while it is
+ *   closed is not kept: it joins late, as on a real bus. Other slcan commands are acknowledged; frames from listeners
+ *   are read over and dropped: this node listens to nothing.
  *
  * CONTRACT
- *   Memory: 4 rings of 256 kB in the structure, none from the heap. One thread. send never blocks; poll waits at most the
- *   time given. A frame is refused when no open listener has room for it; a listener without room while another has some
- *   loses the frame (dropped). Without listeners every frame is taken and lost, as on a bus nobody reads.
+ *   Memory: 4 rings of 256 kB in the structure, none from the heap. One thread. send never blocks; poll waits at most
+ *   the time given. A frame is refused when no open listener has room for it; a listener without room while another has
+ *   some loses the frame (dropped). Without listeners every frame is taken and lost, as on a bus nobody reads.
  */
 #ifndef AEOLID_POSIX_BUS_H
 #define AEOLID_POSIX_BUS_H
@@ -49,7 +49,8 @@ int posix_bus_open_tcp(posix_bus_t *self, uint16_t port);
 /* Fill in the callbacks; no clock and no lock: one thread, simulated time. */
 void posix_bus_port(posix_bus_t *self, aeo_port_t *port);
 
-/* Move characters both ways; wait up to timeout_ms for something to do, and for fd `also` (-1: none) to become readable.
+/* Move characters both ways; wait up to timeout_ms for something to do, and for fd `also` (-1: none) to become
+ * readable.
  * Returns 1 when `also` is readable, else 0. */
 int posix_bus_poll(posix_bus_t *self, int also, int timeout_ms);
 

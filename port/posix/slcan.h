@@ -20,7 +20,8 @@
  * identifier or length does not exist. */
 size_t slcan_format(const aeo_can_frame_t *frame, char *line);
 
-/* Read one line of `length` characters without its carriage return; returns 1 and fills `frame`, 0 for anything else. */
+/* Read one line of `length` characters without its carriage return; returns 1 and fills `frame`, 0 for anything
+ * else. */
 int slcan_parse(const char *line, size_t length, aeo_can_frame_t *frame);
 
 #endif

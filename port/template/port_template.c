@@ -1,7 +1,7 @@
 #include "port_template.h"
 
-/* Take a copy or refuse. The ring and not the mailbox: a controller has few mailboxes and orders them by identifier, and
- * frames with one identifier must leave in the order given. */
+/* Take a copy or refuse. The ring and not the mailbox: a controller has few mailboxes and orders them by identifier,
+ * and frames with one identifier must leave in the order given. */
 static int send(void *context, const aeo_can_frame_t *frame)
 {
     aeo_template_t *self = (aeo_template_t *)context;
@@ -10,7 +10,8 @@ static int send(void *context, const aeo_can_frame_t *frame)
         return 0; /* full: the streamer counts it and offers everything but samples again */
     }
     self->ring[head % AEO_TEMPLATE_RING] = *frame;
-    /* Place 1: on a core that reorders stores, a store barrier here, so that the frame is there before the head says so. */
+    /* Place 1: on a core that reorders stores, a store barrier here, so that the frame is there before the head says
+     * so. */
     self->head = head + 1u;
     return 1;
 }
@@ -23,8 +24,8 @@ static uint32_t read_clock(void *context)
     return self->now_us;
 }
 
-/* Place 3: mask the interrupt or take the mutex that keeps the other context of the streamer out. The longest hold is one
- * snapshot copy. Leave both null where one context does all. */
+/* Place 3: mask the interrupt or take the mutex that keeps the other context of the streamer out. The longest hold is
+ * one snapshot copy. Leave both null where one context does all. */
 static void lock(void *context)
 {
     aeo_template_t *self = (aeo_template_t *)context;

@@ -6,8 +6,8 @@
  *     send (control task, timer) --> ring --> aeo_template_transmit (interrupt: a mailbox is free)
  *
  * CONTRACT
- *   Memory: AEO_TEMPLATE_RING frames of 72 bytes in the structure. One writer (the streamer, kept single by lock where two
- *   contexts send) and one reader (the interrupt) share head and tail, each written by one side only.
+ *   Memory: AEO_TEMPLATE_RING frames of 72 bytes in the structure. One writer (the streamer, kept single by lock where
+ *   two contexts send) and one reader (the interrupt) share head and tail, each written by one side only.
  *   Never blocks. Thread and interrupt rule: send in the streamer's contexts, transmit in the interrupt.
  */
 #ifndef AEOLID_PORT_TEMPLATE_H

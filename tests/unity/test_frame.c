@@ -1,4 +1,5 @@
-/* Frames: golden bytes of an independent program, round trips over all kinds, nodes and counts, damage of every kind. */
+/* Frames: golden bytes of an independent program, round trips over all kinds, nodes and counts, damage of every
+ * kind. */
 #include "aeolid/frame.h"
 #include "aeolid/status.h"
 #include "unity.h"

@@ -1,4 +1,5 @@
-/* The streamer against a port that records, refuses and counts: nothing lost but what is counted, nothing beyond the share. */
+/* The streamer against a port that records, refuses and counts: nothing lost but what is counted, nothing beyond the
+ * share. */
 #include "aeolid/status.h"
 #include "aeolid/stream.h"
 #include "spread.h"

@@ -18,7 +18,7 @@ from aeolid.filters import COUNTERS, FilterSettings
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-_HEALTH_ITEMS = ("Accepted", "NotFinite", "OutOfRange", "TimeFault", "Gaps", None, None, "Withheld", "Bounded",
+_HEALTH_ITEMS = ("Accepted", "NotFinite", "OutOfRange", "TimeFault", "Gaps", "", "", "Withheld", "Bounded",
                  "Reinitialised")  # fmt: skip
 
 
@@ -87,7 +87,8 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
     names, units = np.array(d.names), np.array(d.units)
     rows = 0 if record is None else len(record)
     innovation = _innovations(node, record, d.outputs)
-    counters = [node.counters.get(name, 0) if name else 0 for name in _HEALTH_ITEMS]
+    told = zip(COUNTERS, _HEALTH_ITEMS, strict=True)  # two of them are not on the wire
+    counters = {name: node.counters[item] for name, item in told if item in node.counters}
     try:
         with open(path, "wb") as handle:
             np.savez_compressed(
@@ -98,7 +99,7 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
                 residual=np.full((rows, d.outputs), np.nan),
                 status=np.zeros(rows, np.int8),
                 health=np.uint32(node.flags),
-                counters=json.dumps(dict(zip(COUNTERS, counters, strict=True))),
+                counters=json.dumps(counters),
                 # the wire does not carry the guards of the filter
                 settings=json.dumps(asdict(settings) | {"excitation_min": None, "growth_max": None}),
                 inputs=names[: d.inputs],

@@ -107,7 +107,7 @@ class SampleStore:
     def tables(self, every: int) -> list[SampleTable]:
         """Return one table for each uninterrupted run of the node, NaN where a value was lost.
 
-        every: the node sends each so-manieth sample; rows are those only. A run ends where the index goes back (the
+        every: the node sends every k-th sample; rows are those only. A run ends where the index goes back (the
         node was restarted) or where almost everything is missing.
         """
         runs: list[list[Part]] = []

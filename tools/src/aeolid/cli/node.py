@@ -28,7 +28,7 @@ def run(
     seed: Annotated[int, typer.Option("--seed", help="Of the turbine's wind and excitation.")] = 0,
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")] = 20,
     forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1.")] = 1.0,
-    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero.")] = 1.0,
+    regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero.")] = 0.1,
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
     ] = None,
@@ -37,7 +37,7 @@ def run(
     wait: Annotated[bool, typer.Option("--wait", help="Start when a listener has connected.")] = False,
     node_id: Annotated[int, typer.Option("--node-id", help="0 to 253.")] = 1,
     snapshot_every: Annotated[float, typer.Option("--snapshot-every", help="Seconds between two snapshots.")] = 10.0,
-    sample_every: Annotated[int, typer.Option("--sample-every", help="Send every so-manieth sample, 0: none.")] = 1,
+    sample_every: Annotated[int, typer.Option("--sample-every", help="Send every k-th sample, 0: none.")] = 1,
     share: Annotated[float, typer.Option("--share", help="Of the bit rate, in percent; 0: no limit.")] = 5.0,
     bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus in bit/s.")] = 500_000,
     repair: Annotated[int, typer.Option("--repair", help="Repair frames per 100 parameters.")] = 25,
@@ -111,9 +111,12 @@ def _run(feed: Feed, options: list[str]) -> str:
 def _pump(node: SoftwareNode, feed: Feed) -> None:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+    if not progress_console.is_terminal:
+        for rows in feed.rows:
+            node.feed(rows)
+        return
     columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    silent = not progress_console.is_terminal
-    with Progress(*columns, console=progress_console, transient=True, disable=silent) as progress:
+    with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("samples", total=feed.samples)
         for rows in feed.rows:
             node.feed(rows)
