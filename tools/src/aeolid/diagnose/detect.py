@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
-from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment, filter_var
+from aeolid.diagnose.noise import filter_var
+from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment
 from aeolid.diagnose.prepare import Prepared
 
 Array = NDArray[np.float64]

@@ -12,9 +12,10 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
-from aeolid.models.integrate import Compiled, apply_filters, numeric_jacobian, output_jacobian, substeps
+from aeolid.diagnose.gains import kalman_gain
+from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, log_density
+from aeolid.models.integrate import Compiled, apply_filters, substeps
 
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
@@ -92,19 +93,6 @@ class Scales:
 
 
 @dataclass(frozen=True, eq=False)
-class Noise:
-    """Hold the noise model: VAR coefficients (q, l, l) and the covariance (l, l) of what remains."""
-
-    var: Array
-    covariance: Array
-
-    @property
-    def factor(self) -> Array:
-        """Return L with L Lᵀ = Σ⁻¹, so that ε L is white with unit variance."""
-        return np.linalg.cholesky(np.linalg.inv(self.covariance))
-
-
-@dataclass(frozen=True, eq=False)
 class Fit:
     """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k)."""
 
@@ -166,7 +154,8 @@ class Predictor:
         """Return the predictor's gain (n, l): given, or the Kalman gain of the noise amplitudes."""
         if point.K is not None and not np.any(point.noise):
             return point.K
-        K = kalman_gain(self.compiled, self.scales, point.theta, point.noise, self.segments[0])
+        sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
+        K = kalman_gain(self.compiled, sizes, point.theta, point.noise, np.median(first.u, axis=0), first.step)
         return K if point.K is None else K + point.K
 
     def innovations(self, point: Point) -> list[Array]:
@@ -366,11 +355,10 @@ class Predictor:
         amplitude), estimated on it for every model alike, so that what counts is the size of the errors.
         """
         other = self.on(segments)
-        n = len(fit.point.x0[0])
         starts = []
         for segment in segments:
             head = segment.head(segment.burn)
-            starts.append(_settle(self.on([head]), fit, n))
+            starts.append(_settle(self.on([head]), fit))
         point = replace(fit.point, x0=tuple(starts))
         white = other.whitened(other.innovations(point), fit.noise)
         return _levelled_density(white, fit.noise, segments), other, point
@@ -396,110 +384,32 @@ def _levelled_density(white: Array, noise: Noise, segments: Sequence[Segment]) -
     return np.concatenate(parts)
 
 
-def _settle(head: Predictor, fit: Fit, n: int) -> Array:
-    """Fit the initial state on the head of a segment, from the declared start and from the fitted one."""
+def _settle(head: Predictor, fit: Fit) -> Array:
+    """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start."""
+    free = Free((), (), (), fit.free.x0)  # states of effects that are not in the fit stay at rest
     best, choice = np.inf, fit.point.x0[0]
     for start in (head.compiled.model.x0, fit.point.x0[0]):
-        point = replace(fit.point, x0=(start,))
-        for _ in range(6):
-            base = head.whitened(head.innovations(point), fit.noise)
-            if not np.all(np.abs(base) < 1e9):
+        point, damping = replace(fit.point, x0=(start,)), 1e-3
+        value, base = _squares(head, point, fit.noise)
+        for _ in range(15):
+            if not np.isfinite(value):
                 break
-            value = float(base @ base)
-            if value < best:
-                best, choice = value, point.x0[0]
-            free = Free((), (), (), tuple(range(n)))
-            jacobian = head.sensitivity(point, fit.noise, base, free)
-            point = head._move(point, free, _damped_step(*head._normal(jacobian, base, point, free), 1e-4))
+            normal = head._normal(head.sensitivity(point, fit.noise, base, free), base, point, free)
+            before = value
+            for _ in range(8):
+                trial = head._move(point, free, _damped_step(*normal, damping))
+                trial_value, trial_base = _squares(head, trial, fit.noise)
+                if trial_value < value:
+                    point, value, base, damping = trial, trial_value, trial_base, damping * 0.1
+                    break
+                damping = damping * 10 + 1e-6
+            if before - value < 1e-3 * (1 + value):
+                break
+        if value < best:
+            best, choice = value, point.x0[0]
     return choice
 
 
-def kalman_gain(compiled: Compiled, scales: Scales, theta: Array, amplitude: Array, segment: Segment) -> Array:
-    """Return the steady Kalman gain (n, l) of the model linearised a typical excursion away from its start.
-
-    Process noise of standard deviation amplitude[i] · size_i a sample on each state, sensor noise
-    amplitude[n + j] · spread_j; zero where the Riccati equation has no finite solution.
-    """
-    n, m = len(scales.x0), len(scales.spread)
-    x = compiled.model.x0 + scales.x0
-    u = np.median(segment.u, axis=0)
-    J = numeric_jacobian(compiled, x, u, theta)
-    C = output_jacobian(compiled, x, u, theta)
-    if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
-        return np.zeros((n, m))
-    Q = np.diag((amplitude[:n] * scales.x0) ** 2)
-    R = np.diag((amplitude[n:] * scales.spread) ** 2)
-    if compiled.model.sample_time_s:
-        return steady_gain(J, C, Q, R)  # a discrete model runs at the rate of its outputs
-    A = np.asarray(expm(J * segment.step))
-    return steady_gain(A, C, 0.5 * (Q + A @ Q @ A.T), R)
-
-
-def steady_gain(A: Array, C: Array, Q: Array, R: Array) -> Array:
-    """Solve the filter Riccati equation by structure-preserving doubling; returns A P Cᵀ (C P Cᵀ + R)⁻¹.
-
-    Doubling: Chu, Fan, Lin, Wang 2004, Int. J. Control 77(8); quadratic convergence, n³ an iteration.
-    """
-    n = len(A)
-    eye, F, G, H = np.eye(n), A.T.copy(), C.T @ np.linalg.solve(R, C), Q.copy()
-    for _ in range(40):
-        W = np.linalg.solve(eye + G @ H, np.hstack([F, G]))
-        F_next, change = F @ W[:, :n], F.T @ H @ W[:, :n]
-        G, H = G + F @ W[:, n:] @ F.T, H + change
-        F = F_next
-        if not np.all(np.abs(H) < 1e100):
-            return np.zeros((n, len(C)))
-        if np.linalg.norm(change) <= 1e-10 * np.linalg.norm(H):
-            break
-    gain: Array = A @ H @ C.T @ np.linalg.inv(C @ H @ C.T + R)
-    return gain
-
-
-def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
-    """Fit a VAR(order) to innovations by least squares; rows touched by a missing sample are left out."""
-    outputs = innovations[0].shape[1]
-    targets, lags = [], []
-    for e, burn in zip(innovations, burns, strict=True):
-        first = max(burn, order)
-        targets.append(e[first:])
-        lags.append(
-            np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)] or [np.zeros((len(e) - first, 0))])
-        )
-    y, z = np.concatenate(targets), np.concatenate(lags)
-    good = np.all(np.isfinite(y), axis=1) & np.all(np.isfinite(z), axis=1)
-    y, z = y[good], z[good]
-    var = np.zeros((order, outputs, outputs))
-    if order:
-        gram = z.T @ z
-        coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
-        var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
-        y = y - z @ coefficients
-    covariance = y.T @ y / max(len(y), 1)
-    floor = 1e-12 * max(float(np.trace(covariance)), 1e-300)  # a perfectly predicted output keeps a finite likelihood
-    return Noise(var, covariance + floor * np.eye(outputs))
-
-
-def filter_var(e: Array, var: Array) -> Array:
-    """Return e_t − Σ A_i e_{t−i} (N, l); the first q rows use what there is."""
-    result = e.copy()
-    for i, a in enumerate(var, 1):
-        result[i:] -= e[:-i] @ a.T
-    return result
-
-
-def colour_var(white: Array, var: Array) -> Array:
-    """Return e with filter_var(e) = white (N, l)."""
-    e = white.copy()
-    for t in range(len(e)):
-        for i, a in enumerate(var, 1):
-            if t >= i:
-                e[t] += a @ e[t - i]
-    return e
-
-
-def log_density(white: Array, noise: Noise, outputs: int) -> Array:
-    """Return the Gaussian log-density (N,) of normalised residuals given as one vector (N·l,)."""
-    squares = np.sum(white.reshape(-1, outputs) ** 2, axis=1)
-    constant = outputs * np.log(2 * np.pi) + np.linalg.slogdet(noise.covariance)[1]
-    result: Array = -0.5 * (squares + constant)
-    return result
+def _squares(predictor: Predictor, point: Point, noise: Noise) -> tuple[float, Array]:
+    base = predictor.whitened(predictor.innovations(point), noise)
+    return (float(base @ base) if np.all(np.abs(base) < 1e9) else np.inf), base

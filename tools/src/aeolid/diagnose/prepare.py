@@ -14,7 +14,8 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
-from aeolid.diagnose.predictor import Fit, Free, Point, Predictor, Scales, Segment, steady_gain
+from aeolid.diagnose.gains import steady_gain
+from aeolid.diagnose.predictor import Fit, Free, Point, Predictor, Scales, Segment
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import DataError, NotIdentifiable

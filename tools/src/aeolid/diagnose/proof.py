@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment, colour_var
+from aeolid.diagnose.noise import colour_var
+from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment
 
 Array = NDArray[np.float64]
 _DRAWS = 2000

@@ -1,0 +1,74 @@
+"""Describe what the predictor leaves over: a vector autoregression and its covariance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Hold the noise model: VAR coefficients (q, l, l) and the covariance (l, l) of what remains."""
+
+    var: Array
+    covariance: Array
+
+    @property
+    def factor(self) -> Array:
+        """Return L with L Lᵀ = Σ⁻¹, so that ε L is white with unit variance."""
+        return np.linalg.cholesky(np.linalg.inv(self.covariance))
+
+
+def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
+    """Fit a VAR(order) to innovations by least squares; rows touched by a missing sample are left out."""
+    outputs = innovations[0].shape[1]
+    targets, lags = [], []
+    for e, burn in zip(innovations, burns, strict=True):
+        first = max(burn, order)
+        targets.append(e[first:])
+        lags.append(
+            np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)] or [np.zeros((len(e) - first, 0))])
+        )
+    y, z = np.concatenate(targets), np.concatenate(lags)
+    good = np.all(np.isfinite(y), axis=1) & np.all(np.isfinite(z), axis=1)
+    y, z = y[good], z[good]
+    var = np.zeros((order, outputs, outputs))
+    if order:
+        gram = z.T @ z
+        coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
+        var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
+        y = y - z @ coefficients
+    covariance = y.T @ y / max(len(y), 1)
+    floor = 1e-12 * max(float(np.trace(covariance)), 1e-300)  # a perfectly predicted output keeps a finite likelihood
+    return Noise(var, covariance + floor * np.eye(outputs))
+
+
+def filter_var(e: Array, var: Array) -> Array:
+    """Return e_t − Σ A_i e_{t−i} (N, l); the first q rows use what there is."""
+    result = e.copy()
+    for i, a in enumerate(var, 1):
+        result[i:] -= e[:-i] @ a.T
+    return result
+
+
+def colour_var(white: Array, var: Array) -> Array:
+    """Return e with filter_var(e) = white (N, l)."""
+    e = white.copy()
+    for t in range(len(e)):
+        for i, a in enumerate(var, 1):
+            if t >= i:
+                e[t] += a @ e[t - i]
+    return e
+
+
+def log_density(white: Array, noise: Noise, outputs: int) -> Array:
+    """Return the Gaussian log-density (N,) of normalised residuals given as one vector (N·l,)."""
+    squares = np.sum(white.reshape(-1, outputs) ** 2, axis=1)
+    constant = outputs * np.log(2 * np.pi) + np.linalg.slogdet(noise.covariance)[1]
+    result: Array = -0.5 * (squares + constant)
+    return result
