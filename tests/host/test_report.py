@@ -63,7 +63,7 @@ def page_of(render: Callable[[Path], None], folder: Path) -> str:
 def test_identification_page_says_the_facts(tmp_path: Path) -> None:
     seen = Text(page_of(lambda p: render_identification(report_examples.identification(), p), tmp_path)).seen
     for part in ("5 MW turbine <prototype>", "0.32130 ± 0.00080", "1.960 ± 0.070", "tower fore-aft", "+0.41 %",
-                 "the largest gap among the singular values is after 4", "95.1", "4.83 %"):  # fmt: skip
+                 "The largest gap among the singular values is after 4", "95.1", "4.83 %"):  # fmt: skip
         assert part in seen, part
 
 

@@ -83,8 +83,8 @@ def smooth_spectrum(frequency_hz: Sequence[float], power: Sequence[float], per_o
 
 
 def label(name: str, unit: str | None) -> str:
-    """Write an axis label: name and unit."""
-    return f"{name} ({unit})" if unit else name
+    """Write an axis label: name and unit, the unit on a line of its own under a long name."""
+    return f"{name}{chr(10) if len(name) > 16 else ' '}({unit})" if unit else name
 
 
 def bars(
@@ -99,7 +99,7 @@ def bars(
         axes.plot([t, t], [p - 0.42, p + 0.42], color=BEFORE, linewidth=2)
     reach = max([*values, *(t for _, t in known), 1e-12])
     for p, value, tick in zip(place, values, threshold, strict=True):
-        end = value
+        end = max(value, 0.0)  # a statistic below zero has no bar, its number stands at the axis
         if tick is not None and value < tick < value + 0.1 * reach:  # the number would lie on the tick
             end = tick
         axes.text(end + 0.01 * reach, p, number(float(value)), va="center", fontsize=8.5)

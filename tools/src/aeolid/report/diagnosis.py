@@ -53,7 +53,9 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
             before_after(evidence, diagnosis.get("sealed") or {}, effect=bool(effects)),
             _effects(effects),
             _rivals(effects),
-            score_bank(evidence.get("bank") or [], {e.get("id") for e in effects}),
+            score_bank(
+                evidence.get("bank") or [], {(e.get("id"), (e.get("location") or {}).get("entry")) for e in effects}
+            ),
             _where(diagnosis, effects, evidence.get("bands") or []),
             confusion(evidence.get("confusion") or {}),
             _not_excluded(diagnosis.get("not_excluded") or []),
@@ -150,7 +152,7 @@ def _rivals(effects: list[Facts]) -> Html:
 
 def _where(diagnosis: Facts, effects: list[Facts], bands: list[Facts]) -> Html:
     places = [(e.get("id"), e["location"]) for e in effects if e.get("location")]
-    if diagnosis.get("location"):
+    if diagnosis.get("location") and diagnosis["location"] not in [place for _, place in places]:
         places.append(("evidence, before any name", diagnosis["location"]))
     keys = ["entry", "outputs", "inputs", "frequency_hz", "azimuth_order", "region", "time_s"]
     used = [k for k in keys if any(place.get(k) not in (None, [], "") for _, place in places)]

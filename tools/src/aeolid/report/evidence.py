@@ -16,6 +16,7 @@ Facts = dict[str, Any]
 _ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
 _MOST_OUTPUTS = 6
 _MOST_BARS = 24
+_MOST_CONFUSED = 12  # the best scored come first
 
 
 def before_after(evidence: Facts, sealed: Facts, *, effect: bool) -> Html:
@@ -98,15 +99,15 @@ def _squared(unit: str) -> str:
     return f"{unit}²" if unit.isalpha() else f"({unit})²"
 
 
-def score_bank(bank: list[Facts], found: set[Any]) -> Html:
-    """Show the statistic of every effect tried against its threshold."""
+def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
+    """Show the statistic of every effect tried against its threshold; found: (id, entry) of those named."""
     if not bank:
         return Html("")
     ranked = sorted(bank, key=lambda e: -(e.get("statistic") or 0.0))
     shown = ranked[:_MOST_BARS]
     names = [f"{e.get('id')}, {e['entry']}" if e.get("entry") else str(e.get("id")) for e in shown]
     with charts.sketch((charts.WIDE[0], 0.9 + 0.27 * len(shown))) as drawing:
-        marked = {i for i, e in enumerate(shown) if e.get("id") in found}
+        marked = {i for i, e in enumerate(shown) if (e.get("id"), e.get("entry")) in found}
         values = [float(e.get("statistic") or 0.0) for e in shown]
         charts.bars(drawing.axes[0, 0], names, values, [e.get("threshold") for e in shown], marked)
         drawing.axes[0, 0].set_xlabel("score statistic")
@@ -158,6 +159,7 @@ def confusion(data: Facts) -> Html:
     names, values = data.get("ids") or [], np.asarray(data.get("cos2") or [], dtype=float)
     if len(names) < 2 or values.shape != (len(names), len(names)):
         return Html("")
+    names, values = names[:_MOST_CONFUSED], values[:_MOST_CONFUSED, :_MOST_CONFUSED]
     side = 2.2 + 0.34 * len(names)
     with charts.sketch((side + 1.6, side)) as drawing:
         axes = drawing.axes[0, 0]
