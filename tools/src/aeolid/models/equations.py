@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import json
+import keyword
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -143,23 +144,25 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     check_keys(head, {"name", "time", "sample_time_s"}, f"{source} [model]")
     sample_time = _time_base(head, source)
     parameters = tuple(_parameter(n, v, source) for n, v in data.get("parameters", {}).items())
-    states = tuple(_state(s, i, text, source) for i, s in enumerate(data.get("state", [])))
-    outputs = tuple(_output(o, i, text, source) for i, o in enumerate(data.get("output", [])))
+    key = "next" if sample_time else "derivative"
+    states = tuple(_state(s, i, text, source, key) for i, s in enumerate(_tables(data, "state", source)))
+    outputs = tuple(_output(o, i, text, source) for i, o in enumerate(_tables(data, "output", source)))
     if not outputs:
         raise DataError(f"{source}: no [[output]] entry")
-    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(data.get("auxiliary", [])))
+    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(_tables(data, "auxiliary", source)))
     own = [p.name for p in parameters] + [s.name for s in states] + [a.name for a in auxiliaries]
-    double = sorted({n for n in own if own.count(n) > 1})
-    if double:
-        raise DataError(f"{source}: {double[0]!r} is defined twice")
-    declared = [_input(entry, i, source) for i, entry in enumerate(data.get("input", []))]
+    declared = [_input(entry, i, source) for i, entry in enumerate(_tables(data, "input", source))]
     symbols = [symbol for symbol, _ in declared]
     signals = [signal for _, signal in declared]
+    for names in (own + symbols, [s.name for s in signals], [o.name for o in outputs]):
+        double = sorted({n for n in names if names.count(n) > 1})
+        if double:
+            raise DataError(f"{source}: {double[0]!r} is defined twice")
     for tree in [a.equation for a in auxiliaries] + [s.derivative for s in states] + [o.equation for o in outputs]:
         for name in ex.unknown_names(tree, own + symbols):
             symbols.append(name)
             signals.append(Signal(name))
-    filters = tuple(_filter(f, i, source) for i, f in enumerate(data.get("input_filter", [])))
+    filters = tuple(_filter(f, i, source) for i, f in enumerate(_tables(data, "input_filter", source)))
     model = Equations(
         str(head.get("name", Path(source).stem)), sample_time, parameters, states, outputs,
         tuple(signals), tuple(symbols), filters, auxiliaries,
@@ -167,6 +170,19 @@ def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     _check_filters(model, source)
     _check_order(model, source)
     return model
+
+
+def _tables(data: dict[str, Any], key: str, source: str) -> list[Any]:
+    entries = data.get(key, [])
+    if not isinstance(entries, list):
+        raise DataError(f"{source}: {key} is a list of tables, each headed [[{key}]]")
+    return entries
+
+
+def _unit(entry: Any, where: str) -> str:
+    if not isinstance(unit := entry.get("unit", ""), str):
+        raise DataError(f"{where}: unit = {unit!r} is not a text")
+    return unit
 
 
 def _time_base(head: dict[str, Any], source: str) -> float:
@@ -204,23 +220,28 @@ def _parameter(name: str, entry: Any, source: str) -> Parameter:
         raise DataError(f"{where}: prior_std = {prior:g} must be above 0")
     if not isinstance(entry.get("free", False), bool):
         raise DataError(f"{where}: free is true or false")
-    return Parameter(name, value, str(entry.get("unit", "")), low, high, entry.get("free", False), prior)
+    return Parameter(name, value, _unit(entry, where), low, high, entry.get("free", False), prior)
 
 
-def _state(entry: Any, index: int, text: str, source: str) -> State:
+def _state(entry: Any, index: int, text: str, source: str, key: str) -> State:
     where = f"{source} [[state]] {index + 1}"
     check_keys(entry, {"name", "derivative", "next", "initial", "unit"}, where)
     name = entry.get("name")
     _check_name(name, where)
-    formula = entry.get("derivative", entry.get("next"))
+    other = "derivative" if key == "next" else "next"
+    if other in entry:
+        raise DataError(f"{where} {name}: {other} does not go with the model's time base; {key} is needed")
+    formula = entry.get(key)
     if formula is None:
-        raise DataError(f"{where} {name}: derivative is missing")
+        raise DataError(f"{where} {name}: {key} is missing")
     tree = ex.parse(formula, _line(formula, text, f"{where} {name}", source))
     initial = entry.get("initial", 0.0)
     initial = initial if isinstance(initial, dict) else {"value": initial}
     check_keys(initial, {"value", "free"}, f"{where} {name} initial")
     value = _number(initial.get("value", 0.0), f"{where} {name} initial")
-    return State(name, str(entry.get("unit", "")), tree, value, bool(initial.get("free", False)))
+    if not isinstance(initial.get("free", False), bool):
+        raise DataError(f"{where} {name} initial: free is true or false")
+    return State(name, _unit(entry, where), tree, value, initial.get("free", False))
 
 
 def _auxiliary(entry: Any, index: int, text: str, source: str) -> Auxiliary:
@@ -246,7 +267,7 @@ def _output(entry: Any, index: int, text: str, source: str) -> Output:
     if not isinstance(entry.get("name"), str) or "equation" not in entry:
         raise DataError(f"{where}: name and equation are needed")
     tree = ex.parse(entry["equation"], _line(entry["equation"], text, f"{where} {entry['name']}", source))
-    return Output(entry["name"], str(entry.get("unit", "")), tree)
+    return Output(entry["name"], _unit(entry, where), tree)
 
 
 def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
@@ -256,7 +277,7 @@ def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
         raise DataError(f"{where}: name is missing")
     symbol = entry.get("symbol", entry["name"])
     _check_name(symbol, where)
-    return symbol, Signal(entry["name"], str(entry.get("unit", "")))
+    return symbol, Signal(entry["name"], _unit(entry, where))
 
 
 def _filter(entry: Any, index: int, source: str) -> InputFilter:
@@ -282,8 +303,9 @@ def _check_filters(model: Equations, source: str) -> None:
 
 
 def _check_name(name: Any, where: str) -> None:
-    if not isinstance(name, str) or not name.isidentifier() or name in ex.FUNCTIONS or name in ex.CONSTANTS:
-        raise DataError(f"{where}: {name!r} cannot be a name here (letters, digits, _; no function name)")
+    reserved = name in ex.FUNCTIONS or name in ex.CONSTANTS if isinstance(name, str) else True
+    if reserved or not name.isidentifier() or keyword.iskeyword(name):
+        raise DataError(f"{where}: {name!r} cannot be a name here (letters, digits, _; no function, no Python keyword)")
 
 
 def _line(formula: Any, text: str, where: str, source: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 from collections.abc import Iterable, Mapping
 
 from aeolid.errors import DataError
@@ -104,12 +105,21 @@ def _copy(tree: ast.expr) -> ast.expr:
     return ast.parse(ast.unparse(tree), mode="eval").body
 
 
+def _representable(value: int | float) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
 def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
     if depth > _MAX_DEPTH:
         raise DataError(f"{where}: {text[:60]!r} … is nested too deeply")
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
             raise DataError(f"{where}: {node.value!r} in {text!r} is not a number")
+        if not _representable(node.value):
+            raise DataError(f"{where}: a number in {text[:60]!r} … is too large for double precision")
         return
     if isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
