@@ -1,0 +1,319 @@
+"""The stochastic predictor: derivatives, optimum, gain and noise model against independent references."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+from scipy.optimize import minimize
+
+from aeolid.diagnose.gains import steady_gain
+from aeolid.diagnose.noise import colour_var, estimate_noise, filter_var
+from aeolid.diagnose.predictor import Free, Point, Predictor, Scales, Segment
+from aeolid.models import equations
+from aeolid.models.integrate import compile_equations
+
+Array = NDArray[np.float64]
+OSCILLATOR = """
+[parameters]
+w = { value = 3.0, min = 0.5, max = 10.0, free = true }
+d = { value = 0.6, min = 0.0, max = 5.0, free = true }
+b = { value = 2.0, min = -10.0, max = 10.0, free = true }
+[[state]]
+name = "q"
+derivative = "v"
+[[state]]
+name = "v"
+derivative = "-w**2*q - d*v + b*u"
+[[output]]
+name = "position"
+equation = "q"
+[[output]]
+name = "speed"
+equation = "v"
+"""
+TRUTH = np.array([3.4, 0.9, 2.6])
+STEP = 0.1
+
+
+@cache
+def compiled():  # type: ignore[no-untyped-def]
+    return compile_equations(equations.from_toml(tomllib.loads(OSCILLATOR), OSCILLATOR, "model.toml"))
+
+
+@cache
+def recording(seed: int, samples: int = 300) -> Segment:
+    """Simulate with scipy-free exact steps: x⁺ = Φ x + Γ u + process noise, both outputs noisy."""
+    from scipy.linalg import expm
+
+    w, d, b = TRUTH
+    flow = expm(np.array([[0, 1, 0], [-(w**2), -d, b], [0, 0, 0]]) * STEP)
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 4 + 1), 4)[:samples]
+    x, y = np.zeros(2), np.empty((samples, 2))
+    for k in range(samples):
+        y[k] = x + rng.standard_normal(2) * (0.02, 0.06)
+        x = flow[:2, :2] @ x + flow[:2, 2] * u[k] + [0, 0.08] * rng.standard_normal(2)
+    return Segment(u[:, None], y, STEP, f"recording {seed}", 0.0, 0)
+
+
+def predictor(segments: tuple[Segment, ...], order: int = 0, prior: Array | None = None) -> Predictor:
+    spread = np.vstack([s.y for s in segments]).std(axis=0)
+    none = np.column_stack([TRUTH, np.full(3, np.inf)])
+    scales = Scales(
+        np.abs(TRUTH), np.outer(spread, 1 / spread), spread, np.array([0.5, 0.0, -10.0]), np.array([10.0, 5.0, 10.0]),
+        none if prior is None else prior, spread,
+    )  # fmt: skip
+    return Predictor(compiled(), segments, scales, order)
+
+
+def point(count: int, *, gain: bool) -> Point:
+    start = tuple(np.array([0.05, -0.1]) for _ in range(count))
+    if gain:
+        return Point(np.array([3.0, 0.6, 2.0]), np.zeros(4), np.array([[0.3, 0.05], [0.1, 0.2]]), start)
+    return Point(np.array([3.0, 0.6, 2.0]), np.array([0.0, 0.2, 1.0, 0.7]), None, start)
+
+
+def moved(p: Point, kind: str, where: tuple[int, ...], by: float) -> Point:
+    if kind == "theta":
+        theta = p.theta.copy()
+        theta[where[0]] += by
+        return replace(p, theta=theta)
+    if kind == "noise":
+        noise = p.noise.copy()
+        noise[where[0]] = np.sqrt(noise[where[0]] ** 2 + by)
+        return replace(p, noise=noise)
+    if kind == "gain":
+        assert p.K is not None
+        K = p.K.copy()
+        K[where] += by
+        return replace(p, K=K)
+    x0 = [x.copy() for x in p.x0]
+    x0[where[0]][where[1]] += by
+    return replace(p, x0=tuple(x0))
+
+
+@pytest.mark.parametrize("gain", [False, True], ids=["Kalman gain", "free gain"])
+@pytest.mark.parametrize("order", [0, 2])
+def test_sensitivities_are_the_derivatives(gain: bool, order: int) -> None:
+    """Forward differences of 1e-5 relative against central ones of 1e-4: agree to the second derivative times 1e-5."""
+    segments = (recording(1), recording(2, 200))
+    p, at = predictor(segments, order), point(2, gain=gain)
+    noise = p.noise_of(p.innovations(at))
+    assert noise is not None
+    base = p.whitened(p.innovations(at), noise)
+    free = Free((0, 1, 2), () if gain else (1, 3), ((0, 0), (0, 1), (1, 0), (1, 1)) if gain else (), (0, 1))
+    J = p.sensitivity(at, noise, base, free)
+    places: list[tuple[str, tuple[int, ...]]] = [("theta", (i,)) for i in free.theta]
+    places += [("noise", (i,)) for i in free.noise] + [("gain", ij) for ij in free.gain]
+    places += [("start", (s, i)) for s in range(2) for i in free.x0]
+    assert J.shape == (len(base), len(places) + 4 * order)
+    for column, (kind, where) in enumerate(places):
+        h = 1e-4
+        sides = [p.whitened(p.innovations(moved(at, kind, where, s * h)), noise) for s in (1, -1)]
+        reference = -(sides[0] - sides[1]) / (2 * h)
+        error = np.linalg.norm(J[:, column] - reference) / np.linalg.norm(reference)
+        assert error < (5e-3 if kind == "noise" else 1e-3), (
+            kind,
+            where,
+            error,
+        )  # the gain's own tolerance is 1e-10/1e-10
+
+
+def test_noise_model_sensitivities_are_the_derivatives() -> None:
+    """Residuals are linear in the VAR coefficients: equality to rounding."""
+    p, at = predictor((recording(1),), 2), point(1, gain=False)
+    e = p.innovations(at)
+    noise = p.noise_of(e)
+    assert noise is not None
+    base = p.whitened(e, noise)
+    J = p.sensitivity(at, noise, base, Free((0,), (), (), ()))[:, 1:]
+    column = 0
+    for i in range(2):
+        for a in range(2):
+            for b in range(2):
+                var = noise.var.copy()
+                var[i, a, b] += 1.0
+                change = base - (filter_var(e[0], var) @ noise.factor).ravel()
+                np.testing.assert_allclose(J[:, column], change, atol=1e-9)
+                column += 1
+
+
+@pytest.mark.parametrize("gain", [False, True])
+def test_gradient_of_the_likelihood_is_minus_the_scores_sum(gain: bool) -> None:
+    """∂/∂p ½ N log|Σ̂| = Σ rᵀ ∂r/∂p = −Jᵀ r: the sum of scores is the gradient, noise concentrated out."""
+    p, at = predictor((recording(3),)), point(1, gain=gain)
+    fit = p.at(at, Free((0, 1, 2), (), (), (0, 1)))
+    scores = -fit.jacobian.T @ fit.residual
+    places: list[tuple[str, tuple[int, ...]]] = [
+        *(("theta", (i,)) for i in range(3)),
+        *(("start", (0, i)) for i in range(2)),
+    ]
+    for score, (kind, where) in zip(scores, places, strict=True):
+        h = 1e-5
+        slope = (p.objective(moved(at, kind, where, h)) - p.objective(moved(at, kind, where, -h))) / (2 * h)
+        assert score == pytest.approx(slope, rel=5e-3, abs=0.05)  # nats a unit; forward differences in the scores
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_gauss_newton_reaches_the_optimum_that_scipy_finds(order: int) -> None:
+    """The fit stops below 0.02 nats an iteration; a simplex search from there and from afar must not beat it by 0.1."""
+    p, start = predictor((recording(4),), order), point(1, gain=False)
+    free = Free((0, 1, 2), (1, 3), (), (0, 1))
+    fit = p.fit(start, free, iterations=40)
+    assert fit is not None
+
+    def unpack(z: Array) -> Point:
+        noise = np.array([0.0, np.exp(z[3]), 1.0, np.exp(z[4])])
+        return Point(np.clip(z[:3], [0.5, 0, -10], [10, 5, 10]), noise, None, (z[5:7],))
+
+    best = fit.point
+    origin = np.concatenate([best.theta, np.log(best.noise[[1, 3]]), best.x0[0]])
+    simplex = minimize(lambda z: p.objective(unpack(z)), origin, method="Nelder-Mead",
+                       options={"maxfev": 700, "xatol": 1e-6, "fatol": 1e-4})  # fmt: skip
+    assert p.objective(fit.point) - simplex.fun < 0.1
+    assert p.objective(start) - p.objective(fit.point) > 50
+    np.testing.assert_array_less(np.abs(fit.point.theta - TRUTH) / fit.std[:3], 3.5)  # true values within the spread
+
+
+def test_standard_deviations_are_those_of_the_information() -> None:
+    p = predictor((recording(4),))
+    fit = p.at(point(1, gain=False), Free((0, 1, 2), (), (), (0, 1)))
+    reference = np.sqrt(np.diag(np.linalg.inv(fit.jacobian.T @ fit.jacobian)))
+    np.testing.assert_allclose(fit.std, reference, rtol=1e-6)
+
+
+def test_standard_deviations_cover_the_truth() -> None:
+    """|θ̂ − θ|/σ over 12 recordings times 3 parameters: chi² of 36; the 99.9 % range is 13.1 … 67.9."""
+    total = 0.0
+    for seed in range(12):
+        p = predictor((recording(20 + seed, 250),), 1)
+        fit = p.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)), iterations=30)
+        assert fit is not None
+        total += float(np.sum(((fit.point.theta - TRUTH) / fit.std[:3]) ** 2))
+    assert 13.1 < total < 67.9, total
+
+
+def test_a_prior_holds_and_bounds_hold() -> None:
+    prior = np.column_stack([[3.0, 0.6, 1.0], [np.inf, np.inf, 1e-6]])
+    p = predictor((recording(5),), 0, prior)
+    fit = p.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)))
+    assert fit is not None and fit.point.theta[2] == pytest.approx(1.0, abs=1e-4)
+    tight = predictor((recording(5),))
+    tight.scales = replace(tight.scales, high=np.array([3.1, 5.0, 10.0]))
+    fit = tight.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)))
+    assert fit is not None and fit.point.theta[0] <= 3.1
+
+
+def test_two_segments_add_up() -> None:
+    one, two = predictor((recording(6),)), predictor((recording(6), recording(6)))
+    a = one.at(point(1, gain=False), Free((0, 1), (), (), (0,)))
+    b = two.at(point(2, gain=False), Free((0, 1), (), (), (0,)))
+    assert b.log_likelihood == pytest.approx(2 * a.log_likelihood, rel=1e-9)
+    assert b.jacobian.shape[1] == 4  # each segment has a start of its own
+    np.testing.assert_allclose(b.jacobian[: len(a.residual), 3], 0)
+
+
+def test_missing_rows_are_left_out() -> None:
+    """A row that nobody measured changes nothing: compared with the same innovations fewer in number."""
+    segment = recording(7)
+    y = segment.y.copy()
+    y[40:60] = np.nan
+    y[100, 0] = np.nan
+    p, at = predictor((replace(segment, y=y),)), point(1, gain=False)
+    p.scales = predictor((segment,)).scales
+    fit = p.at(at, Free((0, 1, 2), (), (), (0, 1)))
+    rows = fit.residual.reshape(-1, 2)
+    assert np.all(np.isfinite(fit.residual)) and np.all(np.isfinite(fit.jacobian))
+    assert np.all(rows[40:60] == 0) and np.all(rows[100] == 0)
+    assert np.count_nonzero(np.all(rows == 0, axis=1)) == 21
+    seen = np.all(np.isfinite(y), axis=1)
+    assert np.linalg.norm(rows[seen].T @ rows[seen] / seen.sum() - np.eye(2)) < 1e-6
+
+
+def test_data_that_blow_up_are_worth_nothing() -> None:
+    p, at = predictor((recording(8),)), point(1, gain=True)
+    assert at.K is not None
+    assert p.objective(replace(at, K=-50 * np.eye(2))) >= 1e299
+    assert p.fit(replace(at, K=-50 * np.eye(2)), Free((0,), (), (), ())) is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_steady_gain_solves_the_riccati_equation(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 7)), int(rng.integers(1, 4))
+    A = rng.standard_normal((n, n))
+    A *= rng.uniform(0.3, 1.3) / np.max(np.abs(np.linalg.eigvals(A)))  # some are unstable
+    C, half, R = rng.standard_normal((m, n)), rng.standard_normal((n, n)), np.diag(rng.uniform(0.1, 2.0, m))
+    Q = half @ half.T * rng.uniform(1e-3, 10)
+    P = solve_discrete_are(A.T, C.T, Q, R)
+    reference = A @ P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
+    np.testing.assert_allclose(steady_gain(A, C, Q, R), reference, rtol=1e-6, atol=1e-8 * np.abs(reference).max())
+
+
+def test_steady_gain_without_process_noise_is_zero() -> None:
+    A, C = np.array([[0.9, 0.1], [0.0, 0.8]]), np.array([[1.0, 0.0]])
+    np.testing.assert_allclose(steady_gain(A, C, np.zeros((2, 2)), np.eye(1)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("order", [0, 1, 3])
+def test_the_noise_model_equals_a_plain_loop(order: int) -> None:
+    rng = np.random.default_rng(order)
+    parts = [rng.standard_normal((n, 2)) @ np.array([[1.0, 0.4], [0.0, 0.5]]) for n in (120, 80)]
+    parts[0][30] = np.nan
+    parts[1][50, 1] = np.nan
+    burns = [10, 0]
+    rows, targets = [], []
+    for e, burn in zip(parts, burns, strict=True):
+        for t in range(max(burn, order), len(e)):
+            past = [e[t - i] for i in range(1, order + 1)]
+            if np.all(np.isfinite(e[t])) and np.all(np.isfinite(past)):
+                rows.append(np.concatenate(past) if past else np.zeros(0))
+                targets.append(e[t])
+    Z, Y = np.array(rows).reshape(len(targets), 2 * order), np.array(targets)
+    W = np.linalg.lstsq(Z, Y, rcond=None)[0] if order else np.zeros((0, 2))
+    noise = estimate_noise(parts, burns, order)
+    np.testing.assert_allclose(noise.covariance, (Y - Z @ W).T @ (Y - Z @ W) / len(Y), rtol=1e-8)
+    for i in range(order):
+        np.testing.assert_allclose(noise.var[i], W[2 * i : 2 * i + 2].T, atol=1e-8)
+    factor = noise.factor
+    np.testing.assert_allclose(factor.T @ noise.covariance @ factor, np.eye(2), atol=1e-9)
+
+
+def test_whitening_and_colouring_are_inverse() -> None:
+    rng = np.random.default_rng(1)
+    e, var = rng.standard_normal((60, 2)), 0.15 * rng.standard_normal((2, 2, 2))  # stable
+    np.testing.assert_allclose(colour_var(filter_var(e, var), var), e, atol=1e-12)
+    np.testing.assert_allclose(filter_var(colour_var(e, var), var), e, atol=1e-12)
+
+
+def test_the_order_of_the_noise_model_follows_the_noise() -> None:
+    """White innovations get no colour; a second-order disturbance of the output gets two."""
+    segment = recording(9, 600)
+    p = predictor((segment,), 0)
+    fit = p.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)), iterations=30)
+    assert fit is not None and p.choose_var_order(fit.point) == 0
+    rng, coloured = np.random.default_rng(2), np.zeros((600, 2))
+    for k in range(2, 600):
+        coloured[k] = 1.2 * coloured[k - 1] - 0.6 * coloured[k - 2] + 0.3 * rng.standard_normal(2)
+    noisy = predictor((replace(segment, y=segment.y + coloured),), 0)
+    assert noisy.choose_var_order(replace(fit.point, noise=np.array([0, 1e-6, 1.0, 1.0]))) == 2
+
+
+def test_other_data_are_scored_from_a_start_of_their_own() -> None:
+    """A sealed part that begins in mid-motion is settled on its head, not started at rest."""
+    p = predictor((recording(10),))
+    fit = p.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)), iterations=30)
+    assert fit is not None
+    whole = recording(11)
+    late = Segment(whole.u[100:], whole.y[100:], STEP, "late", 10.0, 30)
+    density, _, settled = p.score_elsewhere(fit, (late,))
+    assert len(density) == 170
+    states = p.on((whole,)).run(replace(fit.point, x0=(np.zeros(2),)), 0)[2]
+    assert np.all(np.abs(settled.x0[0] - states[100]) < 0.5 * states.std(axis=0))
+    assert density.mean() > fit.per_sample.mean() - 0.5  # half a nat a sample: the same world, other noise
