@@ -270,6 +270,12 @@ def test_the_dialects_of_csv(tmp_path: Path, text: str) -> None:
     assert record.sample_time_s == 0.1
 
 
+def test_a_first_row_of_missing_samples_is_no_row_of_units(tmp_path: Path) -> None:
+    (tmp_path / "rec.csv").write_text("pitch,speed\nNaN,nan\n1,2\n,\n3,4\n")
+    record = read_record(tmp_path / "rec.csv", Roles(ROLES.channels, 0.1, None, "roles.toml"))
+    np.testing.assert_array_equal(record.values, [[np.nan, np.nan], [1, 2], [np.nan, np.nan], [3, 4]])
+
+
 def test_ignored_channels_need_not_exist_or_be_numbers(tmp_path: Path) -> None:
     (tmp_path / "rec.csv").write_text("time_s,pitch,speed,note\n0,1,2,windy\n0.1,1,2,calm\n")
     channels = (*ROLES.channels, Channel("note", "", "ignore"), Channel("absent", "", "ignore"))

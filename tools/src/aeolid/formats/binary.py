@@ -1,4 +1,4 @@
-"""Read binary tables: Parquet, MATLAB, NumPy archives, OpenFAST binary output."""
+"""Read binary tables: Parquet, NumPy archives, OpenFAST binary output."""
 
 from __future__ import annotations
 
@@ -52,32 +52,10 @@ def read_npz(path: Path, choose: Choose) -> Table:
             arrays = {name: archive[name] for name in archive.files}
     except (ValueError, OSError, EOFError, KeyError, zipfile.BadZipFile) as error:
         raise unreadable(path, "NumPy archive", error) from None
-    return _from_arrays(path, arrays, choose)
+    return from_arrays(path, arrays, choose)
 
 
-def read_mat(path: Path, choose: Choose) -> Table:
-    """Read a MATLAB file up to version 7: vectors, matrices, or one structure that holds them."""
-    from scipy.io import loadmat
-
-    with open(path, "rb") as handle:
-        if handle.read(10) == b"MATLAB 7.3":
-            raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
-    try:
-        content = loadmat(path, squeeze_me=False, struct_as_record=True)
-    except Exception as error:  # the reader raises whatever its parser meets in a damaged file
-        raise unreadable(path, "MATLAB", error) from None
-    arrays: dict[str, Any] = {}
-    for name, value in content.items():
-        if name.startswith("__") or not isinstance(value, np.ndarray):
-            continue
-        if value.dtype.names and value.size == 1:
-            arrays |= {field: value.reshape(-1)[0][field] for field in value.dtype.names}
-        elif value.dtype.kind in "biufc":
-            arrays[name] = value
-    return _from_arrays(path, {k: v for k, v in arrays.items() if isinstance(v, np.ndarray)}, choose)
-
-
-def _from_arrays(path: Path, arrays: dict[str, Any], choose: Choose) -> Table:
+def from_arrays(path: Path, arrays: dict[str, Any], choose: Choose) -> Table:
     """Take vectors (N,), (N, 1), (1, N) and the columns of matrices (N, k) as channels."""
     channels: dict[str, Any] = {}
     for name, value in arrays.items():

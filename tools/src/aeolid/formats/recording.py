@@ -97,12 +97,15 @@ def _reader(suffix: str, path: Path) -> Callable[[Path, Choose], Table]:
         return _read_can_log if mdf.holds_frames(path) else mdf.read_mdf
     if suffix in _CAN_LOGS:
         return _read_can_log
+    if suffix == ".mat":
+        from aeolid.formats import matlab
+
+        return matlab.read_mat
     from aeolid.formats import binary
 
     return {
         ".parquet": binary.read_parquet,
         ".npz": binary.read_npz,
-        ".mat": binary.read_mat,
         ".outb": binary.read_outb,
     }[suffix]
 

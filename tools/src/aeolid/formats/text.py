@@ -126,8 +126,9 @@ def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
 
 
 def _is_unit_row(cells: list[str]) -> bool:
-    """Tell a row of units from a row of samples: something stands there and none of it is a number."""
-    return any(c.strip() for c in cells) and not any(_is_number(c) for c in cells if c.strip() not in EMPTY)
+    """Tell a row of units from a row of samples: words stand there, none of them a number or a mark for "missing"."""
+    words = [c for c in cells if c.strip() and c.strip() not in EMPTY]
+    return bool(words) and not any(_is_number(c) for c in words)
 
 
 def _decodes(head: bytes) -> bool:
