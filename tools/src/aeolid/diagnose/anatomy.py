@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.baseline import add_force, mass_of
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, State
 from aeolid.models.state_space import StateSpace
@@ -59,43 +60,24 @@ def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[M
         if state.name not in paired and state.unit.replace(" ", "") not in VELOCITY_UNITS:
             continue
         position = paired.get(state.name)
-        mass = _mass_of(state.derivative, model)
-        label, unit = _FORCE_OF_MASS.get(mass[1].replace(" ", ""), ("force", "")) if mass else ("acceleration", "")
+        mass = mass_of(state.derivative, model)
+        label, unit = _FORCE_OF_MASS.get(mass.unit.replace(" ", ""), ("force", "")) if mass else ("acceleration", "")
         if not mass and state.unit:
             unit = f"{state.unit}/s"
         found.append(
             Motion(
                 f"state:{state.name}", ast.Name(id=state.name), ast.Name(id=position) if position else None,
-                _force_on(state.name, mass is not None), label, unit, float(sizes[i]),
+                _force_on(state.name), label, unit, float(sizes[i]),
                 float(sizes[names.index(position)]) if position else 0.0,
-                float(rates[i]) * (mass[0] if mass else 1.0), None,
+                float(rates[i]) * (abs(mass.value) if mass else 1.0), None,
             )
         )  # fmt: skip
     return found
 
 
-def _mass_of(derivative: ast.expr, model: Equations) -> tuple[float, str] | None:
-    """Return value and unit of M in (forces)/M; None where the equation has another shape."""
-    if (
-        isinstance(derivative, ast.BinOp)
-        and isinstance(derivative.op, ast.Div)
-        and isinstance(derivative.right, ast.Name)
-    ):
-        for p in model.parameters:
-            if p.name == derivative.right.id:
-                return abs(p.value), p.unit
-    return None
-
-
-def _force_on(name: str, has_mass: bool) -> Callable[[Equations, ast.expr, str], Equations]:
+def _force_on(name: str) -> Callable[[Equations, ast.expr, str], Equations]:
     def inject(model: Equations, force: ast.expr, _: str) -> Equations:
-        return replace(model, states=tuple(_push(s, force) if s.name == name else s for s in model.states))
-
-    def _push(state: State, force: ast.expr) -> State:
-        d = state.derivative
-        if has_mass and isinstance(d, ast.BinOp):
-            return replace(state, derivative=ex.combine("/", ex.combine("+", d.left, force), d.right))
-        return replace(state, derivative=ex.combine("+", d, force))
+        return replace(model, states=tuple(add_force(s, force, model) if s.name == name else s for s in model.states))
 
     return inject
 

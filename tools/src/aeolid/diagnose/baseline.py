@@ -24,14 +24,15 @@ def discretise(model: StateSpace, step: float) -> StateSpace:
     return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=step)
 
 
-def equations_of(model: StateSpace) -> Equations:
+def equations_of(model: StateSpace, *, shaped_noise: bool) -> Equations:
     """Write x⁺ = A x + B (u − u₀ + b_u), y = C x + D (…) + y₀ + b_y + d as equations.
 
     The constant offsets b_u, b_y are free: a linear model knows its operating point only as far as it was told. Each
-    output has a shaped disturbance d⁺ = a d + (gain) e with a free pole: noise whose colour the plant's poles lack.
+    output gets, with `shaped_noise`, a disturbance d⁺ = a d + (gain) e with a free pole: noise whose colour the plant's
+    poles lack.
     """
-    shaped = [f"noise{j + 1}" for j in range(len(model.outputs))]
-    poles = [Parameter(f"noise_pole{j + 1}", 0.5, "1", 0.0, 0.9999, True) for j in range(len(model.outputs))]
+    shaped = [f"noise{j + 1}" for j in range(len(model.outputs))] if shaped_noise else []
+    poles = [Parameter(f"noise_pole{j + 1}", 0.5, "1", 0.0, 0.9999, True) for j in range(len(shaped))]
     states = [f"x{i + 1}" for i in range(model.order)]
     inputs = [f"u{i + 1}" for i in range(len(model.inputs))]
     drive = [f"drive{i + 1}" for i in range(len(model.inputs))]
@@ -43,6 +44,7 @@ def equations_of(model: StateSpace) -> Equations:
     reads = [_row(model.C[j], states, model.D[j], drive) for j in range(len(model.outputs))]
     bias = [Parameter(f"bias_u{i + 1}", 0.0, s.unit, free=True) for i, s in enumerate(model.inputs)]
     bias += [Parameter(f"bias_y{j + 1}", 0.0, s.unit, free=True) for j, s in enumerate(model.outputs)]
+    added = [f" + {d}" for d in shaped] or [""] * len(model.outputs)
     return Equations(
         "baseline", model.sample_time_s, (*bias, *poles),
         (
@@ -52,15 +54,55 @@ def equations_of(model: StateSpace) -> Equations:
             ),
             *(
                 State(n, s.unit, ex.parse(f"{p.name}*{n}", "noise"), 0.0)
-                for n, s, p in zip(shaped, model.outputs, poles, strict=True)
+                for n, s, p in zip(shaped, model.outputs, poles, strict=False)
             ),
         ),
         tuple(
-            Output(s.name, s.unit, ex.combine("+", read, ex.parse(f"{s.offset!r} + bias_y{j + 1} + {d}", "offset")))
-            for j, (s, read, d) in enumerate(zip(model.outputs, reads, shaped, strict=True))
+            Output(s.name, s.unit, ex.combine("+", read, ex.parse(f"{s.offset!r} + bias_y{j + 1}{d}", "offset")))
+            for j, (s, read, d) in enumerate(zip(model.outputs, reads, added, strict=True))
         ),
         model.inputs, tuple(inputs), (), tuple(acting),
     )  # fmt: skip
+
+
+def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equations, tuple[str, ...]]:
+    """Add an unmeasured force with memory to every equation that noise may drive: d' = −a d + noise, a free.
+
+    Wind and other unmeasured inputs are seldom white; without memory in the noise a lightly damped mode would be the
+    only coloured noise on offer and would get a name. a lies between 1/(slowest_s) and one a step. Returns the model
+    and the names of the added states.
+    """
+    names = {s.name for s in model.states}
+    parameters, states, added = list(model.parameters), list(model.states), []
+    for i, state in enumerate(model.states):
+        if isinstance(state.derivative, ast.Name) and state.derivative.id in names:
+            continue  # dq/dt = v: geometry, no force acts there
+        force, rate = f"unmeasured_{state.name}", f"unmeasured_rate_{state.name}"
+        states[i] = add_force(state, ast.Name(id=force), model)
+        low, high = 1.0 / slowest_s, 1.0 / step
+        decay = f"-{rate}*{force}"
+        if model.sample_time_s:
+            decay = f"exp(-{rate}*{model.sample_time_s!r})*{force}"
+        parameters.append(Parameter(rate, float(np.sqrt(low * high)), "1/s", low, high, True))
+        states.append(State(force, "", ex.parse(decay, "unmeasured force"), 0.0))
+        added.append(force)
+    return replace(model, parameters=tuple(parameters), states=tuple(states)), tuple(added)
+
+
+def mass_of(derivative: ast.expr, model: Equations) -> Parameter | None:
+    """Return the parameter M of an equation of motion (forces)/M; None where the equation has another shape."""
+    is_quotient = isinstance(derivative, ast.BinOp) and isinstance(derivative.op, ast.Div)
+    if is_quotient and isinstance(derivative.right, ast.Name):  # type: ignore[attr-defined]
+        return next((p for p in model.parameters if p.name == derivative.right.id), None)  # type: ignore[attr-defined]
+    return None
+
+
+def add_force(state: State, force: ast.expr, model: Equations) -> State:
+    """Add a force to the forces of (forces)/M, or to the derivative where no mass shows."""
+    d = state.derivative
+    if mass_of(d, model) is not None and isinstance(d, ast.BinOp):
+        return replace(state, derivative=ex.combine("/", ex.combine("+", d.left, force), d.right))
+    return replace(state, derivative=ex.combine("+", d, force))
 
 
 def _row(a: Array, states: list[str], b: Array, inputs: list[str]) -> ast.expr:

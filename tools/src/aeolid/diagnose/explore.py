@@ -43,16 +43,28 @@ def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int
             low, high = scales.low[i], scales.high[i]
             theta[i] = low * (high / low) ** share if low > 0 else low + share * (high - low)
         point = replace(origin, theta=theta, x0=tuple(declared.copy() for _ in origin.x0))
-        for candidate in noise_ladder(point, free):
+        for candidate in noise_ladder(point, core(predictor, free).noise):
             found.append((predictor.objective(candidate), candidate))
     found.sort(key=lambda pair: pair[0])
     return [point for value, point in found[:_KEEP] if value < 1e299]
 
 
-def noise_ladder(point: Point, free: Free) -> list[Point]:
-    """Return the point with the free process noises at each rung of the ladder; itself where none is free."""
+def core(predictor: Predictor, free: Free) -> Free:
+    """Return what may move without the unmeasured forces: their amplitudes and decay rates stay as they are."""
+    model = predictor.compiled.model
+    quiet = {i for i, s in enumerate(model.states) if s.name.startswith("unmeasured_")}
+    rates = {i for i, p in enumerate(model.parameters) if p.name.startswith("unmeasured_rate_")}
+    return replace(
+        free,
+        theta=tuple(i for i in free.theta if i not in rates),
+        noise=tuple(i for i in free.noise if i not in quiet),
+    )
+
+
+def noise_ladder(point: Point, noisy: Sequence[int]) -> list[Point]:
+    """Return the point with the listed process noises at each rung of the ladder; itself where there is none."""
     states = len(point.x0[0])
-    moving = [i for i in free.noise if i < states]
+    moving = [i for i in noisy if i < states]
     if not moving:
         return [point]
     result = []
@@ -64,8 +76,15 @@ def noise_ladder(point: Point, free: Free) -> list[Point]:
 
 
 def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free) -> Fit | None:
-    """Fit briefly from the most likely starts, fully from the best; returns None where all diverge."""
+    """Fit briefly from the most likely starts, fully from the best; returns None where all diverge.
+
+    The brief fits leave the unmeasured forces out: white noise first, its memory last, so that a force with memory
+    does not take the place of a parameter that is still far off.
+    """
+    few = core(predictor, free)
     ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:_TRIED]
-    trials = [predictor.fit(starts[i], free, iterations=_QUICK) for value, i in ranked if value < 1e299]
+    trials = [predictor.fit(starts[i], few, iterations=_QUICK) for value, i in ranked if value < 1e299]
     best = max((t for t in trials if t is not None), key=lambda t: t.log_likelihood, default=None)
+    if best is not None and few != free:
+        best = predictor.fit(best.point, few, iterations=_FULL)
     return None if best is None else predictor.fit(best.point, free, iterations=_FULL)

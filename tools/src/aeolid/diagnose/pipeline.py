@@ -14,7 +14,7 @@ from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.predictor import Fit, Point, Predictor
-from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.refit import Candidate, finalists, refit
 from aeolid.diagnose.scores import Bank, Row, score_bank
@@ -154,11 +154,7 @@ def _as_row(winner: Candidate) -> Row:
 
 def _declared(prepared: Prepared, seed: int) -> Proof | None:
     """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both)."""
-    physical = [
-        i
-        for i in prepared.free.theta
-        if not prepared.extended.parameters[i].name.startswith(("bias_u", "bias_y", "noise_pole"))
-    ]
+    physical = [i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(NUISANCE)]
     if not physical:
         return None
     held = replace(prepared.free, theta=tuple(i for i in prepared.free.theta if i not in physical))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import discretise, equations_of
+from aeolid.diagnose.baseline import discretise, equations_of, mass_of, shape_forces
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
@@ -24,6 +24,8 @@ from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobia
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
+NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_")  # free parameters that are not physics of the model
+_FORCE_START = 1e-3  # amplitude of an unmeasured force a sample, in the size of what it acts against
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +49,7 @@ def prepare(case: Case) -> Prepared:
     """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
     step = case.records[0].sample_time_s
     linear = discretise(case.baseline, step) if isinstance(case.baseline, StateSpace) else None
-    declared = equations_of(linear) if linear is not None else case.baseline
+    declared = equations_of(linear, shaped_noise=True) if linear is not None else case.baseline
     assert isinstance(declared, Equations)
     if linear is not None and linear.order > 40:
         raise DataError(f"{case.baseline_file}: {linear.order} states; reduce the model to at most 40 for a diagnosis")
@@ -61,18 +63,26 @@ def prepare(case: Case) -> Prepared:
     spreads = _spread(y, outputs, case)
     rough, scales = _rough(compiled, split.fit, spreads, linear)
     sizes, rates = _sizes(rough, scales)
+    own = dict(zip([s.name for s in declared.states], rates.tolist(), strict=True))
+    forces: dict[str, float] = {}
     if linear is None:
-        motions = tuple(motions_of_equations(declared, sizes, rates))
+        found = motions_of_equations(declared, sizes, rates)
+        span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
+        extended, added = shape_forces(declared, span, split.fit[0].step)
+        forces = {f: own[f.removeprefix("unmeasured_")] * _mass(declared, f) for f in added}
     else:
-        found, declared = motions_of_state_space(linear, declared, sizes, spreads)
-        motions = tuple(found)
+        found, extended = motions_of_state_space(linear, declared, sizes, spreads)
+        plain = equations_of(linear, shaped_noise=False)
+        declared = replace(plain, auxiliaries=extended.auxiliaries)  # what the corrected model is built on
+    motions = tuple(found)
     u = np.vstack([s.u for s in split.fit])
-    site = Site(declared, linear, motions, step, u, y, tuple(names), tuple(outputs), case.context)
+    site = Site(extended, linear, motions, step, u, y, tuple(names), tuple(outputs), case.context)
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
-    extended = declared
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale the model's own terms only
         extended = a.edit(extended)
-    predictor, free, start = _extend(compile_equations(extended), rough[1], attachments, split.fit, sizes, spreads)
+    predictor, free, start = _extend(
+        compile_equations(extended), rough[1], attachments, split.fit, (sizes, spreads), forces
+    )
     predictor = predictor.with_order(predictor.choose_var_order(start))
     fit = fit_best(predictor, [start, *explore(predictor, start, free)], free)
     if fit is not None:
@@ -129,7 +139,7 @@ def _rough(
         candidates = [Point(model.theta, np.zeros(n + m), np.vstack([K, rest]), x0) for K in gains]
     else:
         noise = np.concatenate([np.zeros(n), np.ones(m)])
-        candidates = noise_ladder(Point(model.theta, noise, None, x0), Free((), noisy_states(model), (), ()))
+        candidates = noise_ladder(Point(model.theta, noise, None, x0), noisy_states(model))
     values = [predictor.objective(c) for c in candidates]
     if min(values) >= 1e299:
         raise NotIdentifiable(
@@ -174,33 +184,46 @@ def _scales(model: Equations, x_size: Array, spreads: Array) -> Scales:
     )  # fmt: skip
 
 
+def _mass(model: Equations, force: str) -> float:
+    state = next(s for s in model.states if s.name == force.removeprefix("unmeasured_"))
+    mass = mass_of(state.derivative, model)
+    return abs(mass.value) if mass else 1.0
+
+
 def _range(low: float, high: float) -> float:
     return high - low if np.isfinite(high - low) else 0.0
 
 
 def _extend(
     compiled: Compiled, point: Point, attachments: tuple[Attachment, ...],
-    segments: tuple[Segment, ...], sizes: Array, spreads: Array,
+    segments: tuple[Segment, ...], typical: tuple[Array, Array], forces: dict[str, float],
 ) -> tuple[Predictor, Free, Point]:  # fmt: skip
-    """Carry the rough start over to the extended model; effects sit at their nulls, their states at zero."""
-    model = compiled.model
+    """Carry the rough start over to the extended model; effects sit at their nulls, their states at zero.
+
+    typical: sizes of the declared states and outputs; forces: sizes of the unmeasured forces, which start small.
+    """
+    model, (sizes, spreads) = compiled.model, typical
+    names = [s.name for s in model.states]
     n, extra = len(sizes), len(model.states) - len(sizes)
     full = np.concatenate([sizes, np.full(extra, 1.0)])
     for a in attachments:
         for g in a.gain_states:
             j = [o.name for o in model.outputs].index(a.location["outputs"][0])
-            full[[s.name for s in model.states].index(g)] = spreads[j]
+            full[names.index(g)] = spreads[j]
+    for name, size in forces.items():
+        full[names.index(name)] = size
     new = _scales(model, full, spreads)
     known = {s.name: s.size for a in attachments for s in a.slots}
     theta_size = np.array([known.get(p.name, t) for p, t in zip(model.parameters, new.theta, strict=True)])
     m = len(spreads)
     noise = np.concatenate([point.noise[:n], np.zeros(extra), point.noise[n:]])
+    noise[[names.index(f) for f in forces]] = _FORCE_START
     K = None if point.K is None else np.vstack([point.K, np.zeros((extra, m))])
     x0 = tuple(np.concatenate([x, np.zeros(extra)]) for x in point.x0)
     sensors = range(n + extra + 1, n + extra + m)  # the first sensor's noise sets the scale
     free = Free(
         tuple(i for i, p in enumerate(model.parameters) if p.free),
-        (*[i for i in noisy_states(model) if i < n], *sensors) if K is None else (),
+        (*[i for i in noisy_states(model) if i < n or names[i] in forces], *sensors) if K is None else (),
         () if K is None else tuple((i, j) for i in range(n) for j in range(m)),
         tuple(range(n)),
     )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.proof import Proof, block_interval
 from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.scores import minimum_detectable
@@ -139,7 +140,7 @@ def _parameter_effect(study: Study) -> dict[str, Any]:
     moved = []
     for k, i in enumerate(prepared.free.theta):
         p = prepared.extended.parameters[i]
-        if not p.name.startswith(("bias_", "noise_pole")):
+        if not p.name.startswith(NUISANCE):
             std = float(prepared.fit.std[k])
             moved.append(
                 (
