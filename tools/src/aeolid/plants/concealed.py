@@ -63,16 +63,16 @@ class LaggedLoop(ClosedLoop):
         return time, np.array([demand, u[1]]), y
 
 
-QUIET = Excitation(pitch_deg=0.5, wind_m_per_s=0.05, noise=0.05)
-"""Half a degree of pitch, steady wind, measurement noise of 5 % of the outputs' usual motion."""
+PRINTED = Excitation(noise=0.1)
+"""Excitation and wind as printed in paper 000 section III, measurement noise of 10 % of the outputs' usual motion."""
 
 
 def write_case(
-    folder: str | Path, *, lag_s: float = 0.3, samples: int = 3000, seed: int = 7, excitation: Excitation = QUIET
+    folder: str | Path, *, lag_s: float = 0.3, samples: int = 6000, seed: int = 7, excitation: Excitation = PRINTED
 ) -> Path:
     """Write recording.csv, roles.toml, model.json and case.toml; returns the folder.
 
-    lag_s: time constant of the concealed drive in s (0: nothing is concealed); samples: length, 3000 are 5 minutes.
+    lag_s: time constant of the concealed drive in s (0: nothing is concealed); samples: length, 6000 are 10 minutes.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
