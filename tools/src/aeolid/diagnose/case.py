@@ -40,6 +40,8 @@ def load_case(directory: str | Path) -> Case:
     head, files = data.get("case", {}), data.get("recordings", {})
     check_keys(head, {"title"}, f"{source} [case]")
     check_keys(files, {"files", "roles"}, f"{source} [recordings]")
+    if not isinstance(head.get("title", ""), str):
+        raise DataError(f"{source} [case]: title = {head['title']!r} is not a text")
     names = files.get("files")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise DataError(f"{source} [recordings]: files must list at least one recording")

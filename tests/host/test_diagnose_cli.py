@@ -1,0 +1,300 @@
+"""aeolid diagnose as a user calls it: the files it leaves, their schema, and one sentence for every bad case."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.cli.main import main
+from aeolid.diagnose.catalogue import ENTRIES
+
+STUDIES = Path(__file__).resolve().parents[1] / "studies"
+sys.path.insert(0, str(STUDIES))
+import diagnosis as rig  # noqa: E402
+
+VERDICTS = {
+    "no_mismatch", "immaterial", "data_fault", "parameter", "named", "ambiguous", "multiple", "unnamed", "not_testable",
+}  # fmt: skip
+SAMPLES = 1500
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write a case with a concealed lag: 30 s of the rig."""
+    hidden = rig.Hidden("lag", "equations", {"lag": 0.08}, noise=(0.5, 0.02, 0.01))
+    return rig.write_case(tmp_path_factory.mktemp("case") / "case", hidden, SAMPLES, 21)
+
+
+def diagnose(case: Path, out: Path, *options: str) -> int:
+    return main(["diagnose", str(case), "--out", str(out), "--sham", "0", *options])
+
+
+@pytest.fixture(scope="module")
+def result(case: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out")
+    assert main(["diagnose", str(case), "--out", str(out), "--sham", "2", "--json", str(out / "copy.json")]) == 0
+    return out
+
+
+def facts(out: Path) -> dict[str, Any]:
+    loaded: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
+    return loaded
+
+
+def is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def check_location(location: dict[str, Any]) -> None:
+    assert set(location) >= {"entry", "outputs", "inputs", "frequency_hz", "azimuth_order", "region", "time_s"}
+    assert isinstance(location["entry"], str)
+    assert all(isinstance(n, str) for n in location["outputs"] + location["inputs"])
+    band = location["frequency_hz"]
+    assert band is None or (len(band) == 2 and 0 <= band[0] <= band[1])
+
+
+def check_schema(d: dict[str, Any]) -> None:
+    """Compare with the interface: all keys, types, vocabulary."""
+    wanted = {"schema", "verdict", "effects", "location", "sealed", "false_alarm", "not_excluded", "next_experiment"}
+    assert wanted <= set(d) and d["schema"] == 1 and d["verdict"] in VERDICTS
+    families = {e.id: e.family for e in ENTRIES}
+    if d["verdict"] in ("no_mismatch", "immaterial", "not_testable"):
+        assert d["effects"] == []
+    if d["verdict"] in ("named", "parameter", "multiple", "ambiguous"):
+        assert d["effects"]
+    for effect in d["effects"]:
+        assert set(effect) >= {"id", "family", "statement", "location", "equation", "parameters", "rivals", "weight"}
+        assert families[effect["id"]] == effect["family"]
+        assert effect["statement"] and "\n" not in effect["statement"] and effect["equation"]
+        check_location(effect["location"])
+        for value in effect["parameters"].values():
+            assert set(value) == {"value", "std", "unit"} and is_number(value["value"])
+            assert value["std"] is None or (is_number(value["std"]) and value["std"] >= 0)
+            assert isinstance(value["unit"], str)
+        for rival in effect["rivals"]:
+            assert rival["id"] in families and 0 <= rival["weight"] <= 1
+        assert 0 <= effect["weight"] <= 1
+    sealed = d["sealed"]
+    assert isinstance(sealed["data"], str) and sealed["data"]
+    assert is_number(sealed["log_likelihood_gain"]) and is_number(sealed["recovered_fraction"])
+    low, high = sealed["interval"]
+    assert low <= sealed["log_likelihood_gain"] <= high or low == high == 0
+    assert set(sealed["nrmse_before"]) == set(sealed["nrmse_after"])
+    assert all(is_number(v) and v >= 0 for part in ("nrmse_before", "nrmse_after") for v in sealed[part].values())
+    alarm = d["false_alarm"]
+    assert 0 <= alarm["false_names"] <= alarm["sham_runs"] and (
+        alarm["threshold"] is None or is_number(alarm["threshold"])
+    )
+    for row in d["not_excluded"]:
+        assert row["id"] in families
+        least = row["minimum_detectable"]
+        if least is not None:
+            assert (least["value"] is None or is_number(least["value"])) and isinstance(least["unit"], str)
+    experiment = d["next_experiment"]
+    if experiment is not None:
+        assert set(experiment) == {"text", "minutes", "separates"} and len(experiment["separates"]) > 1
+
+
+def test_the_file_follows_the_schema_and_names_the_lag(result: Path) -> None:
+    d = facts(result)
+    check_schema(d)
+    assert d == json.loads((result / "copy.json").read_text())
+    assert d["verdict"] in ("named", "ambiguous") and d["effects"][0]["id"] == "actuator_lag"
+    assert d["effects"][0]["parameters"]["tau_s"]["value"] == pytest.approx(0.08, rel=0.15)
+    assert d["sealed"]["interval"][0] > 0 and d["false_alarm"]["sham_runs"] == 2
+    assert d["effects"][0]["location"]["entry"] == "input:drive"
+
+
+def test_everything_else_is_there(result: Path) -> None:
+    page = (result / "report.html").read_text()
+    assert "<html" in page and "first-order lag" in page
+    assert "http://" not in page.replace("http://www.w3.org", "") or 'src="http' not in page
+    with open(result / "sealed_before_after.csv", newline="") as handle:
+        rows = list(csv.DictReader(handle))
+    heads = [f"{n}_{k}" for n in ("position", "speed") for k in ("measured", "before", "after")]
+    assert list(rows[0]) == ["time_s", *heads]
+    table = np.array([[float(v) for v in r.values()] for r in rows])
+    assert np.all(np.diff(table[:, 0]) > 0) and table[0, 0] > 0.7 * SAMPLES * rig.STEP_S - 1e-9
+    for n in (1, 4):
+        before, after = (np.std(table[:, n] - table[:, n + k]) for k in (1, 2))
+        assert after < before
+
+
+def test_the_corrected_model_runs_and_fits_better(case: Path, result: Path, tmp_path: Path) -> None:
+    errors = []
+    for model in (case / "model.toml", result / "model"):
+        out = tmp_path / "sim.csv"
+        arguments = ["simulate", model, case / "recording.csv", "--roles", case / "roles.toml", "--out", out]
+        assert main([str(a) for a in arguments]) == 0
+        simulated = np.genfromtxt(out, delimiter=",", names=True)
+        measured = np.genfromtxt(case / "recording.csv", delimiter=",", names=True)
+        errors.append(np.std(simulated["speed"] - measured["speed"]))
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_the_corrected_model_needs_no_further_name(case: Path, result: Path, tmp_path: Path) -> None:
+    second = tmp_path / "case"
+    shutil.copytree(case, second)
+    shutil.copy(result / "model" / "model.toml", second / "model.toml")
+    assert diagnose(second, tmp_path / "out", "--fail-on-mismatch") in (0, 1)
+    d = facts(tmp_path / "out")
+    check_schema(d)
+    assert d["verdict"] in ("no_mismatch", "immaterial", "parameter")
+    assert not [e["id"] for e in d["effects"] if e["id"] != "parameter_error"]
+
+
+def test_the_same_input_gives_the_same_file(case: Path, result: Path, tmp_path: Path) -> None:
+    """In a process of its own, so that nothing cached can hide a difference."""
+    command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", str(case), "--out", str(tmp_path), "--sham", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=280)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "diagnosis.json").read_bytes() == (result / "diagnosis.json").read_bytes()
+
+
+def test_missing_samples_are_survived(case: Path, tmp_path: Path) -> None:
+    """One in twenty samples of each output missing, a hole of a second, three inputs missing: the name stays."""
+    copy = tmp_path / "case"
+    shutil.copytree(case, copy)
+    rows = read_rows(copy)
+    rng = np.random.default_rng(2)
+    for i in range(1, len(rows)):
+        for column in (2, 3):
+            if rng.random() < 0.05 or 400 <= i < 450:
+                rows[i][column] = ""
+    for i in (200, 201, 1200):
+        rows[i][1] = ""
+    write_rows(copy, rows)
+    assert diagnose(copy, tmp_path / "out", "--fail-on-mismatch") == 1
+    d = facts(tmp_path / "out")
+    check_schema(d)
+    assert [e["id"] for e in d["effects"]][:1] == ["actuator_lag"]
+
+
+def read_rows(case: Path) -> list[list[str]]:
+    return [line.split(",") for line in (case / "recording.csv").read_text().splitlines()]
+
+
+def write_rows(case: Path, rows: list[list[str]]) -> None:
+    (case / "recording.csv").write_text("\n".join(",".join(r) for r in rows) + "\n")
+
+
+def edit(file: str, old: str, new: str) -> Callable[[Path], None]:
+    def change(case: Path) -> None:
+        text = (case / file).read_text()
+        assert old in text
+        (case / file).write_text(text.replace(old, new, 1))
+
+    return change
+
+
+def rows(change: Callable[[list[list[str]]], list[list[str]]]) -> Callable[[Path], None]:
+    return lambda case: write_rows(case, change(read_rows(case)))
+
+
+def gone(file: str) -> Callable[[Path], None]:
+    return lambda case: (case / file).unlink()
+
+
+def column(index: int, cell: str, first: int = 1, last: int = SAMPLES + 1) -> Callable[[Path], None]:
+    def change(table: list[list[str]]) -> list[list[str]]:
+        for r in table[first:last]:
+            r[index] = cell
+        return table
+
+    return rows(change)
+
+
+BAD: dict[str, tuple[Callable[[Path], None], int, list[str]]] = {
+    "no case file": (gone("case.toml"), 3, ["case.toml", "no such file"]),
+    "no recording": (gone("recording.csv"), 3, ["recording.csv"]),
+    "no roles": (gone("roles.toml"), 3, ["roles.toml"]),
+    "no model": (gone("model.toml"), 3, ["model.toml"]),
+    "case no toml": (edit("case.toml", "[case]", "[case"), 3, ["case.toml", "TOML"]),
+    "unknown table": (edit("case.toml", "[context]", "[contex]"), 3, ["case.toml", "'contex'"]),
+    "unknown key": (edit("case.toml", "files =", 'extra = 1\nfiles ='), 3, ["case.toml", "'extra'"]),
+    "unknown key of the baseline": (edit("case.toml", "kind =", 'kinds = 1\nkind ='), 3, ["[baseline]", "'kinds'"]),
+    "files a text": (edit("case.toml", '["recording.csv"]', '"recording.csv"'), 3, ["[recordings]", "files"]),
+    "no files": (edit("case.toml", '["recording.csv"]', "[]"), 3, ["[recordings]", "files"]),
+    "no roles key": (edit("case.toml", 'roles = "roles.toml"\n', ""), 3, ["[recordings]", "roles"]),
+    "recordings no table": (edit("case.toml", "[recordings]\n", "recordings = 1\n[case.x]\n"), 3, ["case.toml"]),
+    "no baseline": (edit("case.toml", '[baseline]\nkind = "equations"\nfile = "model.toml"\n', ""), 3, ["[baseline]"]),
+    "no kind": (edit("case.toml", 'kind = "equations"\n', ""), 3, ["kind"]),
+    "unknown kind": (edit("case.toml", '"equations"', '"guess"'), 3, ["'guess'"]),
+    "kind run": (edit("case.toml", '"equations"', '"run"'), 2, ["'run'", "state_space"]),
+    "kind fmu": (edit("case.toml", '"equations"', '"fmu"'), 2, ["'fmu'", "state_space"]),
+    "equations as state space": (edit("case.toml", '"equations"', '"state_space"'), 3, ["model.toml"]),
+    "title a number": (edit("case.toml", 'title = "rig"', "title = [1]"), 3, ["title"]),
+    "output in another unit": (edit("model.toml", 'equation = "q"\nunit = "m"', 'equation = "q"\nunit = "mm"'), 3,
+                               ["position", "'mm'", "'m'"]),
+    "output nobody recorded": (edit("model.toml", 'name = "position"', 'name = "height"'), 3, ["'height'"]),
+    "input nobody recorded": (edit("model.toml", "g*drive", "g*force"), 3, ["'force'", "recording"]),
+    "output with another role": (edit("roles.toml", '"m"\nrole = "output"', '"m"\nrole = "disturbance"'), 3,
+                                 ["position", "'disturbance'"]),
+    "missing column": (edit("roles.toml", 'name = "speed"', 'name = "pace"'), 3, ["pace"]),
+    "two rates": (edit("case.toml", '["recording.csv"]', '["recording.csv", "other.csv"]'), 3, ["other.csv"]),
+    "constant output": (column(2, "0.25"), 4, ["position", "never changes"]),
+    "output never measured": (column(2, ""), 3, ["position", "no value"]),
+    "input never measured": (column(1, ""), 3, ["drive", "no value"]),
+    "30 samples": (rows(lambda t: t[:31]), 4, ["30 samples"]),
+    "no samples": (rows(lambda t: t[:1]), 3, ["recording.csv"]),
+    "infinite": (column(2, "inf", 50, 51), 3, ["position", "sample 50"]),
+    "text": (column(2, "high", 50, 51), 3, ["position", "sample 50"]),
+    "diverging model": (edit("model.toml", "- c*v", "+ 1e6*M*v + 0*c"), 4, ["diverges"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_a_bad_case_is_one_sentence(case: Path, tmp_path: Path, bad: str, capsys: pytest.CaptureFixture[str]) -> None:
+    spoil, code, words = BAD[bad]
+    copy = tmp_path / "case"
+    shutil.copytree(case, copy)
+    (copy / "other.csv").write_text(
+        "time_s,drive,position,speed\n" + "".join(f"{i},0,{i % 7},{i % 5}\n" for i in range(500))
+    )
+    spoil(copy)
+    found = diagnose(copy, tmp_path / "out")
+    captured = capsys.readouterr()
+    assert found == code, captured.err
+    message = captured.err.strip()
+    assert "Traceback" not in message and message.count("\n") == 0 and message.startswith("aeolid: "), message
+    for word in words:
+        assert word in message, message
+    assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+def test_wrong_options_are_usage_errors(case: Path, tmp_path: Path) -> None:
+    assert main(["diagnose", str(case)]) == 2
+    assert main(["diagnose", str(case), "--out", str(tmp_path), "--sham", "-1"]) == 2
+
+
+def test_a_stuck_sensor_is_a_fault_of_the_data(case: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "case"
+    shutil.copytree(case, copy)
+    column(3, "0.1", 300, 900)(copy)
+    assert diagnose(copy, tmp_path / "out") == 0
+    d = facts(tmp_path / "out")
+    check_schema(d)
+    assert d["verdict"] == "data_fault" and "speed" in d["location"]["entry"]
+
+
+def test_the_catalogue_lists_every_entry(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["catalogue", "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert [e["id"] for e in listed] == [e.id for e in ENTRIES]
+    for e in listed:
+        assert {"id", "family", "equation", "parameters"} <= set(e) and e["equation"] and e["source"]
+        for p in e["parameters"]:
+            assert {"symbol", "unit", "low", "high", "null"} <= set(p) and p["low"] < p["high"]
+    assert main(["catalogue"]) == 0
+    shown = capsys.readouterr().out
+    assert all(e.id in shown and e.family in shown for e in ENTRIES)
