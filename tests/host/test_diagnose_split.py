@@ -120,6 +120,11 @@ def test_too_short_says_what_is_needed(samples: int) -> None:
         divide([record(samples)])
 
 
+@pytest.mark.parametrize("settle", [0.0, 3.0, 1e6])
+def test_what_is_needed_is_enough(settle: float) -> None:
+    assert {r["use"] for r in divide([record(400)], settle).rows} == {"fit", "select", "sealed"}
+
+
 def test_missing_inputs_cut_and_missing_outputs_do_not() -> None:
     r = record(2000)
     r.values[300, 0] = np.nan

@@ -13,7 +13,8 @@ from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-_SHORTEST = 100  # samples: below that a stretch cannot settle a state and still say something
+_SHORTEST = 60  # samples: below that a stretch cannot settle a state and still say something
+_NEEDED = 400  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the shortest stretch
 _SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
 
 
@@ -42,7 +43,7 @@ def split_records(
 
     A single recording is cut 50 : 20 : 30 with gaps of three settling times (`settle_s`, at most 5 % of the length).
     A fit scores every sample (the initial state is a parameter); the other parts settle first.
-    Raises NotIdentifiable where a part would hold fewer than 100 samples.
+    Raises NotIdentifiable where a part would hold fewer than 60 samples.
     """
     parts: dict[str, list[Segment]] = {"fit": [], "select": [], "sealed": []}
     for use, record, start, stop in _plan(records, inputs, settle_s):
@@ -54,7 +55,7 @@ def split_records(
         if not segments:
             raise NotIdentifiable(
                 f"{records[0].source}: no stretch of {_SHORTEST} samples without missing inputs for the {use} part;"
-                f" {sum(len(r) for r in records)} samples in all, at least {4 * _SHORTEST} are needed"
+                f" {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
             )
     rows = [
         {"file": s.source, "start_s": s.start_s, "stop_s": s.stop_s, "use": use}

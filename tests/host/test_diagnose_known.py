@@ -1,0 +1,129 @@
+"""Real rigs: what their models are known to lack is named, and nothing is forced where the catalogue has no word."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.cli.main import main
+
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"
+KNOWN, DRYER = SHARED / "cases" / "known", SHARED / "data" / "dryer.csv"
+needs_known = pytest.mark.skipif(not KNOWN.exists(), reason="../shared/cases/known is absent")
+needs_dryer = pytest.mark.skipif(not DRYER.exists(), reason="../shared/data/dryer.csv is absent")
+
+
+def diagnose(case: Path, out: Path) -> dict[str, Any]:
+    assert main(["diagnose", str(case), "--out", str(out), "--sham", "0"]) == 0
+    loaded: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
+    return loaded
+
+
+@needs_known
+def test_the_stage_lacks_dry_friction(tmp_path: Path) -> None:
+    """Published: 20.4 N; 15 % is what the rig's authors' own estimates scatter with the friction model."""
+    d = diagnose(KNOWN / "emps", tmp_path)
+    assert d["verdict"] == "named"
+    assert [e["id"] for e in d["effects"]] == ["coulomb_friction"]
+    assert d["effects"][0]["location"]["entry"] == "state:v"
+    force = d["effects"][0]["parameters"]["force_N"]
+    assert force["unit"] == "N" and force["value"] == pytest.approx(20.4, rel=0.15)
+    assert d["sealed"]["interval"][0] > 0
+    assert d["sealed"]["nrmse_after"]["position"] < 0.9 * d["sealed"]["nrmse_before"]["position"]
+
+
+@needs_known
+def test_the_pulse_counter_is_folded(tmp_path: Path) -> None:
+    d = diagnose(KNOWN / "coupled_drives", tmp_path)
+    assert d["verdict"] == "named" and [e["id"] for e in d["effects"]] == ["sensor_rectified"]
+    assert d["effects"][0]["location"]["outputs"] == ["speed"] and d["sealed"]["interval"][0] > 0
+
+
+@needs_known
+def test_an_overflow_is_given_no_other_name(tmp_path: Path) -> None:
+    """The catalogue holds no overflow: whatever comes out, it is not one of the names it has."""
+    d = diagnose(KNOWN / "cascaded_tanks", tmp_path)
+    assert d["verdict"] in ("unnamed", "no_mismatch", "immaterial", "parameter", "not_testable")
+    assert {e["id"] for e in d["effects"]} <= {"parameter_error"}
+
+
+ROLES = """[recording]
+sample_time_s = 0.08
+[[channel]]
+name = "voltage"
+unit = "V"
+role = "input"
+[[channel]]
+name = "temperature"
+unit = "V"
+role = "output"
+"""
+
+
+def dryer_case(folder: Path, rows: slice) -> Path:
+    """Write a case around part of the recording; returns the folder, the model is still to be written."""
+    folder.mkdir()
+    table = np.genfromtxt(DRYER, delimiter=",", names=True)
+    u, y = (table[n] for n in table.dtype.names[-2:])
+    with open(folder / "recording.csv", "w", newline="") as handle:
+        writer = csv.writer(handle)
+        writer.writerow(["voltage", "temperature"])
+        writer.writerows(zip(u[rows], y[rows], strict=True))
+    (folder / "roles.toml").write_text(ROLES)
+    (folder / "case.toml").write_text(
+        '[case]\ntitle = "hair dryer"\n[recordings]\nfiles = ["recording.csv"]\nroles = "roles.toml"\n'
+        '[baseline]\nkind = "state_space"\nfile = "model.json"\n'
+    )
+    return folder
+
+
+LAGS = """[model]
+name = "heater and sensor, no dead time"
+[parameters]
+T1 = { value = 0.2, min = 0.02, max = 3.0, unit = "s", free = true }
+T2 = { value = 0.2, min = 0.02, max = 3.0, unit = "s", free = true }
+g = { value = 1.0, min = 0.1, max = 3.0, unit = "1", free = true }
+y0 = { value = 0.0, min = -10.0, max = 10.0, unit = "V", free = true }
+[[state]]
+name = "heater"
+derivative = "(g*voltage - heater)/T1"
+initial = { value = 5.0, free = true }
+unit = "V"
+[[state]]
+name = "air"
+derivative = "(heater - air)/T2"
+initial = { value = 5.0, free = true }
+unit = "V"
+[[output]]
+name = "temperature"
+equation = "air + y0"
+unit = "V"
+"""
+
+
+@needs_dryer
+def test_a_model_of_the_dryer_lacks_nothing(tmp_path: Path) -> None:
+    """Identified on one half of the real recording, diagnosed on the other."""
+    first, second = dryer_case(tmp_path / "first", slice(0, 500)), dryer_case(tmp_path / "second", slice(500, 1000))
+    done = main(["identify", str(first / "recording.csv"), "--roles", str(first / "roles.toml"), "--past", "15",
+                 "--future", "10", "--out", str(second / "model.json")])  # fmt: skip
+    assert done == 0
+    assert diagnose(second, tmp_path / "out")["verdict"] in ("no_mismatch", "immaterial")
+
+
+@needs_dryer
+def test_a_dryer_without_its_dead_time_is_given_it(tmp_path: Path) -> None:
+    """Two lags instead of air on its way through a tube: two to three samples of 0.08 s by every published model."""
+    case = dryer_case(tmp_path / "case", slice(0, 1000))
+    (case / "model.toml").write_text(LAGS)
+    text = (case / "case.toml").read_text()
+    (case / "case.toml").write_text(text.replace("state_space", "equations").replace("model.json", "model.toml"))
+    d = diagnose(case, tmp_path / "out")
+    assert d["verdict"] in ("named", "ambiguous") and d["effects"][0]["id"] == "transport_delay"
+    assert 0.12 < d["effects"][0]["parameters"]["delay_s"]["value"] < 0.26
+    assert d["sealed"]["interval"][0] > 0
