@@ -17,9 +17,11 @@ from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.scores import minimum_detectable
 
 Array = NDArray[np.float64]
-_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word
+_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
+_VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
-_CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing
+_CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
+_CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart
 
 
@@ -61,7 +63,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]]]:
         and block_interval(top.select, study.seed)[0] > 0
         and top.sealed.sum() > _CEILING_GAIN
         and block_interval(top.sealed, study.seed)[0] > 0
-        and top.sealed.mean() > _MATERIAL
+        and top.sealed.mean() > _CEILING_RATE * len(study.prepared.extended.outputs)
     ):
         return "unnamed", []
     declared = study.declared_proof
@@ -171,12 +173,11 @@ def recovered_fraction(study: Study, proof: Proof) -> float:
 
 
 def _material(proof: Proof) -> bool:
-    """Tell whether some output is predicted at some horizon with an error smaller by half a percent or more."""
+    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread."""
+    pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
     for rows in proof.profile.values():
-        for before, after in zip(rows["before"], rows["after"], strict=True):
-            if before > 0 and after < before * (1 - _MATERIAL):
-                return True
-    return any(proof.nrmse_after[k] < v * (1 - _MATERIAL) for k, v in proof.nrmse_before.items())
+        pairs += list(zip(rows["before"], rows["after"], strict=True))
+    return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
 
 
 def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
