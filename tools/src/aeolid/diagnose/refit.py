@@ -88,7 +88,10 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
     for origin in origins:
         for options in itertools.product(*(_starts(r) for r in rows)):
             merged = {k: v for o in options for k, v in o.items()}
-            starts.append(_with_gains(shifted(origin, model, _clip(merged, predictor, prepared)), rows, prepared))
+            start = shifted(origin, model, _clip(merged, predictor, prepared))
+            starts.append(_with_gains(start, rows, prepared))
+            if start.K is not None and any(r.gain_estimate for r in rows):
+                starts.append(start)  # the score's one step in the gain may leave the stable region
     if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
         effects = [model.index(s.name) for a in attachments for s in a.slots]
         starts += explore(predictor, starts[0], free, effects)
