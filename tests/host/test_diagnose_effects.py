@@ -44,6 +44,7 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
         ("rectifier", "equations"),
         ("bracket", "equations"),
         ("delay", "state_space"),
+        ("bracket", "state_space"),
     ],
 )
 def test_concealed_physics_is_named(tmp_path: Path, name: str, kind: str) -> None:
