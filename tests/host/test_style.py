@@ -13,8 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "tools" / "src" / "aeolid"
 MODULES = sorted(PACKAGE.rglob("*.py"))
 LEVEL = {"errors": 0, "record": 1, "models": 2, "identify": 3, "diagnose": 4, "report": 5, "cli": 6, "demo": 7}
-MOST_LINES, MOST_BODY = 360, 50
-LONGER = {"diagnose/predictor.py": 520}  # one filter: its compiled loops and what prepares them share one state layout
+MOST_LINES, MOST_BODY = 350, 40
 SIDE = {"can", "formats", "filters", "native", "plants"}  # hang off record; models are below them
 TOP = {"CMakeLists.txt", "src", "include", "port", "tests", "tools", "README.md", "DESIGN.md", "CHANGELOG.md",
        "LICENSE", ".clang-format", ".ci", ".gitignore"}  # fmt: skip
@@ -42,8 +41,8 @@ def body_lines(function: ast.FunctionDef) -> int:
 def test_modules_keep_to_the_style(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     tree = ast.parse(text)
-    lines, most = len(text.splitlines()), LONGER.get(str(path.relative_to(PACKAGE)), MOST_LINES)
-    faults = [] if lines <= most else [f"{lines} lines: split it"]
+    lines = len(text.splitlines())
+    faults = [] if lines <= MOST_LINES else [f"{lines} lines: split it"]
     if not ast.get_docstring(tree):
         faults.append("no module docstring")
     for function in functions(tree):

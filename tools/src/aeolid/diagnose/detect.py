@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
 from aeolid.diagnose.noise import filter_var
-from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment
+from aeolid.diagnose.point import Point, Segment
+from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
 
 Array = NDArray[np.float64]

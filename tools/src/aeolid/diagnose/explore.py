@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import qmc
 
-from aeolid.diagnose.predictor import Fit, Free, Point, Predictor
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Fit, Predictor
 
 _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
 _PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings

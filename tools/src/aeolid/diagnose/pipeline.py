@@ -13,7 +13,8 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
-from aeolid.diagnose.predictor import Fit, Point, Predictor
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.refit import Candidate, finalists, refit
@@ -74,17 +75,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     second, after_bank = (None, None) if winner is None else second_effect(prepared, winner, seed)
     done()
     done = step("sealed proof", 0.6)
-    base = (prepared.predictor, prepared.fit)
-    chosen = second or winner
-    proof = (
-        None
-        if chosen is None
-        else prove(base, (chosen.predictor, chosen.fit), prepared.split.sealed, prepared.settle_s, seed)
-    )
-    if second is not None and winner is not None and proof is not None:
-        alone = prove(base, (winner.predictor, winner.fit), prepared.split.sealed, prepared.settle_s, seed)
-        if block_interval(proof.difference - alone.difference, seed)[0] <= 0:  # the pair must beat the first effect
-            second, proof = None, alone
+    second, proof = _prove(prepared, winner, second, seed)
     declared_proof = _declared(prepared, seed)
     top = ceiling(prepared, prepared.fit, prepared.split.sealed)
     bands = band_power(prepared.predictor, prepared.fit, seed)
@@ -97,6 +88,25 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
         case, seed, findings, prepared, bank, tuple(candidates), winner, second, proof, declared_proof, top, bands,
         after_bank, (sham, hits, tuple(largest)), timing,
     )  # fmt: skip
+
+
+def _prove(
+    prepared: Prepared, winner: Candidate | None, second: Candidate | None, seed: int
+) -> tuple[Candidate | None, Proof | None]:
+    """Hold the chosen effects against the sealed data; a pair must beat its first effect there too, or goes."""
+    if winner is None:
+        return None, None
+
+    def against_baseline(chosen: Candidate) -> Proof:
+        pair = (prepared.predictor, prepared.fit), (chosen.predictor, chosen.fit)
+        return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
+
+    alone = against_baseline(winner)
+    if second is None:
+        return None, alone
+    both = against_baseline(second)
+    better = block_interval(both.difference - alone.difference, seed)[0] > 0
+    return (second, both) if better else (None, alone)
 
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:

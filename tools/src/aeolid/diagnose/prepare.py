@@ -15,7 +15,8 @@ from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
 from aeolid.diagnose.gains import steady_gain
-from aeolid.diagnose.predictor import Fit, Free, Point, Predictor, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Scales, Segment
+from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import DataError, NotIdentifiable
@@ -25,6 +26,7 @@ from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_")  # free parameters that are not physics of the model
+_MOST_STATES = 40  # beyond that compiling and fitting take minutes
 _FORCE_START = 1e-3  # amplitude of an unmeasured force a sample, in the size of what it acts against
 
 
@@ -47,42 +49,62 @@ class Prepared:
 
 def prepare(case: Case) -> Prepared:
     """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
-    step = case.records[0].sample_time_s
-    linear = discretise(case.baseline, step) if isinstance(case.baseline, StateSpace) else None
-    declared = equations_of(linear, shaped_noise=True) if linear is not None else case.baseline
-    assert isinstance(declared, Equations)
-    if linear is not None and linear.order > 40:
-        raise DataError(f"{case.baseline_file}: {linear.order} states; reduce the model to at most 40 for a diagnosis")
+    declared, linear = _as_equations(case)
     compiled = compile_equations(declared)
     names = [s.name for s in declared.inputs]
     outputs = [o.name for o in declared.outputs]
+    step = case.records[0].sample_time_s
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in case.records]), step)
     factor = factor_for(fastest, step, sum(len(r) for r in case.records)) if linear is None else 1
     split = split_records(case.records, names, outputs, settle, factor)
-    y = np.vstack([s.y for s in split.fit])
+    u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
     rough, scales = _rough(compiled, split.fit, spreads, linear)
     sizes, rates = _sizes(rough, scales)
-    own = dict(zip([s.name for s in declared.states], rates.tolist(), strict=True))
-    forces: dict[str, float] = {}
-    if linear is None:
-        found = motions_of_equations(declared, sizes, rates)
-        span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
-        extended, added = shape_forces(declared, span, split.fit[0].step)
-        forces = {f: own[f.removeprefix("unmeasured_")] * _mass(declared, f) for f in added}
-    else:
-        found, extended = motions_of_state_space(linear, declared, sizes, spreads)
-        plain = equations_of(linear, shaped_noise=False)
-        declared = replace(plain, auxiliaries=extended.auxiliaries)  # what the corrected model is built on
-    motions = tuple(found)
-    u = np.vstack([s.u for s in split.fit])
-    site = Site(extended, linear, motions, step, u, y, tuple(names), tuple(outputs), case.context)
+    motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
+    if linear is not None:  # what the corrected model is built on: the modes' coordinates, no noise states
+        declared = replace(equations_of(linear, shaped_noise=False), auxiliaries=working.auxiliaries)
+    site = Site(working, linear, motions, step, step * factor, u, y, tuple(names), tuple(outputs), case.context)
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
+    extended = working
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale the model's own terms only
         extended = a.edit(extended)
     predictor, free, start = _extend(
         compile_equations(extended), rough[1], attachments, split.fit, (sizes, spreads), forces
     )
+    predictor, fit = _fit_baseline(predictor, free, start, case)
+    return Prepared(
+        declared, linear, extended, predictor, split, attachments, motions, free, fit, settle, factor
+    )  # fmt: skip
+
+
+def _as_equations(case: Case) -> tuple[Equations, StateSpace | None]:
+    if isinstance(case.baseline, Equations):
+        return case.baseline, None
+    linear = discretise(case.baseline, case.records[0].sample_time_s)
+    if linear.order > _MOST_STATES:
+        raise DataError(
+            f"{case.baseline_file}: {linear.order} states; reduce the model to at most {_MOST_STATES} for a diagnosis"
+        )
+    return equations_of(linear, shaped_noise=True), linear
+
+
+def _anatomy(
+    declared: Equations, linear: StateSpace | None, typical: tuple[Array, Array, Array], split: Split, settle: float
+) -> tuple[tuple[Motion, ...], Equations, dict[str, float]]:
+    """Return the motions, the working model (unmeasured forces or modal coordinates added), the forces' sizes."""
+    sizes, rates, spreads = typical
+    if linear is not None:
+        found, working = motions_of_state_space(linear, declared, sizes, spreads)
+        return tuple(found), working, {}
+    own = dict(zip([s.name for s in declared.states], rates.tolist(), strict=True))
+    span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
+    working, added = shape_forces(declared, span, split.fit[0].step)
+    forces = {f: own[f.removeprefix("unmeasured_")] * _mass(declared, f) for f in added}
+    return tuple(motions_of_equations(declared, sizes, rates)), working, forces
+
+
+def _fit_baseline(predictor: Predictor, free: Free, start: Point, case: Case) -> tuple[Predictor, Fit]:
     predictor = predictor.with_order(predictor.choose_var_order(start))
     fit = fit_best(predictor, [start, *explore(predictor, start, free)], free)
     if fit is not None:
@@ -90,11 +112,9 @@ def prepare(case: Case) -> Prepared:
         fit = predictor.fit(fit.point, free, iterations=40)
     if fit is None:
         raise NotIdentifiable(
-            f"{case.baseline_file}: the baseline diverges on {split.fit[0].source}; check units and signs"
+            f"{case.baseline_file}: the baseline diverges on {case.records[0].source}; check units and signs"
         )
-    return Prepared(
-        declared, linear, extended, predictor, split, attachments, motions, free, fit, settle, factor
-    )  # fmt: skip
+    return predictor, fit
 
 
 def _time_scales(compiled: Compiled, u: Array, step: float) -> tuple[float, float]:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from aeolid.diagnose.noise import colour_var
-from aeolid.diagnose.predictor import Fit, Point, Predictor, Segment
+from aeolid.diagnose.point import Point, Segment
+from aeolid.diagnose.predictor import Fit, Predictor
 
 Array = NDArray[np.float64]
 _DRAWS = 2000

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.explore import explore, fit_best
-from aeolid.diagnose.predictor import Fit, Free, Point, Predictor
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.scores import Bank, Row, overlap, shifted
 

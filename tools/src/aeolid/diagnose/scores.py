@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
-from aeolid.diagnose.predictor import Fit, Point, Predictor
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -128,8 +129,7 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
         if not np.all(np.isfinite(G)):
             continue
         size = np.linalg.norm(G, axis=0)
-        projected = G - baseline @ (baseline.T @ G)
-        projected -= baseline @ (baseline.T @ projected)  # twice is enough for orthogonality to rounding
+        projected = _outside(G, baseline)
         keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
         if not np.any(keep):
             continue
@@ -147,6 +147,13 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
                 Q, R, sided,
             )
         )  # fmt: skip
+    return result
+
+
+def _outside(G: Array, baseline: Array) -> Array:
+    """Return the part of G outside the baseline's span; projected twice, orthogonal to rounding."""
+    once = G - baseline @ (baseline.T @ G)
+    result: Array = once - baseline @ (baseline.T @ once)
     return result
 
 

@@ -30,12 +30,16 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class Site:
-    """Hold what an entry may look at to decide where it attaches."""
+    """Hold what an entry may look at to decide where it attaches.
+
+    step is the sample time of u (N, r) in s, row_step the time between the rows of y that correct the model.
+    """
 
     model: Equations
     linear: StateSpace | None
     motions: tuple[Motion, ...]
     step: float
+    row_step: float
     u: Array
     y: Array
     input_names: tuple[str, ...]

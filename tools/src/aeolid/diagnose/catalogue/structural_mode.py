@@ -22,7 +22,7 @@ def _on(j: int, name: str, site: Site) -> Attachment:
     tag = f"mode{j + 1}"
     q, v, w, zeta = f"{tag}_q", f"{tag}_v", f"{tag}_frequency_hz", f"{tag}_damping"
     drives = [f"{tag}_b{i + 1}" for i in range(len(site.input_names))]
-    low, high = 4.0 / (len(site.u) * site.step), 0.4 / site.step
+    low, high = 4.0 / (len(site.u) * site.step), 0.4 / site.row_step
     spread = float(np.nanstd(site.y[:, j])) or 1.0
     sizes = [spread / (float(np.std(site.u[:, i])) or 1.0) for i in range(len(drives))]
 

@@ -1,0 +1,77 @@
+"""Hold what a predictor runs on and what a fit may move: data, parameter values, free sets, scales."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Hold a gap-free stretch of one recording; the first `burn` rows settle the state and are not scored.
+
+    y (N, l) one row every `step` seconds; u (N · stride, r) at the recording's own rate.
+    """
+
+    u: Array
+    y: Array
+    step: float
+    source: str
+    start_s: float
+    burn: int
+    stride: int = 1
+
+    @property
+    def fine_step(self) -> float:
+        """Return the sample time of u in seconds."""
+        return self.step / self.stride
+
+    @property
+    def stop_s(self) -> float:
+        """Return where the stretch ends, in seconds."""
+        return self.start_s + len(self.y) * self.step
+
+    def head(self, rows: int) -> Segment:
+        """Return the first rows, all scored."""
+        return replace(self, u=self.u[: rows * self.stride], y=self.y[:rows], burn=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Hold everything the predictor needs.
+
+    theta (np,); noise: amplitudes (n + l,) of process and sensor noise in units of each state's and output's size,
+    from which the Kalman gain follows, or K (n, l) itself where the noise has no physical home; x0 (n,) a segment.
+    """
+
+    theta: Array
+    noise: Array
+    K: Array | None
+    x0: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class Free:
+    """Name what a fit may move: entries of θ, noise amplitudes, entries of K, entries of every segment's x0."""
+
+    theta: tuple[int, ...]
+    noise: tuple[int, ...]
+    gain: tuple[tuple[int, int], ...]
+    x0: tuple[int, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Scales:
+    """Hold the typical sizes that finite differences and damping are measured in."""
+
+    theta: Array
+    gain: Array
+    x0: Array
+    low: Array
+    high: Array
+    prior: Array  # (np, 2): value and standard deviation, inf where none is declared
+    spread: Array  # (l,): standard deviation of each output
