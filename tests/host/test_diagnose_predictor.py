@@ -317,3 +317,6 @@ def test_other_data_are_scored_from_a_start_of_their_own() -> None:
     states = p.on((whole,)).run(replace(fit.point, x0=(np.zeros(2),)), 0)[2]
     assert np.all(np.abs(settled.x0[0] - states[100]) < 0.5 * states.std(axis=0))
     assert density.mean() > fit.per_sample.mean() - 0.5  # half a nat a sample: the same world, other noise
+    held = p.score_elsewhere(replace(fit, free=replace(fit.free, x0=(0,))), (late,))[2]
+    assert held.x0[0][1] in (0.0, fit.point.x0[0][1])  # a state that is not in the fit is left where it was
+    assert held.x0[0][0] != fit.point.x0[0][0]
