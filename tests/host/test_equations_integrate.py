@@ -123,7 +123,7 @@ def test_a_discrete_model_equals_the_state_space_run() -> None:
     """Both do the same sums in another order: equality to rounding."""
     model = linear()
     u = np.random.default_rng(4).normal(1.0, 2.0, size=(300, 2))
-    converted = compile_equations(equations_of(model))
+    converted = compile_equations(equations_of(model, shaped_noise=True))
     y = simulate(converted, u, converted.model.theta, converted.model.x0, 0.1)
     np.testing.assert_allclose(y, model.simulate(u), rtol=1e-11, atol=1e-11)
 
@@ -210,7 +210,7 @@ def test_a_missing_output_corrects_nothing() -> None:
 @pytest.mark.parametrize("discrete", [False, True])
 def test_generating_and_predicting_are_inverse(discrete: bool) -> None:
     """y = ŷ(e) + e, and the predictor run on that y gives e back to rounding."""
-    compiled = compile_equations(equations_of(linear())) if discrete else pendulum()
+    compiled = compile_equations(equations_of(linear(), shaped_noise=True)) if discrete else pendulum()
     model, rng = compiled.model, np.random.default_rng(3)
     n, step = len(model.states), 0.1 if discrete else 0.02
     u, innovations = rng.standard_normal((80, len(model.inputs))), rng.standard_normal((80, 2))
@@ -232,7 +232,7 @@ def test_jacobians_are_the_derivatives() -> None:
 
 
 def test_another_sample_time_is_refused() -> None:
-    compiled = compile_equations(equations_of(linear()))
+    compiled = compile_equations(equations_of(linear(), shaped_noise=True))
     with pytest.raises(DataError, match="resample"):
         simulate(compiled, np.zeros((5, 2)), compiled.model.theta, compiled.model.x0, 0.2)
 

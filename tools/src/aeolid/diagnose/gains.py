@@ -53,3 +53,14 @@ def steady_gain(A: Array, C: Array, Q: Array, R: Array) -> Array:
             break
     gain: Array = A @ H @ C.T @ np.linalg.inv(C @ H @ C.T + R)
     return gain
+
+
+def forgets(compiled: Compiled, x: Array, u: Array, theta: Array, K: Array, step: float) -> bool:
+    """Tell whether the predictor forgets its start: all |eigenvalues| of A − K C below 1, linearised at x, u."""
+    A = numeric_jacobian(compiled, x, u, theta)
+    if not np.all(np.isfinite(A)):
+        return False
+    if not compiled.model.sample_time_s:
+        A = np.asarray(expm(A * step))
+    closed = A - K @ output_jacobian(compiled, x, u, theta)
+    return bool(np.all(np.isfinite(closed)) and np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0) < 1.0)

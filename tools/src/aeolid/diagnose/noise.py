@@ -72,3 +72,16 @@ def log_density(white: Array, noise: Noise, outputs: int) -> Array:
     constant = outputs * np.log(2 * np.pi) + np.linalg.slogdet(noise.covariance)[1]
     result: Array = -0.5 * (squares + constant)
     return result
+
+
+def levelled_density(white: Array, noise: Noise, lengths: Sequence[int]) -> Array:
+    """Return the log-density (N,) of stretches of these lengths, each at a noise level of its own, estimated here."""
+    outputs = len(noise.covariance)
+    parts, start = [], 0
+    for length in lengths:
+        stop = start + length * outputs
+        piece = white[start:stop]
+        level = np.sqrt(max(float(np.mean(np.minimum(piece**2, 1e12))), 1e-12))
+        parts.append(log_density(piece / level, noise, outputs) - outputs * np.log(level))
+        start = stop
+    return np.concatenate(parts)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.case import Case
+from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
@@ -125,10 +126,8 @@ def is_accepted(candidate: Candidate) -> bool:
 
 def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
-    taken = {a.key for a in winner.attachments}
-    rest = tuple(
-        a for a in prepared.attachments if a.key not in taken and a.entry not in {x.entry for x in winner.attachments}
-    )
+    families = {entry(a.entry).family for a in winner.attachments}  # a lag and a delay are one drive of higher order
+    rest = tuple(a for a in prepared.attachments if entry(a.entry).family not in families)
     bank = score_bank(winner.predictor, winner.fit, rest, seed)
     rows = [r for r in bank.rows if r.z > bank.threshold][:2]
     base_select = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)[0]

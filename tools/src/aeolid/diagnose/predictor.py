@@ -13,8 +13,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.gains import kalman_gain
-from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, log_density
+from aeolid.diagnose.gains import forgets, kalman_gain
+from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.models.integrate import Compiled, apply_filters, substeps
 
@@ -105,7 +105,15 @@ class Predictor:
         return estimate_noise(innovations, [s.burn for s in self.segments], order)
 
     def objective(self, point: Point) -> float:
-        """Return minus the log-likelihood, noise model concentrated out, plus the priors; huge where it diverges."""
+        """Return minus the log-likelihood, noise model concentrated out, plus the priors; huge where it diverges.
+
+        A free gain that leaves the predictor unstable counts as diverging: over a short stretch its own start hides
+        the growth, over other data nothing does.
+        """
+        first = self.segments[0]
+        x, u = self.compiled.model.x0 + self.scales.x0, np.median(first.u, axis=0)
+        if point.K is not None and not forgets(self.compiled, x, u, point.theta, self.gain(point), first.step):
+            return _HUGE
         noise = self.noise_of(self.innovations(point))
         if noise is None:
             return _HUGE
@@ -295,7 +303,8 @@ class Predictor:
             starts.append(_settle(self.on([head]), fit))
         point = replace(fit.point, x0=tuple(starts))
         white = other.whitened(other.innovations(point), fit.noise)
-        return _levelled_density(white, fit.noise, segments), other, point
+        lengths = [len(s.y) - s.burn for s in segments]
+        return levelled_density(white, fit.noise, lengths), other, point
 
 
 def _damped_step(gram: Array, slope: Array, damping: float) -> Array:
@@ -304,18 +313,6 @@ def _damped_step(gram: Array, slope: Array, damping: float) -> Array:
     scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
     step: Array = np.linalg.solve(scaled, slope / size) / size
     return step
-
-
-def _levelled_density(white: Array, noise: Noise, segments: Sequence[Segment]) -> Array:
-    outputs = segments[0].y.shape[1]
-    parts, start = [], 0
-    for segment in segments:
-        stop = start + (len(segment.y) - segment.burn) * outputs
-        piece = white[start:stop]
-        level = np.sqrt(max(float(np.mean(np.minimum(piece**2, 1e12))), 1e-12))
-        parts.append(log_density(piece / level, noise, outputs) - outputs * np.log(level))
-        start = stop
-    return np.concatenate(parts)
 
 
 def _settle(head: Predictor, fit: Fit) -> Array:

@@ -168,7 +168,18 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
             value = float(fit.point.theta[model.index(slot.name)])
             if at_bound(value, slot):
                 return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+        sizes = [s for s in a.slots if s.local and s.label and model.index(s.name) in fit.free.theta]
+        if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
+            return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"
+        drives = [s for s in a.slots if s.local and not s.label and model.index(s.name) in fit.free.theta]
+        if a.gain_states and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
+            return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return True, ""
+
+
+def _differs(slot: Slot, fit: Fit, index: int, times: float = 2.0) -> bool:
+    std = float(fit.std[fit.free.theta.index(index)])
+    return bool(abs(float(fit.point.theta[index]) - slot.null) >= times * std)
 
 
 def at_bound(value: float, slot: Slot) -> bool:
