@@ -76,11 +76,7 @@ def test_nothing_concealed_nothing_named(tmp_path: Path, name: str, kind: str) -
     assert run(name, kind, tmp_path)["verdict"] in ("no_mismatch", "immaterial")
 
 
-COLOURED = pytest.mark.xfail(reason="a noise-driven mode is named where the disturbance has a colour of its own")
-
-
 @pytest.mark.parametrize("name", ["null, 0.5 N over 0.5 s, sensor 0.01", "null, position only"])
-@COLOURED
 def test_a_coloured_disturbance_is_no_effect(tmp_path: Path, name: str) -> None:
     row = run(name, "equations", tmp_path, SEEN[name])
     assert row["verdict"] in ("no_mismatch", "immaterial"), row
@@ -90,8 +86,8 @@ def test_a_coloured_disturbance_is_no_effect(tmp_path: Path, name: str) -> None:
     "name",
     [
         "swinging spring",
-        pytest.param("hysteresis", marks=pytest.mark.xfail(reason="a mode and a delay together imitate the loop")),
-        pytest.param("backlash", marks=pytest.mark.xfail(reason="changed masses and springs imitate a small play")),
+        "hysteresis",
+        "backlash",
     ],
 )
 def test_no_name_is_forced_on_what_has_none(tmp_path: Path, name: str) -> None:

@@ -135,6 +135,7 @@ def simulate(rig: dict[str, float], noise: tuple[float, float, float], samples: 
         rows[i] = command, *seen
         for j in range(FINE):
             push = keep * push + kicks[i * FINE + j]
+            q += 0.5 * dt * v  # drift, kick, drift: position and speed belong to one instant, second order
             acting = GAIN * _drive(rig, s, queue, command, dt)
             total = acting + push + _force(rig, s, q, v, i * STEP_S, dt)
             acceleration = (total - DAMPING * v - STIFFNESS * q) / MASS
@@ -142,8 +143,8 @@ def simulate(rig: dict[str, float], noise: tuple[float, float, float], samples: 
                 w = 2 * math.pi * rig["bracket_hz"]
                 bracket_rate += dt * (-acceleration - w * w * bracket - 2 * rig["bracket_zeta"] * w * bracket_rate)
                 bracket += dt * bracket_rate
-            v += dt * acceleration  # semi-implicit: no energy drift
-            q += dt * v
+            v += dt * acceleration
+            q += 0.5 * dt * v
     if "rectified" in rig:
         rows[:, 2] = abs(rows[:, 2])
     return {"time_s": STEP_S * np.arange(samples), "drive": rows[:, 0], "position": rows[:, 1], "speed": rows[:, 2]}

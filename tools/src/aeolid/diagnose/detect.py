@@ -6,6 +6,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
@@ -35,11 +36,11 @@ def ceiling(prepared: Prepared, fit: Fit, sealed: tuple[Segment, ...]) -> Ceilin
     """Regress whitened innovations on past inputs, innovations and functions of the predicted states.
 
     A ridge regression fitted on the fit part, its strength chosen on the select part: what no named effect explains
-    but the data would allow. Features: `lags` of inputs and innovations; odd and even functions of the states (signs,
-    squares, cubes, products). Cost O(N q²).
+    but the data would allow. Features: `lags` of inputs and innovations; signs, squares,
+    cubes, sizes and plays of inputs and states. Cost O(N q²).
     """
     predictor = prepared.predictor
-    sizes = _state_sizes(predictor, fit.point)
+    sizes = _sizes(predictor, fit.point)
     X, R, groups = _features(predictor, fit.point, fit, sizes)
     mean, spread = X.mean(axis=0), X.std(axis=0)
     keep = spread > 1e-9 * max(float(spread.max(initial=0.0)), 1e-300)
@@ -77,7 +78,7 @@ def _gain(Z: Array, R: Array, w: Array) -> Array:
 
 
 def _features(
-    predictor: Predictor, point: Point, fit: Fit, sizes: tuple[Array, Array]
+    predictor: Predictor, point: Point, fit: Fit, sizes: tuple[Array, Array, Array, Array]
 ) -> tuple[Array, Array, list[str]]:
     rows, targets = [], []
     groups: list[str] = []
@@ -96,29 +97,54 @@ def _coarse(segment: Segment) -> Array:
     return mean
 
 
-def _state_sizes(predictor: Predictor, point: Point) -> tuple[Array, Array]:
+def _sizes(predictor: Predictor, point: Point) -> tuple[Array, Array, Array, Array]:
+    """Return means and spreads of the states (n,) and of the inputs (r,) over the fit part."""
     X = np.vstack([predictor.run(point, i)[2][segment.burn :] for i, segment in enumerate(predictor.segments)])
-    return X.mean(axis=0), X.std(axis=0)
+    u = np.vstack([_coarse(segment) for segment in predictor.segments])
+    return X.mean(axis=0), X.std(axis=0), u.mean(axis=0), u.std(axis=0)
 
 
-def _columns(u: Array, white: Array, X: Array, sizes: tuple[Array, Array]) -> tuple[Array, list[str]]:
+def _columns(u: Array, white: Array, X: Array, sizes: tuple[Array, Array, Array, Array]) -> tuple[Array, list[str]]:
     columns, groups = [], []
     for lag in range(1, _LAGS + 1):
         for source, name in ((u, "past inputs"), (white, "past innovations")):
             for j in range(source.shape[1]):
                 columns.append(lfilter(np.eye(lag + 1)[lag], 1.0, source[:, j]))
                 groups.append(name)
+    for j, (centre, size) in enumerate(zip(sizes[2], sizes[3], strict=True)):
+        if size > 0:  # as in the fit part, so that every part has the same columns
+            bent, names = _bent((u[:, j] - centre) / size, "an input")
+            columns += bent
+            groups += names
     moving = sizes[1] > 1e-9 * max(float(sizes[1].max(initial=0.0)), 1e-300)
     raw = X[:, moving] / sizes[1][moving]
     S = raw - sizes[0][moving] / sizes[1][moving]
     for j in range(S.shape[1]):
-        for values, name in (
-            (S[:, j], "states"), (np.tanh(10 * raw[:, j]), "sign of a state"), (raw[:, j] ** 2, "square of a state"),
-            (raw[:, j] ** 3, "cube of a state"), (np.abs(raw[:, j]), "size of a state"),
-        ):  # fmt: skip
-            columns.append(values)
-            groups.append(name)
+        columns.append(S[:, j])
+        groups.append("states")
+        bent, names = _bent(raw[:, j], "a state")
+        columns += bent
+        groups += names
     return np.column_stack(columns), groups
+
+
+def _bent(values: Array, what: str) -> tuple[list[Array], list[str]]:
+    """Return functions that a linear model cannot make of a signal of unit size, and what each is called."""
+    plain = np.ascontiguousarray(np.nan_to_num(values))
+    columns = [np.tanh(10 * plain), plain**2, plain**3, np.abs(plain), play(plain, 0.2), play(plain, 0.6)]
+    names = [f"sign of {what}", f"square of {what}", f"cube of {what}", f"size of {what}"]
+    return columns, [*names, f"play of {what}", f"play of {what}"]
+
+
+@njit(cache=True)
+def play(values: Array, width: float) -> Array:
+    """Return the play (backlash) operator of a signal: it follows only after `width` of slack has been taken up."""
+    out = np.empty_like(values)
+    at = values[0]
+    for k in range(len(values)):
+        at = min(max(at, values[k] - width), values[k] + width)
+        out[k] = at
+    return out
 
 
 def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> list[dict[str, object]]:

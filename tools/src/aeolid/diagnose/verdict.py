@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
+_RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart
@@ -54,7 +55,9 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]]]:
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > 0:
         if not _material(study.proof):
             return "immaterial", []
-        if recovered_fraction(study, study.proof) >= _RECOVERED:
+        kinds = {a.entry for a in study.winner.attachments}
+        needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
+        if recovered_fraction(study, study.proof) >= needed:
             return _named(study, study.winner)
         return "unnamed", []
     top = study.ceiling

@@ -9,6 +9,8 @@ from functools import partial
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
+_STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5)  # samples
+
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
     return f"{name} takes effect {v['delay_s']:.3g} s later than the model says (a dead time)"
@@ -31,7 +33,7 @@ def _attach(site: Site) -> list[Attachment]:
             Attachment(
                 "transport_delay", f"transport_delay input:{name}", location(f"input:{name}", inputs=(name,)), edit,
                 (Slot(delay, "delay_s", "s", 0.0, 0.0, longest, 0.3 * site.step),),
-                starts=({}, {delay: 1.5 * site.step}, {delay: 4.5 * site.step}),
+                starts=({}, *({delay: k * site.step} for k in _STARTS)),  # a delay has an optimum in every sample
                 equation=f"{name}_actual(t) = {name}(t - delay_s)",
                 statement=partial(_statement, name),
             )
