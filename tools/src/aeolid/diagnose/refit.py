@@ -18,6 +18,7 @@ from aeolid.diagnose.scores import Bank, Row, overlap, shifted
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
+_STEPPED = 4  # further effects that are tried from finite steps once anything is found
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -48,14 +49,15 @@ class Candidate:
 
 
 def finalists(bank: Bank) -> list[Row]:
-    """Choose what to fit: rows over the threshold, their look-alikes, and hypotheses that have no local score."""
+    """Choose what to fit: rows over the threshold, their look-alikes, and those without a score to go by."""
     over = [r for r in bank.rows if r.z > bank.threshold]
     chosen = [r for r in bank.rows if r.attachment.always_fit]
     for row in over:
         for peer in [row] + [r for r in bank.rows if overlap(row, r) > _ALIKE]:
             if peer not in chosen and len(chosen) < MAX_FINALISTS:
                 chosen.append(peer)
-    return chosen
+    stepped = [r for r in bank.rows if r.attachment.stepped and r.testable and r not in chosen] if over else []
+    return chosen + stepped[:_STEPPED]
 
 
 def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared) -> Free:

@@ -31,6 +31,7 @@ def _attach(site: Site) -> list[Attachment]:
             Attachment(
                 "actuator_lag", f"actuator_lag input:{name}", location(f"input:{name}", inputs=(name,)), edit,
                 (Slot(tau, "tau_s", "s", 0.0, 0.0, span / 4, 0.3 * site.step),),
+                stepped=True,
                 starts=({}, {tau: site.step}, {tau: 5 * site.step}),
                 equation=f"d({name}_actual)/dt = ({name} - {name}_actual)/tau_s",
                 statement=partial(_statement, name),

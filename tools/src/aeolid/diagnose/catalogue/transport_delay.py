@@ -33,6 +33,7 @@ def _attach(site: Site) -> list[Attachment]:
             Attachment(
                 "transport_delay", f"transport_delay input:{name}", location(f"input:{name}", inputs=(name,)), edit,
                 (Slot(delay, "delay_s", "s", 0.0, 0.0, longest, 0.3 * site.step),),
+                stepped=True,
                 starts=({}, *({delay: k * site.step} for k in _STARTS)),  # a delay has an optimum in every sample
                 equation=f"{name}_actual(t) = {name}(t - delay_s)",
                 statement=partial(_statement, name),
