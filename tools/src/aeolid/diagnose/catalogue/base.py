@@ -72,8 +72,8 @@ class Attachment:
     edit puts the effect, at its null, into the model; gain_states are states it brings whose noise gain is free;
     fixed are parameters set when it is active; grid are values of the non-local parameters to scan;
     starts are values to begin a full fit from; what they leave out comes from the score's estimate.
-    always_fit: there is no score, fit it whatever the bank says. stepped: free parameters may absorb it so well that its
-    score at the null vanishes, fit it from finite steps whenever anything is found.
+    always_fit: there is no score, fit it whatever the bank says. stepped: free parameters may absorb it so well that
+    its score at the null vanishes, fit it from finite steps whenever anything is found.
     """
 
     entry: str
