@@ -49,7 +49,7 @@ def steady_gain(A: Array, C: Array, Q: Array, R: Array) -> Array:
         F = F_next
         if not np.all(np.abs(H) < 1e100):
             return np.zeros((n, len(C)))
-        if np.linalg.norm(change) <= 1e-10 * np.linalg.norm(H):
+        if np.linalg.norm(change) <= 1e-13 * np.linalg.norm(H):
             break
     gain: Array = A @ H @ C.T @ np.linalg.inv(C @ H @ C.T + R)
     return gain

@@ -200,7 +200,7 @@ class Predictor:
     def noise_column(self, point: Point, noise: Noise, base: Array, index: int) -> Array:
         """Return the change of −residual (M,) a unit of a noise amplitude's square (variance)."""
         amplitude = point.noise.copy()
-        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-10)
+        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-7)
         amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
         return (base - self.whitened(self.innovations(replace(point, noise=amplitude)), noise)) / h
 
