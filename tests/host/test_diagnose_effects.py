@@ -5,28 +5,23 @@ A reduced form of tests/studies/diagnosis.py: one recording a trial, seeds fixed
 
 from __future__ import annotations
 
-import importlib.util
-import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
+from study_modules import load_study
 
-STUDY = Path(__file__).resolve().parents[1] / "studies" / "diagnosis.py"
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.export import write_all
+from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.verdict import diagnose
+
 SAMPLES = 3000
 SEEN = {"null, 0.5 N over 0.5 s, sensor 0.01": 111, "null, position only": 115}  # recordings that once got a name
 
 
-def load_study():  # type: ignore[no-untyped-def]
-    spec = importlib.util.spec_from_file_location("diagnosis_study", STUDY)
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-rig = load_study()
+rig = load_study("diagnosis")
 TRIALS = {(t.name, t.kind): t for t in rig.trials()}
 
 
@@ -55,6 +50,23 @@ def test_concealed_physics_is_named(tmp_path: Path, name: str, kind: str) -> Non
     if quantity is not None:
         assert abs(row["parameter_error"]) < quantity[2], row
     assert row["recovered"] > 0.6
+
+
+def test_a_re_fitted_declared_value_is_proven_and_exported(tmp_path: Path) -> None:
+    """Where only a free declared value is wrong, proof and corrected model are those of the value, of no effect."""
+    case = load_case(rig.write_case(tmp_path / "case", TRIALS["wrong free stiffness", "equations"], SAMPLES, 7))
+    result = study(case, sham=0, seed=1, progress=lambda text, share: None)
+    found = diagnose(result)
+    assert found["verdict"] == "parameter" and found["effects"][0]["parameters"]["k"]["value"] == pytest.approx(
+        80, rel=0.05
+    )
+    sealed = found["sealed"]
+    assert sealed["interval"][0] > 0
+    assert all(sealed["nrmse_after"][n] < sealed["nrmse_before"][n] for n in ("position", "speed"))
+    write_all(result, found, tmp_path / "out")
+    model = tomllib.loads((tmp_path / "out" / "model" / "model.toml").read_text())
+    assert set(model["parameters"]) == {"M", "c", "k", "g"}  # nothing added
+    assert model["parameters"]["k"]["value"] == pytest.approx(80, rel=0.05)
 
 
 def test_a_wrong_declared_value_is_a_parameter(tmp_path: Path) -> None:

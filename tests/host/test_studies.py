@@ -1,17 +1,8 @@
 """Run the studies in their shortest form: the commands work and say what they should."""
 
-import importlib.util
 import json
-from pathlib import Path
 
-STUDIES = Path(__file__).resolve().parents[1] / "studies"
-
-
-def load_study(name):
-    spec = importlib.util.spec_from_file_location(name, STUDIES / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+from study_modules import load_study
 
 
 def test_paper000_finds_seven_states_and_the_poles(tmp_path, capsys):

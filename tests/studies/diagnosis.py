@@ -1,6 +1,7 @@
 """Hide known physics from a model and ask the diagnosis what is missing: recall, false names, confusion, errors.
 
-    python tests/studies/diagnosis.py [--seeds 3] [--samples 3000] [--sham 0] [--only NAME …] [--json FILE]
+    python tests/studies/diagnosis.py [--seeds 3] [--first-seed 1] [--samples 3000] [--sham 0]
+                                      [--only NAME …] [--json FILE]
 
 The rig is a mass on a spring, driven by a voltage under a sampled position loop with an injected test signal, pushed by
 an unmeasured random force and measured with noise. It is integrated here at 40 points a sample with forms that the
@@ -289,13 +290,14 @@ def main(arguments: list[str] | None = None) -> int:
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3, help="recordings a trial")
+    parser.add_argument("--first-seed", type=int, default=1, help="number of the first recording; 1 was seen in tuning")
     parser.add_argument("--samples", type=int, default=3000, help="length of each, at 50 Hz")
     parser.add_argument("--sham", type=int, default=0, help="null runs of the procedure in each diagnosis")
     parser.add_argument("--only", nargs="*", help="names (or parts of names) of trials")
     parser.add_argument("--json", help="write the rows to this file")
     options = parser.parse_args(arguments)
     chosen = [h for h in trials() if not options.only or any(o in f"{h.name} {h.kind}" for o in options.only)]
-    jobs = [(h, seed) for h in chosen for seed in range(1, options.seeds + 1)]
+    jobs = [(h, seed) for h in chosen for seed in range(options.first_seed, options.first_seed + options.seeds)]
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         for number, (hidden, seed) in enumerate(track(jobs, "diagnosing", disable=not sys.stderr.isatty())):

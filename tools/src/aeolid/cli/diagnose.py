@@ -31,6 +31,7 @@ def run(
 
     Example: aeolid diagnose my_case --out my_case/diagnosis
     """
+    from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from aeolid.diagnose.case import load_case
@@ -52,21 +53,23 @@ def run(
     diagnosis = diagnose(result)
     evidence = write_all(result, diagnosis, out)
     render_diagnosis(diagnosis, evidence, out / "report.html")
-    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {diagnosis['statement']}", soft_wrap=True)
+    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
     for effect in diagnosis["effects"]:
         for name, value in effect["parameters"].items():
             spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
-            console.print(f"  {effect['id']} {name} = {value['value']:.4g}{spread} {value['unit']}")
+            console.print(f"  {effect['id']} {name} = {value['value']:.4g}{spread} {value['unit']}", markup=False)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]
-        console.print(f"  sealed data: {sealed['data']}")
+        console.print(f"  sealed data: {sealed['data']}", markup=False)
         console.print(
             f"  log-likelihood gain {sealed['log_likelihood_gain']:.1f} (90 % interval {low:.1f} … {high:.1f})"
         )
         for name, before in sealed["nrmse_before"].items():
-            console.print(f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after")
-    console.print(f"  report: {out / 'report.html'}", soft_wrap=True)
+            console.print(
+                f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after", markup=False
+            )
+    console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)

@@ -14,6 +14,7 @@ from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.refit import Candidate
+from aeolid.diagnose.verdict import shown_proof
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 
@@ -48,12 +49,11 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    chosen = study.second or study.winner
-    named = diagnosis["verdict"] in ("named", "multiple", "ambiguous") or (
-        diagnosis["verdict"] == "parameter" and chosen is not None
-    )
-    fit = chosen.fit if named and chosen is not None else study.prepared.fit
-    model = corrected_model(study.prepared, fit, chosen if named else None)
+    chosen = (study.second or study.winner) if shown_proof(study) is not None else None
+    if shown_proof(study) is study.declared_proof:
+        chosen = None  # the declared values were re-fitted, no effect was added
+    fit = study.prepared.fit if chosen is None else chosen.fit
+    model = corrected_model(study.prepared, fit, chosen)
     (folder / "model").mkdir(exist_ok=True)
     (folder / "model" / "model.toml").write_text(model.to_toml(), encoding="utf-8")
     facts = evidence(study)
@@ -78,7 +78,7 @@ def write_series(series: dict[str, Any], path: Path) -> None:
 
 def evidence(study: Study) -> dict[str, Any]:
     """Return what the report's appendix shows, all keys plain JSON."""
-    proof = study.proof or study.declared_proof
+    proof = shown_proof(study) or study.proof or study.declared_proof  # without a claim: what was tried
     prepared = study.prepared
     parameters = []
     for k, i in enumerate(prepared.free.theta):

@@ -23,7 +23,7 @@ from aeolid.diagnose.scores import Bank, Row, score_bank
 
 Array = NDArray[np.float64]
 _SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
-_LEAST_GAIN = 4.0  # nats on the selection data: e^4, about 1 in 50 by chance for one parameter
+_LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
 
 Progress = Callable[[str, float], None]
 

@@ -24,6 +24,7 @@ _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the in
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
+_STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +187,7 @@ class Predictor:
 
     def step_of(self, index: int, point: Point) -> float:
         """Return a finite-difference step for one θ, into the allowed range."""
-        h = 1e-5 * max(float(self.scales.theta[index]), abs(float(point.theta[index])))
+        h = _STEP * max(float(self.scales.theta[index]), abs(float(point.theta[index])))
         return h if point.theta[index] + h <= self.scales.high[index] else -h
 
     def theta_column(self, point: Point, noise: Noise, base: Array, steps: dict[int, float]) -> Array:
@@ -207,13 +208,13 @@ class Predictor:
     def gain_column(self, point: Point, noise: Noise, base: Array, state: int, output: int) -> Array:
         """Return the change of −residual (M,) a unit of K[state, output]."""
         assert point.K is not None
-        h = 1e-5 * float(self.scales.gain[state, output])
+        h = _STEP * float(self.scales.gain[state, output])
         K = point.K.copy()
         K[state, output] += h
         return (base - self.whitened(self.innovations(replace(point, K=K)), noise)) / h
 
     def _x0_column(self, point: Point, noise: Noise, base: Array, segment: int, state: int) -> Array:
-        h = 1e-5 * self.scales.x0[state]
+        h = _STEP * self.scales.x0[state]
         x0 = list(point.x0)
         x0[segment] = x0[segment].copy()
         x0[segment][state] += h

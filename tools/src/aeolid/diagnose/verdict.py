@@ -28,8 +28,7 @@ _EVEN = 2.0  # |Vuong z| below which two models are not told apart
 
 def diagnose(study: Study) -> dict[str, Any]:
     """Return diagnosis.json: verdict, effects, where, sealed proof, false-alarm figures, what is not excluded."""
-    verdict, effects = _decide(study)
-    proof = study.proof if effects else (study.declared_proof if verdict == "parameter" else None)
+    verdict, effects, proof = _decide(study)
     return {
         "schema": 1,
         "title": study.case.title,
@@ -48,18 +47,24 @@ def diagnose(study: Study) -> dict[str, Any]:
     }
 
 
-def _decide(study: Study) -> tuple[str, list[dict[str, Any]]]:
+def shown_proof(study: Study) -> Proof | None:
+    """Return the proof that belongs to the verdict: of the named effects, or of the re-fitted declared values."""
+    return _decide(study)[2]
+
+
+def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
+    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed)."""
     fault = [f for f in study.findings if f.severity == "fault"]
     if fault:
-        return "data_fault", []
+        return "data_fault", [], None
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > 0:
         if not _material(study.proof):
-            return "immaterial", []
+            return "immaterial", [], None
         kinds = {a.entry for a in study.winner.attachments}
         needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
         if recovered_fraction(study, study.proof) >= needed:
-            return _named(study, study.winner)
-        return "unnamed", []
+            return *_named(study, study.winner), study.proof
+        return "unnamed", [], None
     top = study.ceiling
     if (
         top.select.sum() > _CEILING_GAIN
@@ -68,13 +73,13 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]]]:
         and block_interval(top.sealed, study.seed)[0] > 0
         and top.sealed.mean() > _CEILING_RATE * len(study.prepared.extended.outputs)
     ):
-        return "unnamed", []
+        return "unnamed", [], None
     declared = study.declared_proof
     if declared is not None and declared.interval[0] > 0 and _material(declared):
-        return "parameter", [_parameter_effect(study)]
+        return "parameter", [_parameter_effect(study)], declared
     if not any(r.testable for r in study.bank.rows):
-        return "not_testable", []
-    return "no_mismatch", []
+        return "not_testable", [], None
+    return "no_mismatch", [], None
 
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
@@ -263,7 +268,7 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     if verdict == "data_fault":
         return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
     if verdict == "immaterial":
-        return "A difference is there beyond doubt, but too small to change any prediction by half a percent."
+        return "A difference is there beyond doubt, but too small to show in any prediction."
     if verdict == "not_testable":
         return "The recording does not excite the model enough to test any of the effects."
     if verdict == "unnamed":
