@@ -31,6 +31,14 @@ int aeo_linalg_all_within(const aeo_real_t *x, size_t count, aeo_real_t limit)
     return 1;
 }
 
+aeo_status_t aeo_linalg_judge(const aeo_real_t *x, size_t count, aeo_real_t limit)
+{
+    if (!aeo_linalg_all_finite(x, count)) {
+        return AEO_E_NOT_FINITE;
+    }
+    return aeo_linalg_all_within(x, count, limit) ? AEO_OK : AEO_E_RANGE;
+}
+
 /* Four partial sums: a quarter of the rounding error of one long chain, and no wait for each addition. */
 aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count)
 {

@@ -7,10 +7,12 @@
 #define AEOLID_LINALG_H
 
 #include "aeolid/config.h"
+#include "aeolid/status.h"
 
 #ifdef AEO_REAL_DOUBLE
 #define aeo_linalg_all_finite aeo_linalg_all_finite_f64
 #define aeo_linalg_all_within aeo_linalg_all_within_f64
+#define aeo_linalg_judge      aeo_linalg_judge_f64
 #define aeo_linalg_dot        aeo_linalg_dot_f64
 #define aeo_linalg_axpy       aeo_linalg_axpy_f64
 #define aeo_linalg_project    aeo_linalg_project_f64
@@ -24,6 +26,9 @@ int aeo_linalg_all_finite(const aeo_real_t *x, size_t count);
 
 /* Return 1 when -limit <= x[i] <= limit for all i; every x[i] is finite. */
 int aeo_linalg_all_within(const aeo_real_t *x, size_t count, aeo_real_t limit);
+
+/* Judge a sample of count values: AEO_OK, AEO_E_NOT_FINITE, or AEO_E_RANGE beyond limit. */
+aeo_status_t aeo_linalg_judge(const aeo_real_t *x, size_t count, aeo_real_t limit);
 
 /* Return the sum of x[i] y[i] over count terms. */
 aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count);

@@ -2,6 +2,7 @@
 #include "aeolid/rls.h"
 
 #include "linalg.h"
+#include "saved.h"
 
 #include <string.h>
 
@@ -137,22 +138,14 @@ static void bound_variances(aeo_rls_t *self)
     }
 }
 
-static aeo_status_t judge_sample(const aeo_real_t *x, size_t count)
-{
-    if (!aeo_linalg_all_finite(x, count)) {
-        return AEO_E_NOT_FINITE;
-    }
-    return aeo_linalg_all_within(x, count, SAMPLE_MAX) ? AEO_OK : AEO_E_RANGE;
-}
-
 aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     if (self == NULL || z == NULL || y == NULL) {
         return AEO_E_ARG;
     }
-    aeo_status_t status = judge_sample(z, self->config.regressors);
+    aeo_status_t status = aeo_linalg_judge(z, self->config.regressors, SAMPLE_MAX);
     if (status == AEO_OK) {
-        status = judge_sample(y, self->config.outputs);
+        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
     }
     if (status != AEO_OK) {
         aeo_count_up(&self->count.rejected);
@@ -182,6 +175,19 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
 const aeo_real_t *aeo_rls_theta(const aeo_rls_t *self)
 {
     return self->theta;
+}
+
+aeo_status_t aeo_rls_read(const aeo_rls_t *self, aeo_real_t *theta, size_t length)
+{
+    if (self == NULL || theta == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t count = (size_t)self->config.regressors * self->config.outputs;
+    if (length < count) {
+        return AEO_E_MEMORY;
+    }
+    memcpy(theta, self->theta, count * sizeof *theta);
+    return AEO_OK;
 }
 
 const aeo_real_t *aeo_rls_innovation(const aeo_rls_t *self)
@@ -229,32 +235,8 @@ int aeo_rls_invariants_hold(const aeo_rls_t *self)
     return 1;
 }
 
-/* The saved array: version, bytes of a real, n, l, four settings, health, five counters, scan row (unsigned 32-bit
- * numbers as two halves of 16 bits, exact in float), factor, theta, innovation, residual. */
-static aeo_real_t *put_u32(aeo_real_t *to, uint32_t value)
-{
-    to[0] = (aeo_real_t)(value >> 16);
-    to[1] = (aeo_real_t)(value & 0xFFFFu);
-    return to + 2;
-}
-
-static const aeo_real_t *get_u32(const aeo_real_t *from, uint32_t *value, int *sound)
-{
-    uint32_t halves[2] = {0, 0};
-    for (int i = 0; i < 2; i++) {
-        if (!is_between(from[i], AEO_REAL(0), AEO_REAL(65535))) {
-            *sound = 0;
-            continue;
-        }
-        halves[i] = (uint32_t)from[i];
-        if (from[i] > (aeo_real_t)halves[i]) {
-            *sound = 0; /* not a whole number */
-        }
-    }
-    *value = halves[0] << 16 | halves[1];
-    return from + 2;
-}
-
+/* The saved array: version, bytes of a real, n, l, four settings, health, five counters, scan row (saved.h), factor,
+ * theta, innovation, residual. */
 static void fill_head(const aeo_rls_t *self, aeo_real_t head[8])
 {
     head[0] = AEO_REAL(AEO_RLS_SAVED_VERSION);
@@ -277,13 +259,13 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
         return AEO_E_MEMORY;
     }
     fill_head(self, saved);
-    saved = put_u32(saved + 8, self->health);
-    saved = put_u32(saved, self->count.updates);
-    saved = put_u32(saved, self->count.rejected);
-    saved = put_u32(saved, self->count.withheld);
-    saved = put_u32(saved, self->count.bounded);
-    saved = put_u32(saved, self->count.reinitialised);
-    saved = put_u32(saved, self->scan_row);
+    saved = aeo_saved_put_u32(saved + 8, self->health);
+    saved = aeo_saved_put_u32(saved, self->count.updates);
+    saved = aeo_saved_put_u32(saved, self->count.rejected);
+    saved = aeo_saved_put_u32(saved, self->count.withheld);
+    saved = aeo_saved_put_u32(saved, self->count.bounded);
+    saved = aeo_saved_put_u32(saved, self->count.reinitialised);
+    saved = aeo_saved_put_u32(saved, self->scan_row);
     const size_t kept = n * (n + 1) / 2 + n * l; /* factor and theta lie side by side */
     memcpy(saved, self->factor, kept * sizeof *saved);
     memcpy(saved + kept, self->innovation, 2 * l * sizeof *saved);
@@ -319,16 +301,15 @@ aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t le
     }
     aeo_real_t head[8];
     fill_head(self, head);
-    for (int i = 0; i < 8; i++) {
-        if (saved[i] < head[i] || saved[i] > head[i]) {
-            return i == 0 ? AEO_E_VERSION : AEO_E_MISMATCH;
-        }
+    const aeo_status_t same = aeo_saved_judge_head(saved, head, 8);
+    if (same != AEO_OK) {
+        return same;
     }
     uint32_t numbers[7];
     int sound = 1;
     const aeo_real_t *body = saved + 8;
     for (int i = 0; i < 7; i++) {
-        body = get_u32(body, &numbers[i], &sound);
+        body = aeo_saved_get_u32(body, &numbers[i], &sound);
     }
     if (!sound || numbers[6] >= n || !body_holds(body, n, l)) {
         return AEO_E_DAMAGED;

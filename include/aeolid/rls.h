@@ -46,6 +46,7 @@ extern "C" {
 #define aeo_rls_init            aeo_rls_init_f64
 #define aeo_rls_update          aeo_rls_update_f64
 #define aeo_rls_theta           aeo_rls_theta_f64
+#define aeo_rls_read            aeo_rls_read_f64
 #define aeo_rls_innovation      aeo_rls_innovation_f64
 #define aeo_rls_residual        aeo_rls_residual_f64
 #define aeo_rls_health          aeo_rls_health_f64
@@ -129,6 +130,10 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
 
 /* Return theta, l x n by rows, scaled units (markov.h undoes the scales); valid until the next update. */
 const aeo_real_t *aeo_rls_theta(const aeo_rls_t *self);
+
+/* Copy theta, l x n by rows, into theta (length values, written): the snapshot of this sample, whatever follows.
+ * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < l n. On failure theta is not written. */
+aeo_status_t aeo_rls_read(const aeo_rls_t *self, aeo_real_t *theta, size_t length);
 
 /* Return the a priori innovation eps_k = y_k - theta_{k-1} z_k, l values; zeros before the first update. */
 const aeo_real_t *aeo_rls_innovation(const aeo_rls_t *self);

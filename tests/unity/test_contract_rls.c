@@ -11,20 +11,25 @@ void tearDown(void)
 {
 }
 
-static size_t words(size_t n, size_t l)
+static size_t regressors(filter_size_t size)
 {
-    return AEO_RLS_WORDS(n, l);
+    return size.past * size.block + size.tail;
 }
 
-static size_t saved_words(size_t n, size_t l)
+static size_t words(filter_size_t size)
 {
-    return AEO_RLS_SAVED_WORDS(n, l);
+    return AEO_RLS_WORDS(regressors(size), size.outputs);
 }
 
-static aeo_status_t init(void *object, size_t n, size_t l, double lambda, double rho, aeo_real_t *memory, size_t given)
+static size_t saved_words(filter_size_t size)
 {
-    const aeo_rls_config_t config = {.regressors = (uint16_t)n,
-                                     .outputs = (uint16_t)l,
+    return AEO_RLS_SAVED_WORDS(regressors(size), size.outputs);
+}
+
+static aeo_status_t init(void *object, filter_size_t size, double lambda, double rho, aeo_real_t *memory, size_t given)
+{
+    const aeo_rls_config_t config = {.regressors = (uint16_t)regressors(size),
+                                     .outputs = (uint16_t)size.outputs,
                                      .forgetting = (aeo_real_t)lambda,
                                      .regularisation = (aeo_real_t)rho,
                                      .excitation_min = AEO_REAL(0),

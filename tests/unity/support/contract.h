@@ -5,15 +5,22 @@
 #include "aeolid/config.h"
 #include "aeolid/status.h"
 
+/* Sizes of one filter: n = past * block + tail regressors, l outputs. Filters that use the shift of the window (sliding)
+ * see windows that slide by one block a sample from an empty start, tail present values last; others see any numbers. */
+typedef struct {
+    size_t past, block, tail, outputs;
+} filter_size_t;
+
 typedef struct {
     const char *name;
     size_t object_bytes;
-    size_t (*words)(size_t n, size_t l);
-    size_t (*saved_words)(size_t n, size_t l);
-    /* gate and bound off, so that forgetting is plain exponential weighting */
-    aeo_status_t (*init)(void *object, size_t n, size_t l, double lambda, double rho, aeo_real_t *memory, size_t words);
+    int sliding; /* 1: z must slide by one block a sample */
+    size_t (*words)(filter_size_t size);
+    size_t (*saved_words)(filter_size_t size);
+    /* gate, bound and schedules off, so that forgetting is plain exponential weighting */
+    aeo_status_t (*init)(void *object, filter_size_t size, double lambda, double rho, aeo_real_t *memory, size_t words);
     aeo_status_t (*update)(void *object, const aeo_real_t *z, const aeo_real_t *y);
-    const aeo_real_t *(*theta)(const void *object);
+    const aeo_real_t *(*theta)(const void *object); /* valid until the next call of it */
     const aeo_real_t *(*innovation)(const void *object);
     const aeo_real_t *(*residual)(const void *object);
     void (*reset)(void *object);
@@ -21,6 +28,10 @@ typedef struct {
     aeo_status_t (*restore)(void *object, const aeo_real_t *saved, size_t length);
     int (*invariants_hold)(const void *object);
     uint32_t *(*rejected)(void *object); /* the counter of refused updates */
+    /* The weight that stands for rho at regressor j before the first sample; null: rho for each. */
+    double (*prior)(filter_size_t size, double lambda, double rho, size_t j);
+    /* Relative distance allowed from the batch solution after count well-excited samples; null: the suite's own. */
+    double (*close)(double lambda, size_t count);
 } filter_face_t;
 
 /* Check all laws with Unity; one RUN_TEST a law. */

@@ -62,7 +62,7 @@ static void reduce(double *a, size_t rows, size_t cols, size_t n)
 }
 
 void solve_batch(const aeo_real_t *z, const aeo_real_t *y, const double *weight, size_t count, size_t n, size_t l,
-                 double ridge, double *theta)
+                 const double *ridge, double *theta)
 {
     const size_t cols = n + l, rows = n + count;
     double *a = calloc(rows * cols, sizeof *a);
@@ -71,7 +71,7 @@ void solve_batch(const aeo_real_t *z, const aeo_real_t *y, const double *weight,
         exit(1);
     }
     for (size_t j = 0; j < n; j++) {
-        a[j * cols + j] = sqrt(ridge);
+        a[j * cols + j] = sqrt(ridge[j]);
     }
     for (size_t k = 0; k < count; k++) {
         const double w = weight != NULL ? sqrt(weight[k]) : 1.0;
