@@ -140,7 +140,11 @@ TEST_DEFECTS = [
         "rls", "src/rls.c", "        if (variance <= self->variance_max) {", "        if (variance >= 0) {", "bounded"
     ),
     Defect(
-        "rls", "src/rls.c", "saved = aeo_saved_put_u32(saved, self->scan_row);", "saved = aeo_saved_put_u32(saved, 0) - 2;", "saved_head"
+        "rls",
+        "src/rls.c",
+        "saved = aeo_saved_put_u32(saved, self->scan_row);",
+        "saved = aeo_saved_put_u32(saved, 0) - 2;",
+        "saved_head",
     ),
     Defect(
         "rls",

@@ -46,10 +46,12 @@ def test_the_pulse_counter_is_folded(tmp_path: Path) -> None:
 
 @needs_known
 def test_an_overflow_is_given_no_other_name(tmp_path: Path) -> None:
-    """The catalogue holds no overflow: whatever comes out, it is not one of the names it has."""
+    """The catalogue holds no overflow: nothing it has is named, nor are constants that the data leave open accused.
+
+    The level of the upper tank is not measured, so three of the four constants only have determined products.
+    """
     d = diagnose(KNOWN / "cascaded_tanks", tmp_path)
-    assert d["verdict"] in ("unnamed", "no_mismatch", "immaterial", "parameter", "not_testable")
-    assert {e["id"] for e in d["effects"]} <= {"parameter_error"}
+    assert d["verdict"] in ("unnamed", "no_mismatch", "immaterial", "not_testable") and not d["effects"]
 
 
 ROLES = """[recording]

@@ -20,7 +20,7 @@ _SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """Hold the three parts; sealed data are read once, for the proof."""
+    """Hold the three parts; nothing is fitted to or chosen by sealed data, they can only take a name away."""
 
     fit: tuple[Segment, ...]
     select: tuple[Segment, ...]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.proof import Proof, block_interval
 from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.scores import minimum_detectable
+from aeolid.models.equations import Parameter
 
 Array = NDArray[np.float64]
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
@@ -23,6 +25,7 @@ _RECOVERED = 0.3  # below this share of what the data would allow, the name is n
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
+_SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart
 
 
@@ -75,7 +78,12 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if declared is not None and declared.interval[0] > 0 and _material(declared):
+    if (
+        declared is not None
+        and declared.interval[0] > 0
+        and _material(declared)
+        and _moved(study)[0].deviations > _SURE
+    ):
         return "parameter", [_parameter_effect(study)], declared
     if not any(r.testable for r in study.bank.rows):
         return "not_testable", [], None
@@ -145,31 +153,45 @@ def _effect(
     }
 
 
-def _parameter_effect(study: Study) -> dict[str, Any]:
+@dataclass(frozen=True)
+class _Moved:
+    """Hold one declared value that was re-fitted, and by how many of its standard deviations it moved."""
+
+    parameter: Parameter
+    value: float
+    std: float
+
+    @property
+    def deviations(self) -> float:
+        return abs(self.value - self.parameter.value) / max(self.std, 1e-300)
+
+
+def _moved(study: Study) -> list[_Moved]:
+    """Return the re-fitted declared values, the surest move first; at least one."""
     prepared = study.prepared
-    moved = []
-    for k, i in enumerate(prepared.free.theta):
-        p = prepared.extended.parameters[i]
-        if not p.name.startswith(NUISANCE):
-            std = float(prepared.fit.std[k])
-            moved.append(
-                (
-                    abs(prepared.fit.point.theta[i] - p.value) / max(std, 1e-300),
-                    p,
-                    float(prepared.fit.point.theta[i]),
-                    std,
-                )
-            )
-    moved.sort(key=lambda m: -m[0])
-    words = ", ".join(f"{p.name} {v:.4g} instead of {p.value:.4g} {p.unit}".strip() for _, p, v, _ in moved[:3])
+    found = [
+        _Moved(prepared.extended.parameters[i], float(prepared.fit.point.theta[i]), float(prepared.fit.std[k]))
+        for k, i in enumerate(prepared.free.theta)
+    ]
+    return sorted((m for m in found if not m.parameter.name.startswith(NUISANCE)), key=lambda m: -m.deviations)
+
+
+def _parameter_effect(study: Study) -> dict[str, Any]:
+    moved = _moved(study)
+    sure = [m for m in moved if m.deviations > _SURE][:3]
+    words = ", ".join(
+        f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
+    )
     kind = entry("parameter_error")
     return {
         "id": kind.id, "family": kind.family,
         "statement": f"the structure is right, declared values are not: {words}",
-        "location": {"entry": f"parameter:{moved[0][1].name}", "outputs": [], "inputs": [], "frequency_hz": None,
+        "location": {"entry": f"parameter:{moved[0].parameter.name}", "outputs": [], "inputs": [], "frequency_hz": None,
                      "azimuth_order": None, "region": None, "time_s": None},
         "equation": kind.equation,
-        "parameters": {p.name: {"value": v, "std": _finite(s), "unit": p.unit} for _, p, v, s in moved},
+        "parameters": {
+            m.parameter.name: {"value": m.value, "std": _finite(m.std), "unit": m.parameter.unit} for m in moved
+        },
         "rivals": [], "weight": 1.0,
     }  # fmt: skip
 
