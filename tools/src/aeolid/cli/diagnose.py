@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -31,7 +31,6 @@ def run(
 
     Example: aeolid diagnose my_case --out my_case/diagnosis
     """
-    from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from aeolid.diagnose.case import load_case
@@ -53,6 +52,17 @@ def run(
     diagnosis = diagnose(result)
     evidence = write_all(result, diagnosis, out)
     render_diagnosis(diagnosis, evidence, out / "report.html")
+    _print_verdict(diagnosis)
+    console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
+    emit_json(diagnosis, json_target)
+    if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
+        raise typer.Exit(1)
+
+
+def _print_verdict(diagnosis: dict[str, Any]) -> None:
+    """Say verdict, parameters and sealed proof in a few lines; names come from files, so nothing in them is markup."""
+    from rich.markup import escape
+
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
     for effect in diagnosis["effects"]:
         for name, value in effect["parameters"].items():
@@ -69,7 +79,3 @@ def run(
             console.print(
                 f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after", markup=False
             )
-    console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
-    emit_json(diagnosis, json_target)
-    if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
-        raise typer.Exit(1)
