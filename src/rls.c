@@ -42,6 +42,14 @@ static uint16_t find_scan_step(uint16_t n, aeo_real_t lambda)
     return (uint16_t)((n + samples - 1u) / samples);
 }
 
+static void derive_from_forgetting(aeo_rls_t *self)
+{
+    const aeo_real_t lambda = self->config.forgetting;
+    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(lambda); /* lambda >= 1/2 */
+    self->gate = self->config.excitation_min * (AEO_REAL(1) - lambda) * (aeo_real_t)self->config.regressors;
+    self->scan_step = find_scan_step(self->config.regressors, lambda);
+}
+
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words)
 {
     if (self == NULL || config == NULL || memory == NULL) {
@@ -67,12 +75,24 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     self->projection = self->gain + n;
     self->innovation = self->projection + n;
     self->residual = self->innovation + l;
-    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting); /* forgetting >= 1/2 */
-    self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)config->regressors;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
-    self->scan_step = find_scan_step(config->regressors, config->forgetting);
+    derive_from_forgetting(self);
     aeo_rls_reset(self);
     return AEO_OK;
+}
+
+/* P = I / rho */
+static void start_factor(aeo_rls_t *self)
+{
+    const size_t n = self->config.regressors;
+    memset(self->factor, 0, n * (n + 1) / 2 * sizeof *self->factor);
+    const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
+    aeo_real_t *entry = self->factor;
+    for (size_t j = 0; j < n; j++) {
+        *entry = diagonal;
+        entry += n - j;
+    }
+    self->scan_row = 0;
 }
 
 void aeo_rls_reset(aeo_rls_t *self)
@@ -82,13 +102,40 @@ void aeo_rls_reset(aeo_rls_t *self)
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
     memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);
-    const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
-    aeo_real_t *entry = self->factor;
-    for (size_t j = 0; j < n; j++) {
-        *entry = diagonal;
-        entry += n - j;
+    start_factor(self);
+}
+
+aeo_status_t aeo_rls_start(aeo_rls_t *self, const aeo_real_t *theta)
+{
+    if (self == NULL || theta == NULL) {
+        return AEO_E_ARG;
     }
-    self->scan_row = 0;
+    const size_t count = (size_t)self->config.regressors * self->config.outputs;
+    const aeo_status_t status = aeo_linalg_judge(theta, count, SAMPLE_MAX);
+    if (status != AEO_OK) {
+        return status;
+    }
+    if (theta != self->theta) {
+        memcpy(self->theta, theta, count * sizeof *theta);
+    }
+    start_factor(self);
+    return AEO_OK;
+}
+
+aeo_status_t aeo_rls_set_forgetting(aeo_rls_t *self, aeo_real_t lambda)
+{
+    if (self == NULL) {
+        return AEO_E_ARG;
+    }
+    if (!aeo_linalg_all_finite(&lambda, 1)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!is_between(lambda, AEO_REAL(0.5), AEO_REAL(1))) {
+        return AEO_E_ARG;
+    }
+    self->config.forgetting = lambda;
+    derive_from_forgetting(self);
+    return AEO_OK;
 }
 
 /* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */

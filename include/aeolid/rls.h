@@ -52,6 +52,8 @@ extern "C" {
 #define aeo_rls_health          aeo_rls_health_f64
 #define aeo_rls_clear_health    aeo_rls_clear_health_f64
 #define aeo_rls_reset           aeo_rls_reset_f64
+#define aeo_rls_start           aeo_rls_start_f64
+#define aeo_rls_set_forgetting  aeo_rls_set_forgetting_f64
 #define aeo_rls_save            aeo_rls_save_f64
 #define aeo_rls_restore         aeo_rls_restore_f64
 #define aeo_rls_invariants_hold aeo_rls_invariants_hold_f64
@@ -150,12 +152,22 @@ void aeo_rls_clear_health(aeo_rls_t *self);
 /* Start afresh as after init: theta, P, innovations, scan; health and counters stay. Null is ignored. */
 void aeo_rls_reset(aeo_rls_t *self);
 
+/* Take theta (l x n by rows, read; may be self's own) as what is known and P = I / rho as how well: as after init, but
+ * towards theta instead of 0. Innovation, residual, health and counters stay. Entries beyond 1e6 are refused.
+ * AEO_E_ARG: null pointer; AEO_E_NOT_FINITE, AEO_E_RANGE: an entry of theta. On failure self is unchanged. */
+aeo_status_t aeo_rls_start(aeo_rls_t *self, const aeo_real_t *theta);
+
+/* Set lambda (0.5 ... 1) from the next sample on, for forgetting schedules; config.forgetting holds it. O(n).
+ * AEO_E_ARG: null pointer or out of range; AEO_E_NOT_FINITE: not a number. On failure self is unchanged. */
+aeo_status_t aeo_rls_set_forgetting(aeo_rls_t *self, aeo_real_t lambda);
+
 /* Write everything needed to go on later into saved (length values, written; must not lie in self's memory).
  * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_RLS_SAVED_WORDS(n, l). On failure saved is not written. */
 aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t length);
 
-/* Go on where saved (length values, read) was written; self was initialised with the same sizes and settings. The next
- * update gives the same bits as the saved filter's would have.
+/* Go on where saved (length values, read) was written; self was initialised with the same sizes and settings, and has
+ * the same lambda where aeo_rls_set_forgetting changed it. The next update gives the same bits as the saved filter's
+ * would have.
  * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_RLS_SAVED_WORDS(n, l); AEO_E_VERSION: another format version;
  * AEO_E_MISMATCH: other sizes, settings or precision; AEO_E_NOT_FINITE, AEO_E_DAMAGED: the numbers cannot come from a
  * filter. On failure self is unchanged. */

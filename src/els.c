@@ -1,0 +1,378 @@
+/* els.c: the feedback, schedule and guard of els.h around the recursion of rls.c. */
+#include "aeolid/els.h"
+
+#include "guard.h"
+#include "linalg.h"
+#include "saved.h"
+
+#include <string.h>
+
+/* A guard needs a mean over at least 8 samples; starts lengthen up to 2^6 times; a run this many waits long was sound. */
+#define VARX_MIN    16u
+#define BACKOFF_MAX 6u
+#define SOUND_WAITS 16u
+#define HEAD_WORDS  9
+
+static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
+{
+    return x >= low && x <= high;
+}
+
+static int guard_is_on(const aeo_els_config_t *config)
+{
+    return config->guard_ratio > AEO_REAL(0);
+}
+
+/* p blocks [u; y; e] with at least one input; without blocks there is nothing to guard or to start from. */
+static int layout_holds(const aeo_els_config_t *config)
+{
+    const unsigned n = config->regressors, p = config->past, d = config->present;
+    if (p == 0u) {
+        return d == 0u && config->varx_samples == 0u && !guard_is_on(config);
+    }
+    return n > d && (n - d) % p == 0u && (n - d) / p >= 2u * config->outputs + 1u;
+}
+
+static int settings_hold(const aeo_els_config_t *config)
+{
+    return layout_holds(config) && is_between(config->forgetting_start, AEO_REAL(0.5), config->forgetting) &&
+           is_between(config->forgetting_rate, AEO_REAL(0), AEO_REAL(0.999999)) &&
+           config->varx_samples <= AEO_ELS_VARX_SAMPLES_MAX &&
+           (!guard_is_on(config) || config->varx_samples >= VARX_MIN) &&
+           (is_between(config->guard_ratio, AEO_REAL(1.5), AEO_REAL(100)) ||
+            is_between(config->guard_ratio, AEO_REAL(0), AEO_REAL(0)));
+}
+
+aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_real_t *memory, size_t words)
+{
+    if (self == NULL || config == NULL || memory == NULL) {
+        return AEO_E_ARG;
+    }
+    const aeo_real_t settings[3] = {config->forgetting_start, config->forgetting_rate, config->guard_ratio};
+    if (!aeo_linalg_all_finite(settings, 3) || !aeo_linalg_all_finite(&config->forgetting, 1)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!settings_hold(config)) {
+        return AEO_E_ARG;
+    }
+    const size_t own = 6u * (size_t)config->outputs;
+    const aeo_rls_config_t inner = {config->regressors,     config->outputs,        config->forgetting,
+                                    config->regularisation, config->excitation_min, config->growth_max};
+    /* rls checks its settings first and its memory last, so too few words for both are too few for it alone */
+    const aeo_status_t status = aeo_rls_init(&self->rls, &inner, memory, words < own ? 0u : words - own);
+    if (status != AEO_OK) {
+        return status;
+    }
+    const size_t l = config->outputs;
+    self->config = *config;
+    self->feedback = memory + AEO_RLS_WORDS(config->regressors, l);
+    self->levels = self->feedback + l;
+    self->health = 0u;
+    memset(&self->count, 0, sizeof self->count);
+    aeo_els_reset(self);
+    return AEO_OK;
+}
+
+static void set_shortfall(aeo_els_t *self, aeo_real_t shortfall)
+{
+    self->shortfall = shortfall;
+    /* lambda_start <= lambda <= lambda_end, both checked at init: never refused */
+    (void)aeo_rls_set_forgetting(&self->rls, self->config.forgetting - shortfall);
+}
+
+/* Feed nothing back for a VARX start, with the schedule at its beginning. */
+static void start_varx(aeo_els_t *self)
+{
+    memset(self->feedback, 0, 6u * self->config.outputs * sizeof *self->feedback);
+    self->since = 0u;
+    self->missed = 0u;
+    self->wait = self->config.varx_samples << self->backoff;
+    set_shortfall(self, self->config.forgetting - self->config.forgetting_start);
+}
+
+void aeo_els_reset(aeo_els_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    aeo_rls_reset(&self->rls);
+    self->backoff = 0u;
+    start_varx(self);
+}
+
+/* The columns of e in theta become 0. */
+static void clear_moving_average(aeo_els_t *self)
+{
+    const size_t n = self->config.regressors, l = self->config.outputs, p = self->config.past;
+    const size_t m = p > 0u ? (n - self->config.present) / p : 0u;
+    for (size_t i = 0; i < l; i++) {
+        for (size_t block = 1; block <= p; block++) {
+            memset(self->rls.theta + i * n + block * m - l, 0, l * sizeof *self->rls.theta);
+        }
+    }
+}
+
+aeo_status_t aeo_els_start(aeo_els_t *self, const aeo_real_t *theta)
+{
+    if (self == NULL || self->config.past == 0u) {
+        return AEO_E_ARG;
+    }
+    const aeo_status_t status = aeo_rls_start(&self->rls, theta);
+    if (status != AEO_OK) {
+        return status;
+    }
+    clear_moving_average(self);
+    self->backoff = 0u;
+    start_varx(self);
+    return AEO_OK;
+}
+
+/* Back to VARX. What theta says of u and y stays as the new start: the fit of a VARX begins nearer to it than to 0. */
+static void fall_back(aeo_els_t *self)
+{
+    const uint32_t run = self->since > self->wait ? self->since - self->wait : 0u;
+    clear_moving_average(self);
+    if (aeo_rls_start(&self->rls, self->rls.theta) != AEO_OK) {
+        aeo_rls_reset(&self->rls);
+    }
+    if (run >= SOUND_WAITS * self->wait) { /* wait <= 1e6 2^6: no overflow */
+        self->backoff = 0u;
+    } else if (self->backoff < BACKOFF_MAX) {
+        self->backoff++;
+    }
+    start_varx(self);
+    aeo_count_up(&self->count.fell_back);
+    self->health |= AEO_ELS_FELL_BACK;
+}
+
+/* The newest e in z is what the last update gave to be fed back, or, right after a gap, 0. Two misses running are no
+ * gap. */
+static void notice_unfed(aeo_els_t *self, const aeo_real_t *z)
+{
+    const size_t l = self->config.outputs;
+    const aeo_real_t *newest = z + (self->config.regressors - self->config.present - l);
+    uint8_t missed = 0u;
+    for (size_t i = 0; i < l; i++) {
+        if (newest[i] < self->feedback[i] || newest[i] > self->feedback[i]) {
+            missed = 1u;
+        }
+    }
+    if (missed != 0u && self->missed != 0u) {
+        aeo_count_up(&self->count.unfed);
+        self->health |= AEO_ELS_UNFED;
+    }
+    self->missed = missed;
+}
+
+static void set_feedback(aeo_els_t *self)
+{
+    if (self->since <= self->wait) {
+        return; /* zeros since the start */
+    }
+    const aeo_real_t *levels = guard_is_on(&self->config) ? self->levels : NULL;
+    unsigned cut = aeo_guard_limit(levels, self->config.outputs, self->rls.residual, self->feedback);
+    for (; cut > 0u; cut--) {
+        aeo_count_up(&self->count.limited);
+        self->health |= AEO_ELS_LIMITED;
+    }
+}
+
+aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    if (self == NULL) {
+        return AEO_E_ARG;
+    }
+    const uint32_t starts = self->rls.count.reinitialised;
+    const aeo_status_t status = aeo_rls_update(&self->rls, z, y);
+    if (status != AEO_OK) {
+        return status;
+    }
+    if (self->config.past > 0u) {
+        notice_unfed(self, z);
+    }
+    aeo_count_up(&self->since);
+    const int grown =
+        guard_is_on(&self->config) && aeo_guard_watch(self->levels, self->config.outputs, self->rls.innovation, y,
+                                                      self->since, self->wait, self->config.guard_ratio);
+    if (grown || self->rls.count.reinitialised != starts) {
+        fall_back(self);
+        return AEO_OK;
+    }
+    set_feedback(self);
+    if (self->shortfall > AEO_REAL(0)) {
+        const aeo_real_t next = self->shortfall * self->config.forgetting_rate;
+        set_shortfall(self, next > AEO_REAL_EPSILON / AEO_REAL(4) ? next : AEO_REAL(0));
+    }
+    return AEO_OK;
+}
+
+aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo_real_t *u, const aeo_real_t *y,
+                          uint64_t time_us)
+{
+    if (self == NULL || regressor == NULL || regressor->model_set != (uint8_t)AEO_VARMAX ||
+        regressor->length != self->config.regressors || regressor->outputs != self->config.outputs ||
+        regressor->past != self->config.past) {
+        return AEO_E_ARG;
+    }
+    aeo_status_t status = aeo_regressor_push(regressor, u, y, time_us);
+    if (status != AEO_OK) {
+        return status;
+    }
+    status = aeo_els_update(self, aeo_regressor_z(regressor), aeo_regressor_y(regressor));
+    return status == AEO_OK ? aeo_regressor_set_innovation(regressor, self->feedback) : status;
+}
+
+const aeo_real_t *aeo_els_feedback(const aeo_els_t *self)
+{
+    return self->feedback;
+}
+
+const aeo_real_t *aeo_els_theta(const aeo_els_t *self)
+{
+    return self->rls.theta;
+}
+
+aeo_status_t aeo_els_read(const aeo_els_t *self, aeo_real_t *theta, size_t length)
+{
+    return aeo_rls_read(self != NULL ? &self->rls : NULL, theta, length);
+}
+
+const aeo_real_t *aeo_els_innovation(const aeo_els_t *self)
+{
+    return self->rls.innovation;
+}
+
+const aeo_real_t *aeo_els_residual(const aeo_els_t *self)
+{
+    return self->rls.residual;
+}
+
+uint32_t aeo_els_health(const aeo_els_t *self)
+{
+    return self != NULL ? self->health | self->rls.health : 0u;
+}
+
+void aeo_els_clear_health(aeo_els_t *self)
+{
+    if (self != NULL) {
+        self->health = 0u;
+        self->rls.health = 0u;
+    }
+}
+
+/* feedback in range and levels that can be such; all are finite */
+static int memory_holds(const aeo_real_t *feedback, size_t l)
+{
+    return aeo_linalg_all_within(feedback, l, AEO_SCALED_MAX) && aeo_guard_hold(feedback + l, l);
+}
+
+int aeo_els_invariants_hold(const aeo_els_t *self)
+{
+    if (self == NULL || !settings_hold(&self->config) || !aeo_rls_invariants_hold(&self->rls)) {
+        return 0;
+    }
+    const size_t l = self->config.outputs;
+    const aeo_real_t lambda = self->rls.config.forgetting, expected = self->config.forgetting - self->shortfall;
+    return self->config.regressors == self->rls.config.regressors && l == self->rls.config.outputs &&
+           self->feedback == self->rls.factor + AEO_RLS_WORDS(self->config.regressors, l) &&
+           self->levels == self->feedback + l && aeo_linalg_all_finite(self->feedback, 6 * l) &&
+           memory_holds(self->feedback, l) && is_between(lambda, expected, expected) && self->backoff <= BACKOFF_MAX &&
+           self->wait == self->config.varx_samples << self->backoff;
+}
+
+/* The saved array: version, bytes of a real, p, d, lambda_end, lambda_start, rate, guard ratio, VARX samples (at most
+ * 1e6, exact in a float); health, since, backoff, missed, three counters (saved.h); lambda_end - lambda;
+ * feedback and levels; then the saved array of rls.h. */
+static void fill_head(const aeo_els_t *self, aeo_real_t head[HEAD_WORDS])
+{
+    head[0] = AEO_REAL(AEO_ELS_SAVED_VERSION);
+    head[1] = AEO_REAL(AEO_REAL_BYTES);
+    head[2] = (aeo_real_t)self->config.past;
+    head[3] = (aeo_real_t)self->config.present;
+    head[4] = self->config.forgetting;
+    head[5] = self->config.forgetting_start;
+    head[6] = self->config.forgetting_rate;
+    head[7] = self->config.guard_ratio;
+    head[8] = (aeo_real_t)self->config.varx_samples;
+}
+
+aeo_status_t aeo_els_save(const aeo_els_t *self, aeo_real_t *saved, size_t length)
+{
+    if (self == NULL || saved == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    if (length < AEO_ELS_SAVED_WORDS(n, l)) {
+        return AEO_E_MEMORY;
+    }
+    fill_head(self, saved);
+    saved = aeo_saved_put_u32(saved + HEAD_WORDS, self->health);
+    saved = aeo_saved_put_u32(saved, self->since);
+    saved = aeo_saved_put_u32(saved, self->backoff);
+    saved = aeo_saved_put_u32(saved, self->missed);
+    saved = aeo_saved_put_u32(saved, self->count.fell_back);
+    saved = aeo_saved_put_u32(saved, self->count.limited);
+    saved = aeo_saved_put_u32(saved, self->count.unfed);
+    *saved++ = self->shortfall;
+    memcpy(saved, self->feedback, 6 * l * sizeof *saved);
+    return aeo_rls_save(&self->rls, saved + 6 * l, AEO_RLS_SAVED_WORDS(n, l));
+}
+
+/* Restore the inner filter, which wants the lambda it was saved with; on failure everything is as it was. */
+static aeo_status_t restore_inner(aeo_els_t *self, const aeo_real_t *saved, aeo_real_t shortfall)
+{
+    const aeo_real_t before = self->shortfall;
+    set_shortfall(self, shortfall);
+    const aeo_status_t status =
+        aeo_rls_restore(&self->rls, saved, AEO_RLS_SAVED_WORDS(self->config.regressors, self->config.outputs));
+    if (status != AEO_OK) {
+        set_shortfall(self, before);
+    }
+    return status;
+}
+
+aeo_status_t aeo_els_restore(aeo_els_t *self, const aeo_real_t *saved, size_t length)
+{
+    if (self == NULL || saved == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    if (length < AEO_ELS_SAVED_WORDS(n, l)) {
+        return AEO_E_MEMORY;
+    }
+    if (!aeo_linalg_all_finite(saved, AEO_ELS_SAVED_WORDS(n, l))) {
+        return AEO_E_NOT_FINITE;
+    }
+    aeo_real_t head[HEAD_WORDS];
+    fill_head(self, head);
+    aeo_status_t status = aeo_saved_judge_head(saved, head, HEAD_WORDS);
+    if (status != AEO_OK) {
+        return status;
+    }
+    uint32_t numbers[7];
+    int sound = 1;
+    const aeo_real_t *body = saved + HEAD_WORDS;
+    for (int i = 0; i < 7; i++) {
+        body = aeo_saved_get_u32(body, &numbers[i], &sound);
+    }
+    const aeo_real_t shortfall = *body++;
+    if (!sound || numbers[2] > BACKOFF_MAX || numbers[3] > 1u || !memory_holds(body, l) ||
+        !is_between(shortfall, AEO_REAL(0), self->config.forgetting - self->config.forgetting_start)) {
+        return AEO_E_DAMAGED;
+    }
+    status = restore_inner(self, body + 6 * l, shortfall);
+    if (status != AEO_OK) {
+        return status;
+    }
+    self->health = numbers[0];
+    self->since = numbers[1];
+    self->backoff = (uint8_t)numbers[2];
+    self->wait = self->config.varx_samples << self->backoff;
+    self->missed = (uint8_t)numbers[3];
+    self->count.fell_back = numbers[4];
+    self->count.limited = numbers[5];
+    self->count.unfed = numbers[6];
+    memcpy(self->feedback, body, 6 * l * sizeof *body);
+    return AEO_OK;
+}
+/* SPDX-License-Identifier: MIT */
