@@ -8,10 +8,11 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.assemble import rotor_frequency
 from aeolid.identify.order import largest_gap
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.subspace import kalman_gain, spectral_radius
-from aeolid.identify.varx import identify_varx, rotor_frequency
+from aeolid.identify.varx import identify_varx
 from aeolid.models.prediction import free_run, predict, vaf
 from aeolid.models.state_space import from_json
 from aeolid.plants.hawt import Excitation, build_turbine, simulate_closed_loop

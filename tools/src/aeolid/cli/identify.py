@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,8 +14,8 @@ from aeolid.errors import UsageError
 if TYPE_CHECKING:
     from aeolid.identify.result import Identification
 
-METHODS = ("varx",)
-LATER = ("varmax", "lpv", "lpv-kernel", "ort")
+METHODS = ("varx", "varmax")
+LATER = ("lpv", "lpv-kernel", "ort")
 
 
 def register(app: typer.Typer) -> None:
@@ -29,7 +30,7 @@ def identify(
         int, typer.Option("--past", help="Past window p in samples, about one period of the slowest mode.")
     ],
     out: Annotated[Path, typer.Option("--out", help="Where to write the model (model.json).")],
-    method: Annotated[str, typer.Option("--method", help="varx.")] = "varx",
+    method: Annotated[str, typer.Option("--method", help="varx, or varmax: a short window does.")] = "varx",
     future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
     markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
@@ -38,6 +39,8 @@ def identify(
     ] = None,
     regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
+    passes: Annotated[int, typer.Option("--passes", help="Passes of extended least squares, 0 to 1000 (varmax).")] = 4,
+    forget: Annotated[float, typer.Option("--forget", help="Forgetting of the first pass, 0.9 to 1 (varmax).")] = 0.999,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
@@ -46,6 +49,7 @@ def identify(
     _check_method(method)
     from aeolid.formats import read_record
     from aeolid.identify.streamed import StreamedMarkov
+    from aeolid.identify.varmax import identify_varmax
     from aeolid.identify.varx import identify_varx
     from aeolid.record import Roles
 
@@ -54,7 +58,8 @@ def identify(
     with progress_console.status("reading"):
         records = [read_record(path, table) for path in recordings]
     with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
-        result = identify_varx(
+        run = identify_varx if method == "varx" else partial(identify_varmax, passes=passes, forgetting=forget)
+        result = run(
             records, past=past, future=future, order=_order(order), feedthrough=feedthrough or (),
             regularization=_regularization(regularize), markov=streamed, decimation=decimate, stable=stable,
         )  # fmt: skip

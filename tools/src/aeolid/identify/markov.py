@@ -1,4 +1,4 @@
-"""Estimate the Markov parameters of the VARX predictor from a window factor: paper 000 eq. (9), (23).
+"""Estimate the Markov parameters of a predictor from a window factor: paper 000 eq. (9), (14), (23).
 
 min ‖Y − Ξ Ψ‖², solved per output through the singular value decomposition Ψᵀ = U S Vᵀ of the triangular factor with
 filter factors s²/(s² + λ²). The generalised cross-validation that picks λ scores exactly these filter factors.
@@ -21,11 +21,12 @@ EXACT = 1e-13  # residual power below this fraction of an output's power is roun
 
 @dataclass(frozen=True, eq=False)
 class MarkovEstimate:
-    """Hold Ξ (l, p m + r) in the order of eq. (9), scaled units; columns of inputs without feedthrough are zero.
+    """Hold Ξ (l, p m + r) in the order of eq. (9) or (14), scaled units.
 
-    rank of `regressors` is the number of directions the data excite; penalty (l,) the λ of each output relative to the
-    largest singular value; spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) =
-    residual_covariance ⊗ spread spreadᵀ (with the outputs' mean filter factors, where those differ).
+    Columns of inputs without feedthrough are zero. rank of `regressors` is the number of directions the data excite;
+    penalty (l,) the λ of each output relative to the largest singular value; spread (p m + r, rank) and
+    residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with the outputs' mean filter
+    factors, where those differ).
     """
 
     theta: Array
@@ -53,7 +54,7 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     keep = regressor_columns(factor, feedthrough)
     size, outputs = len(keep), factor.outputs
     targets = factor.past * factor.channels + factor.inputs
-    R = triangularise(np.hstack([factor.R[:, keep], factor.R[:, targets:]]))
+    R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
     U, s, Vt = np.linalg.svd(R[:size, :size])
     condition = float(s[0] / max(s[-1], np.finfo(float).tiny))
     rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
@@ -67,7 +68,7 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     shrink = s / (s**2 + penalty[:, None] ** 2)  # (l, rank)
     theta = np.zeros((outputs, targets))
     theta[:, keep] = (shrink * projected.T) @ Vt[:rank]
-    error = np.hstack([-theta, np.eye(outputs)]) @ factor.R.T  # (l, q): residuals in the coordinates of R
+    error = (factor.y_now - factor.R[:, :targets] @ theta.T).T  # (l, q): residuals in the coordinates of R
     freedom = max(factor.windows - rank, 1)
     spread = np.zeros((targets, rank))
     spread[keep] = Vt[:rank].T * shrink.mean(axis=0)

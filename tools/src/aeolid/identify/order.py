@@ -47,9 +47,7 @@ def held_out_stretches(records: Sequence[Record], scaling: Scaling, past: int, p
     stretches = []
     for record in records:
         start = max(round(part * len(record)) - past, 0)
-        columns = [
-            i for name in scaling.inputs + scaling.outputs for i, c in enumerate(record.channels) if c.name == name
-        ]
+        columns = [i for name in scaling.names for i, c in enumerate(record.channels) if c.name == name]
         z = scaling.apply(record.values[start : start + LONGEST, columns])
         stretches += [z[a:b] for a, b in complete_stretches(z, past + 10)]
     return stretches
@@ -91,7 +89,7 @@ def _held_out_loss(model: ScaledModel, T: Array, held_out: Sequence[Array], past
     power, samples = np.zeros(model.C.shape[0]), 0
     for z in held_out:
         x0 = T @ z[:past].ravel()
-        u, y = z[past:, :inputs], z[past:, inputs:]
+        u, y = z[past:, :inputs], z[past:, inputs : inputs + len(power)]
         forced = u @ (model.B - model.K @ model.D).T + y @ model.K.T
         with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
             states = run_states(model.A - model.K @ model.C, forced, x0)[:-1]

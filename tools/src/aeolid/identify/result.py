@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Settings:
-    """Hold what was asked for; the result carries it."""
+    """Hold what was asked for; the result carries it. passes and forgetting are those of VARMAX, None for VARX."""
 
     method: str
     past: int
@@ -31,6 +31,8 @@ class Settings:
     decimation: int
     stable: bool
     markov: str | None
+    passes: int | None = None
+    forgetting: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -42,7 +44,8 @@ class Identification:
     """Hold an identified model and everything that says how far to trust it.
 
     singular_values (f l,) of ΓK Z/√N in scaled units; markov_parameters (l, p m + r) in the channels' units, order of
-    paper 000 eq. (9); data lists source, SHA-256 and length of each recording; notes are plain warnings.
+    paper 000 eq. (9) or (14); data lists source, SHA-256 and length of each recording; notes are plain warnings; extra
+    holds JSON facts of the method beyond those.
     """
 
     model: StateSpace
@@ -60,6 +63,7 @@ class Identification:
     gain_method: str
     notes: tuple[str, ...]
     version: str
+    extra: dict[str, Any] = field(default_factory=dict)
 
     @property
     def order(self) -> int:
@@ -92,6 +96,7 @@ class Identification:
             "gain": self.gain_method,
             "fit": self.fit.to_json(),
             "notes": list(self.notes),
+            **self.extra,
         }
 
     def model_json(self) -> dict[str, Any]:

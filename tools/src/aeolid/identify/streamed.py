@@ -18,10 +18,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class StreamedMarkov:
-    """Hold Ξ (l, p m + d) in the channels' units, order of paper 000 eq. (9), as `filter` and `listen` write it."""
+    """Hold Ξ (l, p m + d) in the channels' units as `filter` and `listen` write it, order of paper 000 eq. (9) or (14).
+
+    innovation (N, l): what the filter took for e, NaN where it made no update; None where the file has none.
+    """
 
     theta: Array
     source: str
+    innovation: Array | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> StreamedMarkov:
@@ -31,6 +35,9 @@ class StreamedMarkov:
                 if "theta" not in archive:
                     raise DataError(f"{path}: no array 'theta'; it holds {', '.join(archive.files) or 'nothing'}")
                 theta = np.asarray(archive["theta"], dtype=np.float64)
+                # e is the a posteriori residual where the file has it; a stream carries the innovation only
+                key = next((k for k in ("residual", "innovation") if k in archive), None)
+                innovation = None if key is None else np.asarray(archive[key], dtype=np.float64)
         except FileNotFoundError:
             raise DataError(f"{path}: no such file") from None
         except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
@@ -40,24 +47,35 @@ class StreamedMarkov:
         if not np.isfinite(theta).all():
             row, column = np.argwhere(~np.isfinite(theta))[0]
             raise DataError(f"{path}: theta[{row}, {column}] is not finite; the snapshot is incomplete, listen longer")
-        return cls(theta, str(path))
+        return cls(theta, str(path), innovation)
 
     def replace_in(
         self, estimate: MarkovEstimate, factor: WindowFactor, scaling: Scaling, past: int, through: tuple[bool, ...]
     ) -> MarkovEstimate:
         """Return the estimate with Ξ from the stream, scaled as the samples; the residuals are computed anew."""
-        outputs, m, r = factor.outputs, factor.channels, factor.inputs
+        m, r = factor.channels, factor.inputs
+        theta = self.scaled(scaling, past, through)
+        error = (factor.y_now - factor.R[:, : past * m + r] @ theta.T).T
+        covariance = error @ error.T / max(factor.windows - estimate.rank, 1)
+        return replace(estimate, theta=theta, residual_covariance=covariance)
+
+    def scaled(self, scaling: Scaling, past: int, through: tuple[bool, ...]) -> Array:
+        """Return Ξ (l, p m + r) in the scaled units of the windows; raises DataError when its size does not fit."""
+        outputs, m, r = len(scaling.outputs), scaling.channels, len(scaling.inputs)
         present = [i for i in range(r) if through[i]]
         expected = (outputs, past * m + len(present))
         if self.theta.shape != expected:
+            other = {
+                (outputs, past * (m + outputs) + len(present)): "; it is of a VARMAX filter: --method varmax",
+                (outputs, past * (m - outputs) + len(present)): "; it is of a VARX filter: --method varx",
+            }
             raise DataError(
                 f"{self.source}: theta is {self.theta.shape[0]}x{self.theta.shape[1]}; past window {past} with {r} "
                 f"inputs, {outputs} outputs and feedthrough of {len(present)} needs {expected[0]}x{expected[1]}"
+                + other.get(self.theta.shape, "")
             )
         keep = [*range(past * m), *(past * m + i for i in present)]
         columns = np.concatenate([np.tile(scaling.scale, past), scaling.scale[:r][present]])
         theta = np.zeros((outputs, past * m + r))
-        theta[:, keep] = self.theta * columns / scaling.scale[r:, None]
-        error = np.hstack([-theta, np.eye(outputs)]) @ factor.R.T
-        covariance = error @ error.T / max(factor.windows - estimate.rank, 1)
-        return replace(estimate, theta=theta, residual_covariance=covariance)
+        theta[:, keep] = self.theta * columns / scaling.scale[r : r + outputs, None]
+        return theta

@@ -93,7 +93,7 @@ def system_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...
     width = factor.past * m
     now = R[:, :width] @ T.T  # (q, n): states in the coordinates of R
     following = R[:, m : width + m] @ T.T  # the window moved on by one sample
-    u, y = R[:, width : width + r], R[:, width + r :]
+    u, y = factor.u_now, factor.y_now
     through = np.flatnonzero(feedthrough)
     first = _least_squares(np.hstack([now, u[:, through]]), y)
     C, D = first[:, :n], np.zeros((y.shape[1], r))
@@ -159,7 +159,8 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     """
     m, r, n = factor.channels, factor.inputs, len(T)
     width, mean = factor.past * m, factor.mean
-    x, following, u, y = T @ mean[:width], T @ mean[m : width + m], mean[width : width + r], mean[width + r :]
+    x, following, u = T @ mean[:width], T @ mean[m : width + m], mean[width : width + r]
+    y = mean[width + r : width + r + factor.outputs]
     b = following - model.A @ x - model.B @ u
     c = y - model.C @ x - model.D @ u
     rest = np.linalg.lstsq(np.eye(n) - model.A, b, rcond=1e-2)[0]
@@ -187,7 +188,7 @@ def stabilise(factor: WindowFactor, model: ScaledModel, T: Array, radius: float 
     R, m, r, n = factor.R, factor.channels, factor.inputs, len(A)
     width = factor.past * m
     now, following = R[:, :width] @ T.T, R[:, m : width + m] @ T.T
-    u, y = R[:, width : width + r], R[:, width + r :]
+    u, y = factor.u_now, factor.y_now
     e = y - now @ model.C.T - u @ model.D.T
     rest = following - now @ A.T
     fitted = _least_squares(np.hstack([u, e]), rest)

@@ -49,7 +49,7 @@ def _projections(factor: WindowFactor, T: Array, model: ScaledModel) -> tuple[Ar
     """Return Z₋ M†, Z₊ M† (p m, n) and Ψ M† (p m + r, n), the columns of the state."""
     R, m, r, n = factor.R, factor.channels, factor.inputs, len(T)
     width = factor.past * m
-    now, u, y = R[:, :width] @ T.T, R[:, width : width + r], R[:, width + r :]
+    now, u, y = R[:, :width] @ T.T, factor.u_now, factor.y_now
     e = y - now @ model.C.T - u @ model.D.T
     M = np.hstack([now, u, e])
     pseudo = np.linalg.pinv(M, rcond=1e-11).T[:, :n]  # (q, n) in the coordinates of R

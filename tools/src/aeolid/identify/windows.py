@@ -1,9 +1,10 @@
 """Compress recordings into one triangular factor of all their windows of p + 1 samples.
 
 A window row is v_k = [z_{k-p} … z_{k-1}, u_k, y_k], z = [u; y] scaled: the regressor of paper 000 eq. (9) followed by
-its target. The factor of the rows [1, v_k] holds everything VARX and PBSIDopt ask of the data, with a free constant in
-every regression: RᵀR = Σ (v_k − v̄)(v_k − v̄)ᵀ, R (q, q), q = (p + 1) m, is the block beside the constant. Factors of
-several recordings merge by another QR. Only the factor and one chunk are in memory at a time.
+its target. With innovations estimated beforehand it is that of eq. (14), z = [u; y; e], and e_k ends the row. The
+factor of the rows [1, v_k] holds everything VARX, VARMAX and PBSIDopt ask of the data, with a free constant in every
+regression: RᵀR = Σ (v_k − v̄)(v_k − v̄)ᵀ, R (q, q), q = (p + 1) m, is the block beside the constant. Factors of several
+recordings merge by another QR. Only the factor and one chunk are in memory at a time.
 """
 
 from __future__ import annotations
@@ -27,18 +28,25 @@ CONSTANT = 1e-10  # spread below this fraction of the size is rounding, not sign
 class Scaling:
     """Hold what makes channels comparable: z = (value − offset)/scale, inputs first, then outputs.
 
-    offset (m,): mean over all valid samples of all recordings; scale (m,): their standard deviation.
+    offset (m,): mean over all valid samples of all recordings; scale (m,): their standard deviation. innovations names
+    the channels of e in VARMAX windows, none in VARX ones; e is scaled like y, without an offset.
     """
 
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     offset: Array
     scale: Array
+    innovations: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the channels of a block, in its order."""
+        return self.inputs + self.outputs + self.innovations
 
     @property
     def channels(self) -> int:
-        """Return m = r + l."""
-        return len(self.inputs) + len(self.outputs)
+        """Return m = r + l, with innovations r + 2 l."""
+        return len(self.names)
 
     def apply(self, values: Array) -> Array:
         """Scale samples (N, m)."""
@@ -56,11 +64,24 @@ class WindowFactor:
     outputs: int
     windows: int
     skipped: int
+    innovations: int = 0
 
     @property
     def channels(self) -> int:
-        """Return m = r + l."""
-        return self.inputs + self.outputs
+        """Return m = r + l, with innovations r + 2 l."""
+        return self.inputs + self.outputs + self.innovations
+
+    @property
+    def u_now(self) -> Array:
+        """Return the columns of R that hold u_k, (q, r)."""
+        first = self.past * self.channels
+        return self.R[:, first : first + self.inputs]
+
+    @property
+    def y_now(self) -> Array:
+        """Return the columns of R that hold y_k, (q, l)."""
+        first = self.past * self.channels + self.inputs
+        return self.R[:, first : first + self.outputs]
 
     @property
     def R(self) -> Array:
@@ -75,7 +96,7 @@ class WindowFactor:
 
     def merge(self, other: WindowFactor) -> WindowFactor:
         """Return the factor of both sets of windows together; the order of merging changes rounding only."""
-        if (self.past, self.inputs, self.outputs) != (other.past, other.inputs, other.outputs):
+        if self.full.shape != other.full.shape or (self.past, self.inputs) != (other.past, other.inputs):
             raise UsageError("factors of different window length or channels do not merge")
         full = triangularise(np.vstack([self.full, other.full]))
         return replace(self, full=full, windows=self.windows + other.windows, skipped=self.skipped + other.skipped)
@@ -124,13 +145,13 @@ def factorise(
     whole without loss. Windows with a missing sample are left out and counted; no window spans two recordings. Cost:
     2 N q² operations, memory q² and one chunk.
     """
-    r, m = len(scaling.inputs), scaling.channels
+    m = scaling.channels
     width = (past + 1) * m + 1
     chunk = max(8 * width, 2048)
     work = np.zeros((width + chunk, width), order="F")
     windows = skipped = 0
     for record in records:
-        columns = _columns(record, scaling.inputs + scaling.outputs)
+        columns = _columns(record, scaling.names)
         start, stop = (max(round(part * len(record)), past) for part in (first, last))
         for rows in _window_chunks(record, columns, scaling, past, start, stop, chunk):
             good = np.isfinite(rows).all(axis=1)
@@ -141,7 +162,8 @@ def factorise(
             work[width : width + kept, 1:] = rows if kept == len(rows) else rows[good]
             work[width + kept :] = 0.0
             work[:width] = _factor_in_place(work[: width + kept])
-    return WindowFactor(np.ascontiguousarray(work[:width]), past, r, m - r, windows, skipped)
+    full, r, outputs = np.ascontiguousarray(work[:width]), len(scaling.inputs), len(scaling.outputs)
+    return WindowFactor(full, past, r, outputs, windows, skipped, len(scaling.innovations))
 
 
 def require_windows(records: Sequence[Record], past: int, channels: int, windows: int | None = None) -> None:

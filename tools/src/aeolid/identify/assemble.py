@@ -1,0 +1,225 @@
+"""Turn Markov parameters and a window factor into an identified model: the half that VARX and VARMAX share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import aeolid
+from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.fit import Fit, measure_fit, stretches
+from aeolid.identify.markov import MarkovEstimate, estimate_markov
+from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
+from aeolid.identify.result import Identification, Settings
+from aeolid.identify.streamed import StreamedMarkov
+from aeolid.identify.subspace import (
+    ScaledModel,
+    StateBasis,
+    equilibrium,
+    find_states,
+    largest_useful_order,
+    stabilise,
+    system_matrices,
+)
+from aeolid.identify.uncertainty import pole_covariance
+from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
+from aeolid.models.modes import Mode, mark_harmonics, modes_of
+from aeolid.models.prediction import estimate_initial_state
+from aeolid.models.state_space import Signal, StateSpace
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+LARGEST_AUTO_ORDER = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """Hold the windows of an experiment set.
+
+    records: with innovation channels where the scaling names some; fitted: factor of the part that chooses the order;
+    whole: factor of everything.
+    """
+
+    records: Sequence[Record]
+    scaling: Scaling
+    fitted: WindowFactor
+    whole: WindowFactor
+
+    @property
+    def outputs(self) -> Array:
+        """Return the scales of the outputs, (l,)."""
+        first = len(self.scaling.inputs)
+        return self.scaling.scale[first : first + len(self.scaling.outputs)]
+
+
+def make_settings(
+    method: str, records: Sequence[Record], past: int, future: int | None, order: int | None,
+    feedthrough: Sequence[str], regularization: str | float, markov: StreamedMarkov | None, decimation: int,
+    stable: bool,
+) -> Settings:  # fmt: skip
+    """Check what was asked for; raises UsageError that names the option."""
+    if not records:
+        raise UsageError("at least one recording is needed")
+    if past < 1:
+        raise UsageError(f"past window {past} is not at least 1")
+    chosen = past if future is None else future
+    if not 1 <= chosen <= past:
+        raise UsageError(f"future window {chosen} is not within 1 … past window {past}")
+    largest = chosen * len(records[0].names("output"))
+    if order is not None and not 1 <= order <= max(largest, 1):
+        raise UsageError(f"order {order} is not within 1 … {largest} (future window times outputs)")
+    unknown = [n for n in feedthrough if n not in records[0].names("input")]
+    if unknown:
+        have = ", ".join(records[0].names("input"))
+        raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
+    source = None if markov is None else markov.source
+    return Settings(method, past, chosen, order, tuple(feedthrough), regularization, decimation, stable, source)
+
+
+def compress(records: Sequence[Record], scaling: Scaling, past: int) -> Windows:
+    """Return the factor of the part that chooses the order from what is held out, and the factor of everything."""
+    require_windows(records, past, scaling.channels)
+    fitted = factorise(records, scaling, past, last=FIT_PART)
+    whole = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
+    require_windows(records, past, scaling.channels, whole.windows)
+    return Windows(records, scaling, fitted, whole)
+
+
+def assemble(
+    windows: Windows, records: Sequence[Record], estimate: MarkovEstimate, settings: Settings,
+    notes: Sequence[str] = (), extra: dict[str, Any] | None = None,
+) -> Identification:  # fmt: skip
+    """Find states, order, system matrices, modes and fit from Ξ: paper 000 eq. (20)–(27).
+
+    records: as measured, on which the fit is taken; estimate: Ξ from windows.whole, or from a stream; notes and extra
+    are what the method itself has to say.
+    """
+    scaling, factor = windows.scaling, windows.whole
+    through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    basis = find_states(factor, estimate.theta, settings.future)
+    choice = _order(windows, settings, through, estimate)
+    _require_order(choice, basis, records[0].source)
+    T = basis.state_map(choice.order)
+    scaled = system_matrices(factor, T, through)
+    spread = pole_covariance(factor, basis, scaled, estimate)
+    if settings.stable:
+        scaled = stabilise(factor, scaled, T)
+    model = _with_start(_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
+    model, fit = _measured(model, records)
+    return Identification(
+        model=model,
+        modes=_find_modes(model, windows.outputs, spread, records),
+        singular_values=basis.singular_values,
+        order_choice=choice,
+        fit=fit,
+        markov=estimate,
+        markov_parameters=theta_in_units(estimate.theta, scaling, settings.past),
+        scaling=scaling,
+        settings=settings,
+        data=tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
+        windows=factor.windows,
+        skipped=factor.skipped,
+        gain_method=scaled.gain_method,
+        notes=(*_notes(factor, estimate, model), *notes),
+        version=aeolid.__version__,
+        extra=extra or {},
+    )
+
+
+def _order(windows: Windows, settings: Settings, through: tuple[bool, ...], estimate: MarkovEstimate) -> OrderChoice:
+    if settings.order is not None:
+        return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
+    fitted, regularization = windows.fitted, settings.regularization
+    # with few samples the fit part alone may not determine the predictor; its own estimate keeps the rest unseen
+    theta = estimate.theta if settings.markov else estimate_markov(fitted, through, regularization).theta
+    held_out = held_out_stretches(windows.records, windows.scaling, settings.past)
+    return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, LARGEST_AUTO_ORDER)
+
+
+def _measured(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
+    """Return the model with the covariance of its innovations as measured, and its fit."""
+    fit = measure_fit(model, records)
+    covariance = np.atleast_2d(np.cov(fit.innovations.T))
+    if not np.isfinite(covariance).all():  # the one of the Riccati equation stays
+        return model, fit
+    return replace(model, innovation_covariance=covariance), fit
+
+
+def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
+    usable = largest_useful_order(basis)
+    if choice.order > usable:
+        raise NotIdentifiable(
+            f"{source}: order {choice.order} asked for, the data carry {usable} singular values above rounding; "
+            "lower the order or lengthen the windows"
+        )
+
+
+def _find_modes(model: StateSpace, output_scale: Array, spread: Array, records: Sequence[Record]) -> tuple[Mode, ...]:
+    """List the modes; where the rotor's azimuth is recorded, those on its harmonics are marked."""
+    modes = modes_of(model, output_scale=output_scale, pole_covariance=spread)
+    rotor_hz = rotor_frequency(records[0])
+    return modes if rotor_hz is None else mark_harmonics(modes, rotor_hz)
+
+
+def rotor_frequency(record: Record) -> float | None:
+    """Return the mean rotor speed in Hz from the azimuth channel, None where there is none or it stands still."""
+    for channel in record.of("azimuth"):
+        turn = 360.0 if channel.unit == "deg" else 2 * np.pi
+        steps = np.diff(record.column(channel.name))
+        steps = steps[np.isfinite(steps)]
+        turned = np.mod(steps / turn + 0.5, 1.0) - 0.5 if len(steps) else np.zeros(1)
+        speed = abs(float(turned.mean())) / record.sample_time_s
+        return speed if speed > 1e-4 else None
+    return None
+
+
+def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record) -> StateSpace:
+    """Undo the scaling: u, y in the channels' units, u about its mean, y about its rest (l,) under that mean."""
+    names = scaling.inputs + scaling.outputs
+    r, count = len(scaling.inputs), len(names)
+    offset = scaling.offset[:count] + scaling.scale[:count] * np.concatenate([np.zeros(r), rest])
+    su, sy = scaling.scale[:r], scaling.scale[r:count]
+    signals = [Signal(n, record.unit(n), float(o)) for n, o in zip(names, offset, strict=True)]
+    n = len(scaled.A)
+    return StateSpace(
+        scaled.A, scaled.B / su, sy[:, None] * scaled.C, sy[:, None] * scaled.D / su, scaled.K / sy, np.zeros(n),
+        sy[:, None] * scaled.covariance * sy, record.sample_time_s, tuple(signals[:r]), tuple(signals[r:]),
+        tuple(Signal(f"x{i + 1}") for i in range(n)),
+    )  # fmt: skip
+
+
+def theta_in_units(theta: Array, scaling: Scaling, past: int) -> Array:
+    """Undo the scaling of Ξ (l, p m + r)."""
+    r, outputs = len(scaling.inputs), len(scaling.outputs)
+    columns = np.concatenate([np.tile(scaling.scale, past), scaling.scale[:r]])
+    out: Array = scaling.scale[r : r + outputs, None] * theta / columns
+    return out
+
+
+def _with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:
+    """Return the model with the estimated state at the first complete sample of the first recording."""
+    for _, u, y in stretches(model, records[0]):
+        return replace(model, x0=estimate_initial_state(model, u - model.u_offset, y - model.y_offset))
+    return model
+
+
+def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
+    notes = []
+    if factor.skipped:
+        notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
+    if estimate.rank < estimate.regressors:
+        notes.append(
+            f"the data excite {estimate.rank} of {estimate.regressors} regressors (fewer noise sources than outputs, "
+            "or an input without excitation); the smallest solution was taken"
+        )
+    growing = int(np.count_nonzero(abs(np.linalg.eigvals(model.A)) > 1))
+    if growing:
+        notes.append(
+            f"{growing} of {model.order} poles lie outside the unit circle, a free run diverges: "
+            "lengthen the past window (or decimate), or ask for a stable model"
+        )
+    return tuple(notes)

@@ -1,0 +1,237 @@
+"""Find the innovations of a VARMAX predictor: extended least squares, then residual whitening.
+
+Residual whitening (reference [9] of paper 000) repeats: Ξ by least squares on windows of [u; y; e], new e from Ξ. Each
+step is judged by what the predictor (13) makes of the samples with its own e fed back: the mean log error power must
+fall, else the step is halved; a predictor that diverges has infinite power.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import DataError
+from aeolid.identify.extended import Samples, innovations, run_pass
+from aeolid.identify.markov import MarkovEstimate, estimate_markov
+from aeolid.identify.streamed import StreamedMarkov
+from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+RHO = 0.1  # regularisation of a pass in scaled units, as on the target
+ITERATIONS = 30
+GAIN = 1e-4  # mean log error power by which a step must lower the criterion; twice the share of the error it removes
+HALVINGS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """Hold the innovations found and how.
+
+    records: the recordings with channels of e (NaN where it is not known); power: mean log error power of the outputs
+    after the start, the passes and each accepted iteration; stopped: why the iteration ended.
+    """
+
+    records: tuple[Record, ...]
+    forgetting: tuple[float, ...]
+    power: tuple[float, ...]
+    stopped: str
+    notes: tuple[str, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return how the innovations were found as JSON facts."""
+        return {
+            "forgetting": list(self.forgetting),
+            "log_error_power": [p if np.isfinite(p) else None for p in self.power],
+            "iterations": max(len(self.power) - 1 - bool(self.forgetting), 0),
+            "stopped": self.stopped,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Hold what stays the same while e changes."""
+
+    records: Sequence[Record]
+    samples: Samples
+    scaling: Scaling
+    past: int
+    through: tuple[bool, ...]
+    regularization: str | float
+
+    def fill(self, e: Array) -> tuple[Record, ...]:
+        """Return the recordings with channels of e (N, l)."""
+        return with_innovations(self.records, self.samples, self.scaling, e, self.past)
+
+    def solve(self, e: Array) -> tuple[Array, Array]:
+        """Return Ξ (l, p m + r) and the constant (l,) by least squares with e in the regressor."""
+        factor = factorise(self.fill(e), self.scaling, self.past)
+        theta = estimate_markov(factor, self.through, self.regularization).theta
+        return theta, constant_of(factor, theta)
+
+    def follow(self, theta: Array, constant: Array, e: Array) -> tuple[Array, float]:
+        """Return the innovations of a predictor run over the samples, and their mean log power."""
+        new = innovations(self.samples, self.past, theta, constant, e, feed_back=True)
+        return new, log_power(self.samples, new, self.past)
+
+
+def extend(scaling: Scaling) -> Scaling:
+    """Return the scaling of VARMAX windows: e under names of its own, scaled like y."""
+    r = len(scaling.inputs)
+    names = tuple(f"innovation of {name}" for name in scaling.outputs)
+    zero = np.zeros(len(names))
+    return replace(
+        scaling, innovations=names, offset=np.concatenate([scaling.offset, zero]),
+        scale=np.concatenate([scaling.scale, scaling.scale[r:]]),
+    )  # fmt: skip
+
+
+def with_innovations(
+    records: Sequence[Record], samples: Samples, scaling: Scaling, e: Array, past: int
+) -> tuple[Record, ...]:
+    """Return the recordings with channels of e (N, l), scaled units, in the outputs' units; NaN where not known."""
+    scale = scaling.scale[-len(scaling.innovations) :]
+    known = np.where(samples.used(past)[:, None], e * scale, np.nan)
+    filled = []
+    for record, part in zip(records, samples.split(known), strict=True):
+        names = zip(scaling.innovations, scaling.outputs, strict=True)
+        channels = tuple(Channel(name, record.unit(output), "ignore") for name, output in names)
+        filled.append(replace(record, values=np.hstack([record.values, part]), channels=record.channels + channels))
+    return tuple(filled)
+
+
+def constant_of(factor: WindowFactor, theta: Array) -> Array:
+    """Return the constant (l,) of the regression y = c + Ξ z: what the mean window leaves."""
+    width = theta.shape[1]
+    out: Array = factor.mean[width : width + factor.outputs] - theta @ factor.mean[:width]
+    return out
+
+
+def log_power(samples: Samples, e: Array, past: int) -> float:
+    """Return the mean over the outputs of the log power of e (N, l); infinite where it is not finite."""
+    with np.errstate(all="ignore"):
+        power = (e[samples.used(past)] ** 2).mean(axis=0)
+        value = float(np.mean(np.log(np.maximum(power, 1e-30))))
+    return value if np.isfinite(value) else np.inf
+
+
+def whiten(
+    records: Sequence[Record], samples: Samples, scaling: Scaling, plain: WindowFactor, start: MarkovEstimate,
+    through: tuple[bool, ...], regularization: str | float, passes: int, forgetting: float,
+) -> Whitening:  # fmt: skip
+    """Find e from VARX by passes of extended least squares and residual whitening.
+
+    scaling: that of VARMAX windows; plain, start: window factor and estimate of VARX with the same past window. Where
+    the passes diverge the residuals of VARX take their place, and a note says so.
+    """
+    problem = _Problem(records, samples, scaling, plain.past, through, regularization)
+    _require(problem)
+    first = _varx_residuals(samples, plain, start.theta)
+    annealed = tuple(forgetting ** (1.0 / i) for i in range(1, passes + 1))
+    theta, e, notes = _run_passes(problem, plain, start.theta, annealed, first)
+    constant = np.zeros(len(theta))
+    candidates = [(*problem.follow(theta, constant, e), theta, constant)] if annealed and not notes else []
+    theta, constant = problem.solve(e)
+    candidates.append((*problem.follow(theta, constant, e), theta, constant))
+    new, power, theta, constant = min(candidates, key=lambda c: c[1])
+    powers = [log_power(samples, first, plain.past), *([power] if annealed else [])]
+    if not np.isfinite(power):
+        notes.append(
+            "the VARMAX predictor does not forget its start, residual whitening was left out: e is that of "
+            + ("VARX" if notes or not annealed else "the last pass")
+        )
+        return Whitening(problem.fill(e), annealed, tuple(powers), "the predictor does not forget", tuple(notes))
+    e, more, stopped = _iterate(problem, theta, constant, new, power)
+    return Whitening(problem.fill(e), annealed, (*powers, *more), stopped, tuple(notes))
+
+
+def _iterate(
+    problem: _Problem, theta: Array, constant: Array, e: Array, power: float
+) -> tuple[Array, list[float], str]:
+    """Repeat least squares and prediction until no step lowers the log error power by more than GAIN."""
+    powers: list[float] = []
+    for _ in range(ITERATIONS):
+        target, target_constant = problem.solve(e)
+        for halving in range(HALVINGS + 1):
+            step = 0.5**halving
+            tried = theta + step * (target - theta)
+            tried_constant = constant + step * (target_constant - constant)
+            new, reached = problem.follow(tried, tried_constant, e)
+            if reached < power - GAIN:
+                break
+        else:
+            return e, powers, f"no step lowers the log error power by more than {GAIN:g}"
+        theta, constant, e, power = tried, tried_constant, new, reached
+        powers.append(power)
+    return e, powers, f"{ITERATIONS} iterations"
+
+
+def follow(
+    records: Sequence[Record], samples: Samples, scaling: Scaling, plain: WindowFactor, start: MarkovEstimate,
+    theta: Array, markov: StreamedMarkov,
+) -> Whitening:  # fmt: skip
+    """Find the e that belongs to a streamed Ξ (l, p m + r), scaled units.
+
+    It is what the predictor makes of the samples; where that diverges, the innovations of the filter themselves, and
+    where the file has none for a sample, the residual of VARX.
+    """
+    problem = _Problem(records, samples, scaling, plain.past, (), "none")
+    _require(problem)
+    first = _varx_residuals(samples, plain, start.theta)
+    e, power = problem.follow(theta, np.zeros(len(theta)), first)
+    if np.isfinite(power):
+        return Whitening(problem.fill(e), (), (power,), "Ξ as streamed", ())
+    given = markov.innovation
+    if given is None or given.shape != first.shape:
+        raise DataError(
+            f"{markov.source}: its predictor does not forget, and the file has no innovations of these "
+            f"{len(first)} samples; filter longer, or leave --markov out"
+        )
+    scaled = given / scaling.scale[-first.shape[1] :]
+    e = np.where(np.isfinite(scaled), scaled, first)
+    note = "the streamed predictor does not forget its start; e is that of the filter"
+    return Whitening(problem.fill(e), (), (log_power(samples, e, plain.past),), "Ξ as streamed", (note,))
+
+
+def _require(problem: _Problem) -> None:
+    """Refuse recordings too short for VARMAX windows: a window needs p samples whose e is known."""
+    samples, past = problem.samples, problem.past
+    known = int(np.maximum(samples.stops - samples.starts - 2 * past, 0).sum())
+    require_windows(problem.records, past, problem.scaling.channels, known)
+
+
+def _varx_residuals(samples: Samples, plain: WindowFactor, theta: Array) -> Array:
+    """Return e (N, l) of the VARX predictor Ξ (l, p (r + l) + r), zero before the first window of a stretch."""
+    padded = _with_zero_noise(theta, plain)
+    empty = np.zeros((len(samples.x), samples.outputs))
+    return innovations(samples, plain.past, padded, constant_of(plain, theta), empty, feed_back=False, limit=np.inf)
+
+
+def _with_zero_noise(theta: Array, plain: WindowFactor) -> Array:
+    """Return Ξ of eq. (14) from that of eq. (9): the columns of e are zero."""
+    outputs, both = theta.shape[0], plain.channels
+    width = plain.past * both
+    blocks = theta[:, :width].reshape(outputs, plain.past, both)
+    padded = np.concatenate([blocks, np.zeros((outputs, plain.past, outputs))], axis=2)
+    return np.hstack([padded.reshape(outputs, -1), theta[:, width:]])
+
+
+def _run_passes(
+    problem: _Problem, plain: WindowFactor, start: Array, forgetting: Sequence[float], first: Array
+) -> tuple[Array, Array, list[str]]:
+    """Run the passes from VARX; returns Ξ (l, p m + r), e and a note where they diverged."""
+    width = plain.past * problem.scaling.channels
+    present = [i for i, through in enumerate(problem.through) if through]
+    full = _with_zero_noise(start, plain)
+    keep = [*range(width), *(width + i for i in present)]
+    theta, e = np.ascontiguousarray(full[:, keep]), np.zeros_like(first)
+    for factor in forgetting:
+        run_pass(problem.samples, plain.past, present, theta, e, factor, RHO)
+        if not log_power(problem.samples, e, plain.past) < log_power(problem.samples, first, plain.past) + 1.0:
+            return full, first, ["the passes of extended least squares diverged; e starts from the residuals of VARX"]
+    full[:, keep] = theta
+    return full, e if forgetting else first, []
