@@ -24,7 +24,7 @@
  * are no NaNs (-ffast-math) would drop x != x. */
 int aeo_linalg_all_finite(const aeo_real_t *x, size_t count);
 
-/* Return 1 when -limit <= x[i] <= limit for all i; every x[i] is finite. */
+/* Return 1 when -limit <= x[i] <= limit for all i, which no NaN is; limit is above 0. */
 int aeo_linalg_all_within(const aeo_real_t *x, size_t count, aeo_real_t limit);
 
 /* Judge a sample of count values: AEO_OK, AEO_E_NOT_FINITE, or AEO_E_RANGE beyond limit. */

@@ -24,7 +24,7 @@
  *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 2 l.
  *   n=44, l=4: 1,262 words (5.0 kB in float); n=124, l=4: 8,502 words (34.0 kB).
  *   Operations: 5/2 n^2 + 4 l n + O(n) multiplications and additions and n square roots and n divisions a sample; a
- *   sample that meets the bound costs up to 3/2 n^2 more for each variance bounded. Worst stack: 136 bytes.
+ *   sample that meets the bound costs up to 3/2 n^2 more for each variance bounded. Worst stack: 200 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.

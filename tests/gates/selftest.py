@@ -95,7 +95,7 @@ GATE_DEFECTS = [
 ]
 
 TEST_DEFECTS = [
-    Defect("rls", "src/linalg.c", "root / root_new * scale;", "alpha / (root * root_new) * scale;", "inflate"),
+    Defect("rls", "src/linalg.c", "*root / root_new * scale,", "*alpha / (*root * root_new) * scale,", "inflate"),
     Defect("contract_rls", "src/linalg.c", "c * s0 - k * b0", "c * s0 + k * b0", "law_equals_batch"),
     Defect(
         "contract_rls",
@@ -114,7 +114,7 @@ TEST_DEFECTS = [
     Defect(
         "contract_rls",
         "src/linalg.c",
-        "if ((bits & exponent) == exponent) {",
+        "if ((bits & EXPONENT) == EXPONENT) {",
         "if (x[i] != x[i]) {",
         "refusal",
         tuple(FAST_MATH),
