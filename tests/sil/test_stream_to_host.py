@@ -285,7 +285,8 @@ def test_parent_killed_leaves_no_node_behind(start: Start, recording: tuple[Path
 def test_interrupt_ends_the_stream_properly(start: Start, recording: tuple[Path, Path, Record], tmp_path: Path) -> None:
     """Ctrl-C on the node: no further samples, a last whole snapshot, a goodbye, code 0."""
     source = ("--recording", recording[0], "--roles", recording[1], "--past", PAST)
-    node = start("node", *source, "--wait", "--speed", 10, "--dump", tmp_path / "theta.f32", "--json", "-")
+    # at real time the recording lasts minutes: the node cannot be through with it first, however busy the machine is
+    node = start("node", *source, "--wait", "--speed", 1, "--dump", tmp_path / "theta.f32", "--json", "-")
     relay, child = Relay([node.first_line()]), node.child()
     listener = start("listen", "--bus", relay.address, "--until-end", "--markov", tmp_path / "m.npz")
     wait_for(lambda: relay.passed > 200)
