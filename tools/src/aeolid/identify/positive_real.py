@@ -1,4 +1,9 @@
-"""Evaluate the condition under which extended least squares is known to converge: paper 000 eq. (25)."""
+"""Evaluate the condition under which extended least squares is known to converge: paper 000 eq. (25).
+
+With p l above the order of the system Ξ is not unique: a longer window can put its memory into the past of the outputs
+or into that of the innovations. The proof of convergence needs one Ξ that predicts right and whose H̄ satisfies (25), so
+the condition is evaluated for the smallest moving average among the Ξ that predict as well as data can tell.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +12,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+
+from aeolid.identify.markov import regressor_columns
+from aeolid.identify.windows import WindowFactor, triangularise
 
 Array = NDArray[np.float64]
-RANK = 1e-6  # of the largest eigenvalue of the innovations' covariance; below it no noise reaches that direction
+STEPS = 10  # halvings of the range of the weight, 1e-10 … 1e4 of the largest: a third of a decade is left
+RANK = 1e-3  # of the largest eigenvalue of the innovation covariance; below it a direction counts as free of noise
 POINTS = 1024  # frequencies from 0 to the Nyquist frequency, both included
 
 
@@ -57,6 +67,41 @@ class PositiveReal:
             "holds": self.holds, "margin": self.margin, "frequency_hz": self.frequency_hz,
             "zero_radius": self.radius, "innovation_rank": self.rank, "outputs": self.outputs, "verdict": self.text,
         }  # fmt: skip
+
+
+def least_moving_average(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> Array:
+    """Return the Ξ (l, p m + r) with the smallest columns of e that predicts as well as data can tell.
+
+    min ‖Y − Ξ Ψ‖² + μ ‖Ξᵉ‖² with the largest μ whose mean log error power stays within p l/N of the least: that is what
+    as many columns without any meaning would gain.
+    """
+    keep, l = regressor_columns(factor, feedthrough), factor.outputs  # noqa: E741
+    width, m = factor.past * factor.channels, factor.channels
+    R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
+    place = np.array(keep)
+    noise = np.where((place < width) & (place % m >= factor.inputs + l), 1.0, 0.0)
+    size = float(np.linalg.norm(R[:, : len(keep)], 2))
+
+    def solve(weight: float) -> tuple[Array, float]:
+        penalty = np.diag(size * np.maximum(np.sqrt(weight) * noise, 1e-9))  # the floor decides what data leave open
+        factor = triangularise(np.vstack([R, np.hstack([penalty, np.zeros((len(keep), l))])]))
+        theta = solve_triangular(factor[: len(keep), : len(keep)], factor[: len(keep), len(keep) :])
+        power = ((R[:, len(keep) :] - R[:, : len(keep)] @ theta) ** 2).sum(axis=0)
+        return theta, float(np.mean(np.log(np.maximum(power, 1e-300))))
+
+    low, high = -10.0, 4.0
+    best, power = solve(0.0)
+    limit = power + factor.past * l / max(factor.windows, 1)
+    for _ in range(STEPS):
+        middle = (low + high) / 2
+        theta, reached = solve(10.0**middle)
+        if reached <= limit:
+            best, low = theta, middle
+        else:
+            high = middle
+    out = np.zeros((l, width + factor.inputs))
+    out[:, keep] = best.T
+    return out
 
 
 def noise_polynomial(theta: Array, past: int, inputs: int) -> Array:

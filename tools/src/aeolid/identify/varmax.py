@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress, make_settings
 from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import collect
 from aeolid.identify.markov import estimate_markov, require_excitation
-from aeolid.identify.positive_real import check_positive_real
+from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.result import Identification
 from aeolid.identify.streamed import StreamedMarkov
-from aeolid.identify.whitening import Whitening, extend, follow, whiten
-from aeolid.identify.windows import find_scaling
+from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
+from aeolid.identify.windows import Scaling, find_scaling, require_windows
 from aeolid.record import Record
 
 PASSES, FORGETTING = 4, 0.999
@@ -56,29 +58,40 @@ def identify_varmax(
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    extended = extend(scaling)
+    known = sum(max(len(r) - 2 * past, 0) for r in records)  # a window needs p samples whose e is known
+    require_windows(records, past, extended.channels, known)
     plain = compress(records, scaling, past)
     samples = collect(records, scaling, past)
     start = estimate_markov(plain.whole, through, regularization)
     require_excitation(start, records[0].source)
-    extended = extend(scaling)
     if markov is None:
         found = whiten(records, samples, extended, plain.whole, start, through, regularization, passes, forgetting)
     else:
         theta = markov.scaled(extended, past, through)
         found = follow(records, samples, extended, plain.whole, start, theta, markov)
-    windows = _windows(records, found, plain, past)
+    windows, verdict = _judge(records, found, plain, extended, through)
+    if not verdict.holds and markov is None:
+        again = start_again(records, samples, extended, scaling, found, past, through, regularization)
+        if again is not None:
+            found = again
+            windows, verdict = _judge(records, found, plain, extended, through)
     estimate = estimate_markov(windows.whole, through, regularization)
     if markov is not None:
         estimate = markov.replace_in(estimate, windows.whole, extended, past, through)
-    verdict = check_positive_real(
-        estimate.theta, past, len(scaling.inputs), estimate.residual_covariance, records[0].sample_time_s
-    )
     notes = [*found.notes, verdict.text]
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
     return assemble(windows, records, estimate, settings, notes, extra)
 
 
-def _windows(records: Sequence[Record], found: Whitening, plain: Windows, past: int) -> Windows:
-    """Return the VARMAX windows; those left out because e is not known yet are not counted as missing samples."""
-    windows = compress(found.records, extend(plain.scaling), past)
-    return replace(windows, whole=replace(windows.whole, skipped=plain.whole.skipped))
+def _judge(
+    records: Sequence[Record], found: Whitening, plain: Windows, extended: Scaling, through: tuple[bool, ...]
+) -> tuple[Windows, PositiveReal]:
+    """Return the VARMAX windows and the verdict on (25); windows whose e is not known count as no missing sample."""
+    past = plain.whole.past
+    windows = compress(found.records, extended, past)
+    windows = replace(windows, whole=replace(windows.whole, skipped=plain.whole.skipped))
+    e = found.e[np.any(found.e != 0, axis=1)]  # zero where it is not known
+    theta = least_moving_average(windows.whole, through)
+    covariance = e.T @ e / max(len(e), 1)
+    return windows, check_positive_real(theta, past, windows.whole.inputs, covariance, records[0].sample_time_s)

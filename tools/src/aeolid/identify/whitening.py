@@ -24,19 +24,23 @@ from aeolid.record import Channel, Record
 Array = NDArray[np.float64]
 RHO = 0.1  # regularisation of a pass in scaled units, as on the target
 ITERATIONS = 30
-GAIN = 1e-4  # mean log error power by which a step must lower the criterion; twice the share of the error it removes
+GAIN = 1e-4  # of the mean log error power; a step must lower it by more than this
 HALVINGS = 3
+LONGEST_START = 4  # past windows of the VARX predictor that starts where the positive-real condition fails
 
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
     """Hold the innovations found and how.
 
-    records: the recordings with channels of e (NaN where it is not known); power: mean log error power of the outputs
-    after the start, the passes and each accepted iteration; stopped: why the iteration ended.
+    records: the recordings with channels of e (NaN where it is not known); e (N, l): the same in scaled units, zero
+    there; start: past window of the VARX predictor at the beginning, 0 for a streamed Ξ; power: mean log error power
+    of the outputs after the start, the passes and each accepted iteration; stopped: why the iteration ended.
     """
 
     records: tuple[Record, ...]
+    e: Array
+    start: int
     forgetting: tuple[float, ...]
     power: tuple[float, ...]
     stopped: str
@@ -45,6 +49,7 @@ class Whitening:
     def to_json(self) -> dict[str, Any]:
         """Return how the innovations were found as JSON facts."""
         return {
+            "start": f"varx, past window {self.start}" if self.start else "streamed",
             "forgetting": list(self.forgetting),
             "log_error_power": [p if np.isfinite(p) else None for p in self.power],
             "iterations": max(len(self.power) - 1 - bool(self.forgetting), 0),
@@ -144,9 +149,44 @@ def whiten(
             "the VARMAX predictor does not forget its start, residual whitening was left out: e is that of "
             + ("VARX" if notes or not annealed else "the last pass")
         )
-        return Whitening(problem.fill(e), annealed, tuple(powers), "the predictor does not forget", tuple(notes))
+        powers[1:] = []
+        return _result(problem, e, plain.past, annealed, powers, "the predictor does not forget", notes)
     e, more, stopped = _iterate(problem, theta, constant, new, power)
-    return Whitening(problem.fill(e), annealed, (*powers, *more), stopped, tuple(notes))
+    return _result(problem, e, plain.past, annealed, [*powers, *more], stopped, notes)
+
+
+def start_again(
+    records: Sequence[Record], samples: Samples, scaling: Scaling, plain: Scaling, found: Whitening, past: int,
+    through: tuple[bool, ...], regularization: str | float,
+) -> Whitening | None:  # fmt: skip
+    """Find e from a longer VARX predictor, which needs no positive-real condition; None where that is no better.
+
+    plain: scaling without innovations; found: what VARX of the same window led to. The longer window is LONGEST_START
+    times p, at least 40, at most what leaves 20 samples an unknown. Residuals of a long VARX predictor are near the
+    innovations whatever H̄ is (Durbin's first step); one least squares then gives Ξ.
+    """
+    known = int(np.maximum(samples.stops - samples.starts, 0).sum())
+    longer = min(max(LONGEST_START * past, 40), known // (20 * plain.channels))
+    if longer <= past:
+        return None
+    factor = factorise(records, plain, longer)
+    theta = estimate_markov(factor, through, regularization).theta
+    first = _varx_residuals(samples, factor, theta, found.e)
+    problem = _Problem(records, samples, scaling, past, through, regularization)
+    theta, constant = problem.solve(first)
+    e, power = problem.follow(theta, constant, first)
+    if not power < found.power[-1] - GAIN:
+        return None
+    e, more, stopped = _iterate(problem, theta, constant, e, power)
+    note = f"the start from VARX of past window {past} led astray; that of past window {longer} was taken"
+    return _result(problem, e, longer, (), [log_power(samples, first, past), power, *more], stopped, [note])
+
+
+def _result(
+    problem: _Problem, e: Array, start: int, forgetting: tuple[float, ...], powers: Sequence[float], stopped: str,
+    notes: Sequence[str],
+) -> Whitening:  # fmt: skip
+    return Whitening(problem.fill(e), e, start, forgetting, tuple(powers), stopped, tuple(notes))
 
 
 def _iterate(
@@ -184,7 +224,7 @@ def follow(
     first = _varx_residuals(samples, plain, start.theta)
     e, power = problem.follow(theta, np.zeros(len(theta)), first)
     if np.isfinite(power):
-        return Whitening(problem.fill(e), (), (power,), "Ξ as streamed", ())
+        return _result(problem, e, 0, (), [power], "Ξ as streamed", ())
     given = markov.innovation
     if given is None or given.shape != first.shape:
         raise DataError(
@@ -194,7 +234,7 @@ def follow(
     scaled = given / scaling.scale[-first.shape[1] :]
     e = np.where(np.isfinite(scaled), scaled, first)
     note = "the streamed predictor does not forget its start; e is that of the filter"
-    return Whitening(problem.fill(e), (), (log_power(samples, e, plain.past),), "Ξ as streamed", (note,))
+    return _result(problem, e, 0, (), [log_power(samples, e, plain.past)], "Ξ as streamed", (note,))
 
 
 def _require(problem: _Problem) -> None:
@@ -204,11 +244,14 @@ def _require(problem: _Problem) -> None:
     require_windows(problem.records, past, problem.scaling.channels, known)
 
 
-def _varx_residuals(samples: Samples, plain: WindowFactor, theta: Array) -> Array:
-    """Return e (N, l) of the VARX predictor Ξ (l, p (r + l) + r), zero before the first window of a stretch."""
+def _varx_residuals(samples: Samples, plain: WindowFactor, theta: Array, before: Array | None = None) -> Array:
+    """Return e (N, l) of the VARX predictor Ξ (l, p (r + l) + r).
+
+    before (N, l), default zero: what stands where a stretch has no window yet.
+    """
     padded = _with_zero_noise(theta, plain)
-    empty = np.zeros((len(samples.x), samples.outputs))
-    return innovations(samples, plain.past, padded, constant_of(plain, theta), empty, feed_back=False, limit=np.inf)
+    e = np.zeros((len(samples.x), samples.outputs)) if before is None else before
+    return innovations(samples, plain.past, padded, constant_of(plain, theta), e, feed_back=False, limit=np.inf)
 
 
 def _with_zero_noise(theta: Array, plain: WindowFactor) -> Array:
