@@ -1,0 +1,198 @@
+/* bench.c: times one update of every filter, of the textbook RLS with Eigen and in plain C, over the same samples.
+ *
+ * bench REPETITIONS prints a line a contestant and size: name, r, l, p, n, nanoseconds an update. The regressors of a run
+ * are recorded first and replayed from a fresh start each time, so that the regressor's own work is outside and a
+ * filter that feeds its residuals back meets what it fed. The smallest of all repetitions counts. Under callgrind the
+ * same replay is dumped as "name r l p n" instead. */
+#define _POSIX_C_SOURCE 199309L
+#include "family.h"
+#include "rivals.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#ifdef BENCH_CALLGRIND
+#include <valgrind/callgrind.h>
+#endif
+
+enum { WARM = 60, TIMED = 100, SAMPLES = WARM + TIMED, RIVALS = 3 };
+
+static const family_size_t SIZES[] = {{4, 4, 5, 4},  {4, 4, 15, 4}, {2, 3, 5, 0},  {2, 3, 10, 0},
+                                      {2, 3, 20, 0}, {2, 3, 50, 0}, {2, 3, 100, 0}};
+/* with the outputs' innovations in each block: the same n as the first two, the same p as the others */
+static const family_size_t VARMAX_SIZES[] = {{3, 4, 4, 0},  {3, 4, 11, 3}, {2, 3, 5, 0},  {2, 3, 10, 0},
+                                             {2, 3, 20, 0}, {2, 3, 50, 0}, {2, 3, 100, 0}};
+enum { SIZE_COUNT = sizeof SIZES / sizeof SIZES[0] };
+
+static const aeo_real_t LAMBDA = AEO_REAL(0.999), RHO = AEO_REAL(0.1);
+
+static family_object_t object;
+static aeo_real_t *memory, *z, *y, *window;
+static size_t n, l;
+
+static void fail(const char *what)
+{
+    fprintf(stderr, "%s\n", what);
+    exit(1);
+}
+
+static aeo_real_t *allocate(size_t count)
+{
+    aeo_real_t *x = calloc(count, sizeof *x);
+    if (x == NULL) {
+        fail("no memory");
+    }
+    return x;
+}
+
+static void start_filter(const family_filter_t *filter, family_size_t size)
+{
+    const family_settings_t settings = {LAMBDA, RHO};
+    if (filter->init(&object, size, settings, memory, filter->words(size)) != AEO_OK) {
+        fail("a filter refuses its size");
+    }
+}
+
+/* Run the filter over a plant and keep z and y of SAMPLES updates. */
+static void record_samples(const family_filter_t *filter, family_size_t size)
+{
+    aeo_regressor_t regressor;
+    family_plant_t plant;
+    if (family_start_regressor(&regressor, filter, size, window, 4096) != AEO_OK) {
+        fail("the regressor refuses a size");
+    }
+    start_filter(filter, size);
+    family_plant_start(&plant, size, 7u);
+    for (unsigned k = 0, kept = 0; kept < SAMPLES; k++) {
+        family_plant_step(&plant);
+        if (aeo_regressor_push(&regressor, plant.u, plant.y, UINT64_C(1000) * k) != AEO_OK) {
+            continue;
+        }
+        memcpy(z + kept * n, aeo_regressor_z(&regressor), n * sizeof *z);
+        memcpy(y + kept * l, aeo_regressor_y(&regressor), l * sizeof *y);
+        if (filter->update(&object, z + kept * n, y + kept * l) != AEO_OK) {
+            fail("a filter refuses a good sample");
+        }
+        if (filter->feedback != NULL && aeo_regressor_set_innovation(&regressor, filter->feedback(&object)) != AEO_OK) {
+            fail("the regressor refuses a residual");
+        }
+        kept++;
+    }
+}
+
+/* Contestants: the family, then Eigen in two forms, then plain C. */
+static void start(unsigned contestant, family_size_t size)
+{
+    if (contestant < FAMILY_COUNT) {
+        start_filter(&FAMILY[contestant], size);
+    } else if (contestant < FAMILY_COUNT + 2u) {
+        eigen_start(n, l, LAMBDA, RHO);
+    } else {
+        memset(memory, 0, (n * n + n * l + n) * sizeof *memory);
+        for (size_t i = 0; i < n; i++) {
+            memory[i * n + i] = AEO_REAL(1) / RHO;
+        }
+    }
+}
+
+static void update(unsigned contestant, size_t k)
+{
+    if (contestant < FAMILY_COUNT) {
+        (void)FAMILY[contestant].update(&object, z + k * n, y + k * l);
+    } else if (contestant < FAMILY_COUNT + 2u) {
+        eigen_update(z + k * n, y + k * l, (int)(contestant - FAMILY_COUNT));
+    } else {
+        naive_update(memory, memory + n * n, memory + n * n + n * l, n, l, LAMBDA, z + k * n, y + k * l);
+    }
+}
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return 1e9 * (double)t.tv_sec + (double)t.tv_nsec;
+}
+
+/* Replay once; returns nanoseconds an update. */
+static double replay(unsigned contestant, family_size_t size, const char *label)
+{
+    start(contestant, size);
+    for (size_t k = 0; k < WARM; k++) {
+        update(contestant, k);
+    }
+#ifdef BENCH_CALLGRIND
+    CALLGRIND_ZERO_STATS;
+#endif
+    const double from = now();
+    for (size_t k = WARM; k < SAMPLES; k++) {
+        update(contestant, k);
+    }
+    const double took = now() - from;
+#ifdef BENCH_CALLGRIND
+    CALLGRIND_DUMP_STATS_AT(label);
+#else
+    (void)label;
+#endif
+    return took / TIMED;
+}
+
+/* The textbook in two languages must agree, or one of them is not the textbook. */
+static void compare_rivals(void)
+{
+    double most = 0.0;
+    for (size_t i = 0; i < l; i++) {
+        for (size_t j = 0; j < n; j++) {
+            const double difference = (double)memory[n * n + i * n + j] - (double)eigen_theta()[j * l + i];
+            most = difference > most ? difference : -difference > most ? -difference : most;
+        }
+    }
+    if (!(most < 1e-2)) {
+        fail("the textbook RLS in C and with Eigen disagree");
+    }
+}
+
+static const char *name_of(unsigned contestant)
+{
+    static const char *const RIVAL[RIVALS] = {"eigen", "eigen_in_place", "naive"};
+    return contestant < FAMILY_COUNT ? FAMILY[contestant].name : RIVAL[contestant - FAMILY_COUNT];
+}
+
+static void run(unsigned contestant, size_t s, unsigned repetitions)
+{
+    const family_filter_t *filter = &FAMILY[contestant < FAMILY_COUNT ? contestant : 0];
+    const family_size_t size = (filter->feedback != NULL ? VARMAX_SIZES : SIZES)[s];
+    char label[80];
+    double least = 1e300;
+    n = family_regressors(filter, size);
+    l = size.outputs;
+    snprintf(label, sizeof label, "%s %u %u %u %zu", name_of(contestant), (unsigned)size.inputs, (unsigned)l,
+             (unsigned)size.past, n);
+    record_samples(filter, size);
+    for (unsigned t = 0; t < repetitions; t++) {
+        const double took = replay(contestant, size, label);
+        least = took < least ? took : least;
+    }
+    printf("%s %.1f\n", label, least);
+    if (contestant == FAMILY_COUNT + RIVALS - 1u) {
+        compare_rivals();
+    }
+}
+
+int main(int count, char **arguments)
+{
+    const unsigned repetitions = count > 1 ? (unsigned)strtoul(arguments[1], NULL, 10) : 1u;
+    const size_t sizes = count > 2 ? (size_t)strtoul(arguments[2], NULL, 10) : SIZE_COUNT;
+    const size_t most = AEO_REGRESSOR_LENGTH_MAX;
+    memory = allocate(most * most + most * 16);
+    z = allocate(SAMPLES * most);
+    y = allocate(SAMPLES * FAMILY_CHANNELS_MAX);
+    window = allocate(4096);
+    for (size_t s = 0; s < sizes && s < SIZE_COUNT; s++) {
+        for (unsigned contestant = 0; contestant < FAMILY_COUNT + RIVALS; contestant++) {
+            run(contestant, s, repetitions);
+        }
+    }
+    return 0;
+}
