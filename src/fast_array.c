@@ -1,0 +1,191 @@
+/* fast_array.c: the recursion of fast_rls.h without the outputs. */
+#include "fast_array.h"
+
+#include "linalg.h"
+
+#include <string.h>
+
+/* Bounds from which nothing overflows in float. Entries of the window are below 1.1e6 (samples 1e6, a disturbance of at
+ * most rho^(1/2) <= 1e4). An array goes on only while its errors stay below ERROR_MAX, 1 / gamma below NEWS_MAX and |g|
+ * below GAIN_MAX; fast_rls.c starts it afresh otherwise. Then
+ *   A, B move by at most ERROR_MAX GAIN_MAX = 1e24 a sample, and a row times the window is below n 1e24 1.1e6 < 1.2e33
+ *   before it is judged;  kappa = g / gamma < 1e32;  E grows by at most (3 ERROR_MAX)^2 < 1e25 a sample.
+ * What still exceeds the largest number on the way is infinite or NaN, and fails the judgement on its bits. */
+#define ERROR_MAX AEO_REAL(1e12)
+#define GAIN_MAX  AEO_REAL(1e12)
+#define NEWS_MAX  AEO_REAL(1e20)
+
+/* 1 + w'kappa is at least 1; rounding in an array that is well lies far below this. */
+#define NEWS_LEAST AEO_REAL(-0.1)
+
+/* Square disagreement of the backward errors relative to their mean size, as a mean over some MEAN samples. The relative
+ * error of theta is about a third of its root (turbine data, both precisions). In float, arrays that are well show 1e-9 ...
+ * 1e-6 on turbine data with 1 % of measurement noise and up to 1e-2 where channels are collinear. Beyond LATE a follower
+ * should warm up; beyond LOST, or when one sample disagrees by more than the mean size, the gain is not fit for use. */
+#if AEO_REAL_BYTES == 8
+#define LATE AEO_REAL(1e-8)
+#define LOST AEO_REAL(1e-3)
+#else
+#define LATE AEO_REAL(3e-3)
+#define LOST AEO_REAL(0.1)
+#endif
+#define MEAN AEO_REAL(64)
+
+enum { INVERSE_GAMMA, DISAGREEMENT, ERROR_SIZE };
+
+void aeo_fast_array_start(const aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t m = self->config.block, d = self->tail;
+    const aeo_real_t lambda = self->config.forgetting;
+    memset(array->forward, 0, AEO_FAST_RLS_ARRAY_WORDS(self->config.past, m, d) * sizeof *array->forward);
+    aeo_real_t oldest = self->regularisation; /* 1 / (lambda P) of the oldest block: rho / lambda^p */
+    for (size_t i = 0; i < self->config.past; i++) {
+        oldest /= lambda; /* lambda^p >= 1/1000 */
+    }
+    aeo_real_t *diagonal = array->factor;
+    for (size_t c = 0; c < m; c++) {
+        array->energy[c * m + c] = oldest;
+        /* rho >= 1e-8; entries of the present sample weigh 1 / lambda more */
+        *diagonal = AEO_REAL(1) / AEO_SQRT(self->regularisation * (c + d < m ? AEO_REAL(1) : lambda));
+        diagonal += m - c;
+    }
+    array->scalar[INVERSE_GAMMA] = AEO_REAL(1);
+    array->age = 0;
+}
+
+aeo_real_t aeo_fast_array_variance(const aeo_fast_rls_t *self, const aeo_fast_rls_array_t *array, size_t c)
+{
+    return aeo_linalg_row_norm2(array->factor, self->config.block, c, NULL);
+}
+
+int aeo_fast_array_is_late(const aeo_fast_rls_array_t *array)
+{
+    return array->scalar[DISAGREEMENT] > LATE * array->scalar[ERROR_SIZE];
+}
+
+/* error = x - rows w, m values; returns 1 when all are below the bound. */
+static int find_error(const aeo_fast_rls_t *self, const aeo_real_t *rows, const aeo_real_t *w, const aeo_real_t *x)
+{
+    const size_t n = self->length, m = self->config.block;
+    for (size_t c = 0; c < m; c++) {
+        self->error[c] = x[c] - aeo_linalg_dot(rows + c * n, w, n);
+    }
+    return aeo_linalg_all_within(self->error, m, ERROR_MAX);
+}
+
+/* From kappa_{k-1} to [t; s], and A and F to sample k. */
+static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t n = self->length, m = self->config.block;
+    const aeo_real_t lambda = self->config.forgetting, gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* >= 1 */
+    const aeo_real_t *const e = self->error;
+    aeo_real_t *const f = self->error + m;
+    if (!find_error(self, array->forward, self->window, self->window + n)) {
+        return 0;
+    }
+    aeo_linalg_project(array->factor, e, f + m, m);
+    aeo_linalg_rotate(array->factor, f + m, m, f, m, lambda * array->scalar[INVERSE_GAMMA],
+                      self->inverse_root_forgetting);
+    for (size_t i = 0; i < n; i++) {
+        self->step[i] = gamma * array->gain[i];
+    }
+    const aeo_real_t inverse = AEO_REAL(1) / lambda; /* lambda >= 1/2 */
+    for (size_t c = 0; c < m; c++) {
+        array->gain[n + c] = inverse * f[c];
+        aeo_linalg_axpy(-array->gain[n + c], array->forward + c * n, array->gain, n);
+        aeo_linalg_axpy(e[c], self->step, array->forward + c * n, n);
+    }
+    return 1;
+}
+
+/* The error r of the backward predictor and by how much it differs from the one that t foretells, with r corrected. An
+ * entry of x that left before the array began is a zero, which B, still zero too, foretells. */
+static int find_backward_error(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t n = self->length, m = self->config.block;
+    aeo_real_t *const r = self->error, *const difference = self->error + m;
+    if (!find_error(self, array->backward, self->window + m, self->window)) {
+        return 0;
+    }
+    for (size_t c = 0; c < m; c++) {
+        if (array->age <= self->config.past + 1u && c + (size_t)array->age * m < n + m) {
+            r[c] = AEO_REAL(0);
+            difference[c] = AEO_REAL(0);
+            continue;
+        }
+        difference[c] = r[c] - self->config.forgetting * aeo_linalg_dot(array->energy + c * m, array->gain, m);
+        r[c] += self->feedback * difference[c];
+    }
+    return aeo_linalg_all_within(r, m, ERROR_MAX);
+}
+
+/* From [t; s] to kappa_k = s + B't, 1 / gamma_k, and g_k in self->step. */
+static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t n = self->length, m = self->config.block;
+    for (size_t c = 0; c < m; c++) {
+        aeo_linalg_axpy(array->gain[c], array->backward + c * n, array->gain + m, n);
+    }
+    for (size_t i = 0; i < n; i++) {
+        array->gain[i] = array->gain[i + m];
+    }
+    const aeo_real_t news = aeo_linalg_dot(array->gain, self->window + m, n);
+    if (!aeo_linalg_all_within(&news, 1, NEWS_MAX) || news < NEWS_LEAST) {
+        return 0;
+    }
+    array->scalar[INVERSE_GAMMA] = AEO_REAL(1) + (news > AEO_REAL(0) ? news : AEO_REAL(0));
+    const aeo_real_t gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* the divisor is at least 1 */
+    for (size_t i = 0; i < n; i++) {
+        self->step[i] = gamma * array->gain[i];
+    }
+    const aeo_real_t size = aeo_linalg_dot(self->step, self->step, n);
+    return aeo_linalg_all_within(&size, 1, GAIN_MAX * GAIN_MAX);
+}
+
+/* B and E to sample k, and the mean disagreement; returns 0 when that is as large as the errors. */
+static int step_backward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    const size_t n = self->length, m = self->config.block;
+    const aeo_real_t lambda = self->config.forgetting, gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* >= 1 */
+    const aeo_real_t *const r = self->error, *const difference = self->error + m;
+    aeo_real_t apart = AEO_REAL(0), size = AEO_REAL(0);
+    for (size_t c = 0; c < m; c++) {
+        aeo_real_t *const energy = array->energy + c * m;
+        for (size_t j = 0; j < m; j++) {
+            energy[j] = lambda * energy[j] + gamma * r[c] * r[j];
+        }
+        aeo_linalg_axpy(r[c], self->step, array->backward + c * n, n);
+        if (energy[c] > AEO_REAL(1e-30)) { /* sizes in units of E_cc, which holds gamma r^2: at most 1 each */
+            apart += gamma * (difference[c] / energy[c]) * difference[c];
+            size += gamma * (r[c] / energy[c]) * r[c];
+        }
+    }
+    aeo_real_t *const scalar = array->scalar;
+    scalar[DISAGREEMENT] += (apart - scalar[DISAGREEMENT]) * (AEO_REAL(1) / MEAN);
+    scalar[ERROR_SIZE] += (size - scalar[ERROR_SIZE]) * (AEO_REAL(1) / MEAN);
+    return aeo_linalg_all_within(scalar + DISAGREEMENT, 2, NEWS_MAX) && apart <= scalar[ERROR_SIZE] &&
+           scalar[DISAGREEMENT] <= LOST * scalar[ERROR_SIZE];
+}
+
+int aeo_fast_array_step(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
+{
+    aeo_count_up(&array->age);
+    return step_forward(self, array) && find_backward_error(self, array) && find_gain(self, array) &&
+           step_backward(self, array);
+}
+
+int aeo_fast_array_is_sound(const aeo_fast_rls_t *self, const aeo_real_t *words)
+{
+    const size_t n = self->length, m = self->config.block;
+    const aeo_real_t *factor = words + n * (2 * m + 1) + m;
+    const aeo_real_t *const scalar = factor + m * (m + 1) / 2 + m * m;
+    for (size_t c = 0; c < m; c++) {
+        if (!(*factor > AEO_REAL(0))) {
+            return 0;
+        }
+        factor += m - c;
+    }
+    return scalar[INVERSE_GAMMA] >= AEO_REAL(1) && scalar[DISAGREEMENT] >= AEO_REAL(0) &&
+           scalar[ERROR_SIZE] >= AEO_REAL(0);
+}
+/* SPDX-License-Identifier: MIT */

@@ -1,0 +1,427 @@
+/* fast_rls.c: window, theta and the succession of arrays of fast_rls.h; fast_array.c is the recursion. */
+#include "aeolid/fast_rls.h"
+
+#include "fast_array.h"
+#include "linalg.h"
+
+#include <string.h>
+
+/* As in rls.c: samples are at most 1e6, and an innovation beyond INNOVATION_MAX forces theta to start afresh before it is
+ * used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays below
+ * n 1e24 1e6 < 1.1e33 until the next judgement. */
+#define SAMPLE_MAX          AEO_REAL(1e6)
+#define INNOVATION_MAX      AEO_REAL(1e12)
+#define VARIANCE_MAX        AEO_REAL(1e10)
+#define SHRINK_MIN          AEO_REAL(1e-3)
+#define REGULARISATION_RISE AEO_REAL(65536)
+
+/* Memories after which a follower is warm: what its own regularisation still weighs is e^-7 and e^-14 of the data. */
+#if AEO_REAL_BYTES == 8
+#define WARM AEO_REAL(14)
+#else
+#define WARM AEO_REAL(7)
+#endif
+
+/* q = n (1 - lambda) up to which an array lives until its errors disagree; and its life in memories above, LIFE + TAIL / q.
+ * Measured lives (turbine and white data, m = 1 and 5, p = 10 and 30) at q = 0.3, 1, 4: float 64, 20, 12, double over
+ * 100, 70, 33; these are about two thirds of that, where errors are about 1e-2 and 1e-5. */
+#define STEADY AEO_REAL(0.1)
+#if AEO_REAL_BYTES == 8
+#define LIFE AEO_REAL(26)
+#define TAIL AEO_REAL(10)
+#else
+#define LIFE AEO_REAL(8)
+#define TAIL AEO_REAL(6)
+#endif
+
+static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
+{
+    return x >= low && x <= high;
+}
+
+static uint16_t count_tail(uint32_t mask)
+{
+    uint16_t bits = 0;
+    for (; mask != 0u; mask &= mask - 1u) {
+        bits++;
+    }
+    return bits;
+}
+
+static int sizes_hold(const aeo_fast_rls_config_t *config)
+{
+    const unsigned m = config->block;
+    if (m < 1u || m > AEO_FAST_RLS_BLOCK_MAX || config->past < 1u || config->outputs < 1u ||
+        config->outputs > AEO_FAST_RLS_OUTPUTS_MAX || (m < 32u && config->feedthrough >> m != 0u)) {
+        return 0;
+    }
+    return AEO_FAST_RLS_LENGTH(config->past, m, count_tail(config->feedthrough)) <= AEO_FAST_RLS_REGRESSORS_MAX;
+}
+
+static int settings_hold(const aeo_fast_rls_config_t *config)
+{
+    if (!sizes_hold(config) || !is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) ||
+        !is_between(config->regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)) ||
+        !is_between(config->growth_max, AEO_REAL(4), AEO_REAL(1e6)) ||
+        config->growth_max / config->regularisation > VARIANCE_MAX) {
+        return 0;
+    }
+    aeo_real_t shrink = AEO_REAL(1);
+    for (unsigned i = 0; i < config->past; i++) {
+        shrink *= config->forgetting;
+    }
+    return shrink >= SHRINK_MIN;
+}
+
+/* Lengths of time in samples. Every quotient is below 1.7e7 memories' samples times 86, which 32 bits hold. */
+static void fill_schedule(aeo_fast_rls_t *self)
+{
+    const aeo_real_t n = (aeo_real_t)self->length, rate = AEO_REAL(1) - self->config.forgetting, q = n * rate;
+    self->feedback = AEO_REAL(1) / (AEO_REAL(1) + AEO_REAL(4) * q);
+    self->life = UINT32_MAX;
+    self->warm = 50u * self->length;
+    self->half = 20u * self->length;
+    if (rate > AEO_REAL(1e-6)) {
+        self->warm = (uint32_t)(WARM / rate) + 2u * self->config.past;
+    }
+    if (rate * (aeo_real_t)self->half > AEO_REAL(0.5)) {
+        self->half = (uint32_t)(AEO_REAL(0.5) / rate);
+    }
+    if (q > STEADY) {
+        self->life = (uint32_t)((LIFE - WARM + TAIL / q) / rate);
+    }
+}
+
+static void fill_order(aeo_fast_rls_t *self)
+{
+    uint8_t marked = 0, other = (uint8_t)self->tail;
+    for (unsigned i = 0; i < 32u; i++) {
+        self->order[i] = (self->config.feedthrough >> i & 1u) != 0u ? marked++ : other++;
+    }
+}
+
+static void place(aeo_fast_rls_t *self, aeo_real_t *memory)
+{
+    const size_t p = self->config.past, m = self->config.block, d = self->tail, n = self->length;
+    const size_t l = self->config.outputs;
+    for (int i = 0; i < 2; i++) {
+        aeo_fast_rls_array_t *const array = &self->array[i];
+        array->forward = memory;
+        array->backward = array->forward + m * n;
+        array->gain = array->backward + m * n;
+        array->factor = array->gain + n + m;
+        array->energy = array->factor + m * (m + 1) / 2;
+        array->scalar = array->energy + m * m;
+        memory += AEO_FAST_RLS_ARRAY_WORDS(p, m, d);
+    }
+    self->theta = memory;
+    self->window = self->theta + n * l;
+    self->innovation = self->window + m + n;
+    self->residual = self->innovation + l;
+    self->step = self->residual + l;
+    self->update = self->step + n;
+    self->error = self->update + n;
+}
+
+aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t *config, aeo_real_t *memory,
+                               size_t words)
+{
+    if (self == NULL || config == NULL || memory == NULL) {
+        return AEO_E_ARG;
+    }
+    if (!aeo_linalg_all_finite(&config->forgetting, 1) || !aeo_linalg_all_finite(&config->regularisation, 1) ||
+        !aeo_linalg_all_finite(&config->growth_max, 1)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!settings_hold(config)) {
+        return AEO_E_ARG;
+    }
+    const uint16_t tail = count_tail(config->feedthrough);
+    if (words < AEO_FAST_RLS_WORDS(config->past, config->block, tail, config->outputs)) {
+        return AEO_E_MEMORY;
+    }
+    memset(self, 0, sizeof *self);
+    self->config = *config;
+    self->tail = tail;
+    self->length = (uint16_t)AEO_FAST_RLS_LENGTH(config->past, config->block, tail);
+    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting);            /* forgetting >= 1/2 */
+    self->variance_max = config->growth_max / config->regularisation;                      /* regularisation >= 1e-8 */
+    self->disturbance = AEO_SQRT((AEO_REAL(1) - config->forgetting) / self->variance_max); /* growth_max >= 4 */
+    fill_schedule(self);
+    fill_order(self);
+    place(self, memory);
+    aeo_fast_rls_reset(self);
+    return AEO_OK;
+}
+
+/* Forget the window and both arrays; the first array is ready for the next sample. */
+static void start_arrays(aeo_fast_rls_t *self)
+{
+    memset(self->window, 0, ((size_t)self->length + self->config.block) * sizeof *self->window);
+    aeo_fast_array_start(self, &self->array[0]);
+    aeo_fast_array_start(self, &self->array[1]);
+    self->active = 0;
+    self->filled = 0;
+}
+
+void aeo_fast_rls_reset(aeo_fast_rls_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    const size_t p = self->config.past, m = self->config.block, d = self->tail, l = self->config.outputs;
+    memset(self->array[0].forward, 0, AEO_FAST_RLS_WORDS(p, m, d, l) * sizeof *self->theta);
+    self->hold = 0;
+    self->random = 1;
+    self->regularisation = self->config.regularisation;
+    start_arrays(self);
+}
+
+/* z in the order of w: channels of the mask first in each block, so that the tail of z is where the block of the present
+ * sample begins. When the mask holds the first channels, or none, that is z itself. */
+static int is_plain(uint32_t mask)
+{
+    return (mask & (mask + 1u)) == 0u;
+}
+
+/* Copy from (n values) to another array, from the order of z to that of w or back. */
+static void arrange(const aeo_fast_rls_t *self, const aeo_real_t *from, aeo_real_t *to, int back)
+{
+    const size_t m = self->config.block, past = (size_t)self->config.past * m;
+    for (size_t block = 0; block < past; block += m) {
+        for (size_t c = 0; c < m; c++) {
+            const size_t at = c < 32u ? self->order[c] : c;
+            if (back) {
+                to[block + c] = from[block + at];
+            } else {
+                to[block + at] = from[block + c];
+            }
+        }
+    }
+    memcpy(to + past, from + past, self->tail * sizeof *to);
+}
+
+/* The disturbance's sign: xorshift, period 2^32 - 1. */
+static aeo_real_t draw_disturbance(aeo_fast_rls_t *self)
+{
+    uint32_t x = self->random;
+    x ^= x << 13 & UINT32_C(0xFFFFFFFF);
+    x ^= x >> 17;
+    x ^= x << 5 & UINT32_C(0xFFFFFFFF);
+    self->random = x;
+    return (x >> 16 & 1u) != 0u ? self->disturbance : -self->disturbance;
+}
+
+/* How z continues the window. */
+typedef enum { CONTINUES, CONTINUES_PARTLY, BREAKS } fit_t;
+
+/* Compare w (z in the order of w) with the window after its move, but for the newest m entries: the same but for
+ * disturbances and their rounding. Places from before the first sample hold zeros. */
+static fit_t compare_window(const aeo_fast_rls_t *self, const aeo_real_t *w)
+{
+    const size_t n = self->length, m = self->config.block, seen = (size_t)self->filled * m;
+    const size_t known = seen + m < n ? n - m - seen : 0;
+    const aeo_real_t *const before = self->window + 2 * m; /* not moved yet */
+    fit_t fit = CONTINUES;
+    for (size_t i = n - m; i-- > 0;) {
+        const aeo_real_t difference = w[i] - before[i];
+        const aeo_real_t size = w[i] > AEO_REAL(0) ? w[i] : -w[i];
+        const aeo_real_t allowed = AEO_REAL(2) * self->disturbance + AEO_REAL(2) * AEO_REAL_EPSILON * size;
+        if (difference > allowed || difference < -allowed) {
+            if (i >= known) {
+                return BREAKS;
+            }
+            fit = CONTINUES_PARTLY;
+        }
+    }
+    return fit;
+}
+
+/* Samples theta waits before it listens to an array that starts with age samples of another one lost: so that the gain
+ * does not throw away what theta knows; half of them, for records with many breaks must go on learning; and half a
+ * memory, when the variance of theta under that gain is what it is in the long run. */
+static uint32_t find_hold(const aeo_fast_rls_t *self, uint32_t age)
+{
+    return self->half < age / 2u ? self->half : age / 2u;
+}
+
+/* Move the window on by one block. w is z in the order of w. */
+static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
+{
+    const size_t n = self->length, m = self->config.block;
+    fit_t fit = compare_window(self, w);
+    if (fit == BREAKS) {
+        self->hold = find_hold(self, self->array[self->active].age);
+        start_arrays(self);
+        aeo_count_up(&self->count.restarted);
+        self->health |= AEO_FAST_RLS_RESTARTED;
+        fit = compare_window(self, w);
+    }
+    for (size_t i = 0; i < n; i++) {
+        self->window[i] = self->window[i + m];
+    }
+    memcpy(self->window + n, w + (n - m), m * sizeof *w);
+    if (self->filled <= self->config.past) {
+        self->filled++;
+    }
+    for (size_t c = 0; c < m && self->config.forgetting < AEO_REAL(1); c++) {
+        if (aeo_fast_array_variance(self, &self->array[self->active], c) > self->variance_max) {
+            self->window[n + c] += draw_disturbance(self);
+            aeo_count_up(&self->count.bounded);
+            self->health |= AEO_FAST_RLS_BOUNDED;
+        }
+    }
+    return fit;
+}
+
+/* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */
+static int find_innovation(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    const size_t n = self->length, l = self->config.outputs;
+    for (size_t i = 0; i < l; i++) {
+        self->innovation[i] = y[i] - aeo_linalg_dot(self->theta + i * n, z, n);
+    }
+    return aeo_linalg_all_within(self->innovation, l, INNOVATION_MAX);
+}
+
+/* theta += innovation g'. The residual is y - theta z for z as given, of which w may be a disturbed copy. */
+static void learn(aeo_fast_rls_t *self, const aeo_real_t *z)
+{
+    const size_t n = self->length, l = self->config.outputs;
+    const aeo_real_t *gain = self->step;
+    if (!is_plain(self->config.feedthrough)) {
+        arrange(self, self->step, self->update, 1);
+        gain = self->update;
+    }
+    const aeo_real_t left = AEO_REAL(1) - aeo_linalg_dot(gain, z, n);
+    for (size_t i = 0; i < l; i++) {
+        aeo_linalg_axpy(self->innovation[i], gain, self->theta + i * n, n);
+        self->residual[i] = self->innovation[i] * left;
+    }
+}
+
+/* The array in charge has lost its way: its follower takes over when it has absorbed a quarter of what makes it warm,
+ * else both start afresh and theta waits at least until the window has passed once. */
+static void replace_array(aeo_fast_rls_t *self)
+{
+    aeo_fast_rls_array_t *const lost = &self->array[self->active], *const follower = &self->array[self->active ^ 1u];
+    const uint32_t pass = self->config.past + 1u, hold = find_hold(self, lost->age);
+    if (self->regularisation < self->config.regularisation * REGULARISATION_RISE) {
+        self->regularisation *= AEO_REAL(16);
+    }
+    aeo_fast_array_start(self, lost);
+    if (follower->age > self->warm / 4u) {
+        self->active ^= 1u;
+        if (aeo_fast_array_step(self, follower)) {
+            return;
+        }
+    }
+    aeo_fast_array_start(self, follower);
+    self->hold = hold > pass ? hold : pass;
+}
+
+/* Start, feed and promote the array that follows the one in charge. */
+static void feed_follower(aeo_fast_rls_t *self)
+{
+    aeo_fast_rls_array_t *const first = &self->array[self->active], *const follower = &self->array[self->active ^ 1u];
+    if (follower->age == 0u && first->age < self->life && !aeo_fast_array_is_late(first)) {
+        return;
+    }
+    if (!aeo_fast_array_step(self, follower)) {
+        aeo_fast_array_start(self, follower);
+    } else if (follower->age >= self->warm) {
+        aeo_fast_array_start(self, first);
+        self->active ^= 1u;
+        aeo_count_up(&self->count.renewed);
+    }
+}
+
+/* One sample through window and arrays; z is judged and the innovation found. */
+static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
+{
+    const aeo_real_t *w = z;
+    if (!is_plain(self->config.feedthrough)) {
+        arrange(self, z, self->update, 0);
+        w = self->update;
+    }
+    const fit_t fit = move_window(self, w);
+    memcpy(self->residual, self->innovation, self->config.outputs * sizeof *self->residual);
+    if (!aeo_fast_array_step(self, &self->array[self->active])) {
+        replace_array(self);
+        aeo_count_up(&self->count.reinitialised);
+        self->health |= AEO_FAST_RLS_REINITIALISED;
+        return;
+    }
+    if (fit == CONTINUES && self->hold == 0u) {
+        learn(self, z);
+    } else {
+        self->hold -= self->hold > 0u ? 1u : 0u;
+        aeo_count_up(&self->count.held);
+    }
+    feed_follower(self);
+}
+
+aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    if (self == NULL || z == NULL || y == NULL) {
+        return AEO_E_ARG;
+    }
+    aeo_status_t status = aeo_linalg_judge(z, self->length, SAMPLE_MAX);
+    if (status == AEO_OK) {
+        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
+    }
+    if (status != AEO_OK) {
+        aeo_count_up(&self->count.rejected);
+        return status;
+    }
+    if (!find_innovation(self, z, y)) {
+        aeo_fast_rls_reset(self);
+        aeo_count_up(&self->count.reinitialised);
+        self->health |= AEO_FAST_RLS_REINITIALISED;
+        find_innovation(self, z, y); /* theta = 0: the innovation is y, at most 1e6 */
+    }
+    absorb(self, z);
+    aeo_count_up(&self->count.updates);
+    return AEO_OK;
+}
+
+const aeo_real_t *aeo_fast_rls_theta(const aeo_fast_rls_t *self)
+{
+    return self->theta;
+}
+
+aeo_status_t aeo_fast_rls_read(const aeo_fast_rls_t *self, aeo_real_t *theta, size_t length)
+{
+    if (self == NULL || theta == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t count = (size_t)self->length * self->config.outputs;
+    if (length < count) {
+        return AEO_E_MEMORY;
+    }
+    memcpy(theta, self->theta, count * sizeof *theta);
+    return AEO_OK;
+}
+
+const aeo_real_t *aeo_fast_rls_innovation(const aeo_fast_rls_t *self)
+{
+    return self->innovation;
+}
+
+const aeo_real_t *aeo_fast_rls_residual(const aeo_fast_rls_t *self)
+{
+    return self->residual;
+}
+
+uint32_t aeo_fast_rls_health(const aeo_fast_rls_t *self)
+{
+    return self != NULL ? self->health : 0u;
+}
+
+void aeo_fast_rls_clear_health(aeo_fast_rls_t *self)
+{
+    if (self != NULL) {
+        self->health = 0u;
+    }
+}
+/* SPDX-License-Identifier: MIT */
