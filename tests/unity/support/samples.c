@@ -102,5 +102,5 @@ double relative_distance(const aeo_real_t *a, const double *b, size_t count)
         difference += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
         size += b[i] * b[i];
     }
-    return sqrt(difference / size);
+    return !(difference <= 0.0) ? sqrt(difference / size) : 0.0; /* before any news both are 0; NaN is kept */
 }

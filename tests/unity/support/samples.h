@@ -19,7 +19,7 @@ aeo_real_t make_not_finite(int kind);
 void solve_batch(const aeo_real_t *z, const aeo_real_t *y, const double *weight, size_t count, size_t n, size_t l,
                  const double *ridge, double *theta);
 
-/* Return |a - b|_F / |b|_F. */
+/* Return |a - b|_F / |b|_F, 0 where a = b. */
 double relative_distance(const aeo_real_t *a, const double *b, size_t count);
 
 #endif

@@ -1,0 +1,438 @@
+/* lattice.c: the recursion of lattice.h; lattice_read.c works out theta, saves and restores. */
+#include "aeolid/lattice.h"
+
+#include "lattice_state.h"
+#include "linalg.h"
+
+#include <string.h>
+
+/* Bounds from which nothing below overflows in float. Samples are at most 1e6 (checked), variances at most
+ * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances). An error beyond ERROR_MAX forces a fresh start,
+ * so with m <= 96 errors r or f
+ *   |S'r|^2 <= tr(P) |r|^2 <= 96 2e10 96 1e20 < 2e34, alpha <= 1 + 1024 of them < 1e38 (p m <= 1024 makes it 1024 / 96),
+ *   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5, a weight moves by less than 1.1e15 an update, stays below 1.1e26 for
+ *   1e11 updates, and the next error below 1e10 + 96 1.1e26 1e10 < 1.1e38 < FLT_MAX, where it is judged. */
+#define SAMPLE_MAX   AEO_REAL(1e6)
+#define VARIANCE_MAX AEO_REAL(1e10)
+
+/* The oldest block's prior weighs lambda^{1-p} that of the newest: with less than this the window is longer than what
+ * the filter remembers. */
+#define FADED_MIN AEO_REAL(1e-6)
+
+/* Samples for each regressor after which the first ones are thrown away, when they were no true start. */
+#define LEARNING 4u
+
+static int sizes_hold(const aeo_lattice_config_t *config)
+{
+    const unsigned p = config->past, m = config->block, d = config->present, l = config->outputs;
+    return p >= 1u && m >= 1u && m <= AEO_LATTICE_BLOCK_MAX && d <= m && l >= 1u && l <= AEO_LATTICE_OUTPUTS_MAX &&
+           p <= AEO_LATTICE_REGRESSORS_MAX && p * m + d <= AEO_LATTICE_REGRESSORS_MAX;
+}
+
+int aeo_lattice_settings_hold(const aeo_lattice_config_t *config)
+{
+    static const aeo_real_t LIMITS[4][2] = {{AEO_REAL(0.5), AEO_REAL(1)},
+                                            {AEO_REAL(1e-8), AEO_REAL(1e8)},
+                                            {AEO_REAL(0), AEO_REAL(1)},
+                                            {AEO_REAL(4), AEO_REAL(1e6)}};
+    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
+                                    config->growth_max};
+    for (int i = 0; i < 4; i++) {
+        if (settings[i] < LIMITS[i][0] || settings[i] > LIMITS[i][1]) {
+            return 0;
+        }
+    }
+    if (!sizes_hold(config) || config->growth_max / config->regularisation > VARIANCE_MAX) {
+        return 0;
+    }
+    aeo_real_t faded = AEO_REAL(1);
+    for (unsigned j = 1; j < config->past && faded >= FADED_MIN; j++) {
+        faded *= config->forgetting;
+    }
+    return faded >= FADED_MIN;
+}
+
+/* How many rows of each triangle to check a sample so that each comes round before forgetting can double it. */
+static uint16_t find_scan_step(uint16_t m, aeo_real_t lambda)
+{
+    aeo_real_t shrink = lambda;
+    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
+    while (samples < m && shrink * lambda >= AEO_REAL(0.5)) {
+        shrink *= lambda;
+        samples++;
+    }
+    return (uint16_t)((m + samples - 1u) / samples);
+}
+
+static size_t count_words(const aeo_lattice_config_t *config)
+{
+    return AEO_LATTICE_WORDS(config->past, config->block, config->present, config->outputs);
+}
+
+static void place_arrays(aeo_lattice_t *self, aeo_real_t *memory)
+{
+    const size_t p = self->config.past, m = self->config.block, d = self->config.present, l = self->config.outputs;
+    self->factor = memory;
+    self->present_factor = self->factor + (2 * p - 1) * AEO_LATTICE_TRIANGLE(m);
+    self->present_weight = self->present_factor + AEO_LATTICE_TRIANGLE(d);
+    self->target_weight = self->present_weight + l * d;
+    self->forward_weight = self->target_weight + p * m * (l + d);
+    self->backward_weight = self->forward_weight + (p - 1) * m * m;
+    self->window = self->backward_weight + (p - 1) * m * m;
+    self->error = self->window + p * m;
+    self->gain = self->error + p * m;
+    self->alpha = self->gain + p * m;
+    self->innovation = self->alpha + p;
+    self->residual = self->innovation + l;
+    self->forward = self->residual + l;
+    self->next = self->forward + m;
+    self->targets = self->next + m;
+    self->backward = self->targets + l + d;
+    self->spare = self->backward + m;
+    self->reading = self->spare + 3 * m;
+}
+
+aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *config, aeo_real_t *memory, size_t words)
+{
+    if (self == NULL || config == NULL || memory == NULL) {
+        return AEO_E_ARG;
+    }
+    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
+                                    config->growth_max};
+    if (!aeo_linalg_all_finite(settings, 4)) {
+        return AEO_E_NOT_FINITE;
+    }
+    if (!aeo_lattice_settings_hold(config)) {
+        return AEO_E_ARG;
+    }
+    if (words < count_words(config)) {
+        return AEO_E_MEMORY;
+    }
+    memset(self, 0, sizeof *self);
+    self->config = *config;
+    place_arrays(self, memory);
+    const unsigned n = config->past * (unsigned)config->block + config->present;
+    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting); /* forgetting >= 1/2 */
+    self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)n;
+    self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
+    self->scan_step = find_scan_step(config->block, config->forgetting);
+    aeo_lattice_reset(self);
+    return AEO_OK;
+}
+
+aeo_status_t aeo_lattice_copy(const aeo_lattice_t *self, aeo_lattice_t *copy, aeo_real_t *memory, size_t words)
+{
+    if (self == NULL || copy == NULL || memory == NULL || copy == self) {
+        return AEO_E_ARG;
+    }
+    if (words < count_words(&self->config)) {
+        return AEO_E_MEMORY;
+    }
+    *copy = *self;
+    copy->read_order = 0;
+    place_arrays(copy, memory);
+    memcpy(memory, self->factor, aeo_lattice_count_state(self) * sizeof *memory);
+    return AEO_OK;
+}
+
+static void reset_triangle(aeo_real_t *factor, size_t m, aeo_real_t diagonal)
+{
+    for (size_t j = 0; j < m; j++) {
+        memset(factor, 0, (m - j) * sizeof *factor);
+        *factor = diagonal;
+        factor += m - j;
+    }
+}
+
+/* P = 1 / prior everywhere: with x_{k-i} worth rho lambda^{-i}, E^b_j = rho lambda^{-j} and E^f_j = rho. Any other prior
+ * is no older self of itself moved by one block, and the order recursions would not be exact. */
+static void reset_factors(aeo_lattice_t *self)
+{
+    const size_t p = self->config.past, m = self->config.block;
+    const aeo_real_t root = AEO_SQRT(self->config.forgetting);
+    const aeo_real_t newest = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
+    aeo_real_t diagonal = newest;
+    for (size_t j = 0; j + 1 < 2 * p; j++) {
+        reset_triangle(self->factor + j * AEO_LATTICE_TRIANGLE(m), m, diagonal);
+        /* the last backward one is at least FADED_MIN^(1/2) newest > 0 */
+        diagonal = j + 1 < p ? diagonal * root : newest;
+    }
+    reset_triangle(self->present_factor, self->config.present, newest);
+}
+
+void aeo_lattice_reset(aeo_lattice_t *self)
+{
+    if (self == NULL) {
+        return;
+    }
+    memset(self->factor, 0, aeo_lattice_count_state(self) * sizeof *self->factor);
+    reset_factors(self);
+    for (size_t j = 0; j < self->config.past; j++) {
+        self->alpha[j] = self->config.forgetting;
+    }
+    self->orders = self->config.past;
+    self->learning = 0;
+    self->read_order = 0;
+    self->scan_row = 0;
+    self->begun = 0;
+    self->quiet = 0;
+}
+
+/* Keep z without its present inputs; returns 1 when it is the window kept before, moved by one block. */
+static int take_window(aeo_lattice_t *self, const aeo_real_t *z)
+{
+    const size_t m = self->config.block, count = m * self->config.past;
+    int moved = 1;
+    for (size_t i = 0; i + m < count; i++) {
+        const aeo_real_t expected = self->window[i + m];
+        if (z[i] < expected || z[i] > expected) {
+            moved = 0;
+        }
+    }
+    memcpy(self->window, z, count * sizeof *z);
+    return moved;
+}
+
+/* gain = that of r, alpha with its news: P moves on, or stays when r is only followed. */
+static void find_gain(const aeo_lattice_t *self, aeo_lattice_regression_t *on)
+{
+    aeo_real_t *const a = self->spare + self->config.block;
+    const aeo_real_t news = aeo_linalg_project(on->factor, on->r, a, on->m);
+    if (self->following) {
+        memset(on->gain, 0, on->m * sizeof *on->gain);
+        on->alpha += news;
+        return;
+    }
+    on->alpha = aeo_linalg_rotate(on->factor, a, on->m, on->gain, on->m, on->alpha, self->inverse_root_forgetting);
+    const aeo_real_t inverse = AEO_REAL(1) / on->alpha; /* alpha >= lambda >= 1/2 */
+    for (size_t i = 0; i < on->m; i++) {
+        on->gain[i] *= inverse;
+    }
+}
+
+/* Carry out the regression at hand, which lies in self to keep it off the stack. */
+static void regress(aeo_lattice_t *self)
+{
+    aeo_lattice_regression_t *const on = &self->on;
+    find_gain(self, on);
+    aeo_linalg_correct(on->weight, on->r, on->targets, on->count, on->m, on->gain);
+}
+
+/* Stage j's predictions: forward becomes f_{j+1}(k), next r_{j+1}(k). Here error, gain and alpha are of the sample
+ * before, whose covariance the forward predictor shares. */
+static void predict(aeo_lattice_t *self, size_t j)
+{
+    const size_t m = self->config.block;
+    aeo_real_t *const error = self->error + j * m, *const old = self->spare;
+    memcpy(old, self->forward, m * sizeof *old);
+    memcpy(self->next, error, m * sizeof *error);
+    aeo_linalg_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m);
+    self->on.factor = self->factor + (self->config.past + j) * AEO_LATTICE_TRIANGLE(m);
+    self->on.weight = self->backward_weight + j * m * m;
+    self->on.r = old;
+    self->on.targets = self->next;
+    self->on.gain = old + 2 * m;
+    self->on.alpha = self->alpha[j];
+    self->on.m = m;
+    self->on.count = m;
+    regress(self);
+}
+
+static size_t count_targets(const aeo_lattice_t *self)
+{
+    return (size_t)self->config.outputs + self->config.present;
+}
+
+/* Regress the targets on the backward error of stage j. */
+static void explain(aeo_lattice_t *self, size_t j)
+{
+    const size_t m = self->config.block, count = count_targets(self);
+    /* a sample that is followed has no part in the covariances: its errors a priori count in full */
+    self->alpha[j] = self->following ? self->config.forgetting : self->news;
+    self->on.factor = self->factor + j * AEO_LATTICE_TRIANGLE(m);
+    self->on.weight = self->target_weight + j * m * count;
+    self->on.r = self->backward;
+    self->on.targets = self->targets;
+    self->on.gain = self->gain + j * m;
+    self->on.alpha = self->news;
+    self->on.m = m;
+    self->on.count = count;
+    regress(self);
+    self->news = self->on.alpha;
+    memcpy(self->error + j * m, self->backward, m * sizeof *self->error);
+    memcpy(self->backward, self->next, m * sizeof *self->backward);
+}
+
+/* Regress what is left of y on what is left of u_k. */
+static void explain_present(aeo_lattice_t *self)
+{
+    self->on.factor = self->present_factor;
+    self->on.weight = self->present_weight;
+    self->on.r = self->targets + self->config.outputs;
+    self->on.targets = self->targets;
+    self->on.gain = self->spare + 2u * (size_t)self->config.block;
+    self->on.alpha = self->news;
+    self->on.m = self->config.present;
+    self->on.count = self->config.outputs;
+    regress(self);
+    self->news = self->on.alpha;
+}
+
+/* 1 while no error of this sample ran away; forward, next and targets lie side by side. */
+static int errors_hold(const aeo_lattice_t *self)
+{
+    return aeo_linalg_all_within(self->forward, (size_t)(self->targets - self->forward) + count_targets(self),
+                                 AEO_LATTICE_ERROR_MAX);
+}
+
+/* Run the newest block and the targets through the stages that are filled. Returns 0 when an error ran away. */
+static int run_stages(aeo_lattice_t *self)
+{
+    self->news = self->config.forgetting;
+    for (size_t j = 0; j < self->orders; j++) {
+        if (j + 1u < self->orders) {
+            predict(self, j);
+        }
+        explain(self, j);
+        if (!errors_hold(self)) {
+            return 0;
+        }
+    }
+    if (self->config.present > 0u) {
+        explain_present(self);
+    }
+    return errors_hold(self);
+}
+
+/* Absorb or follow one judged sample; returns 0 when an error ran away. */
+static int take_sample(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    const size_t m = self->config.block, l = self->config.outputs, older = m * (self->config.past - 1u);
+    memcpy(self->forward, z + older, m * sizeof *z);
+    memcpy(self->backward, z + older, m * sizeof *z);
+    memset(self->next, 0, m * sizeof *z);
+    memcpy(self->targets, y, l * sizeof *y);
+    memcpy(self->targets + l, z + older + m, self->config.present * sizeof *z);
+    if (!run_stages(self)) {
+        return 0;
+    }
+    const aeo_real_t lambda = self->config.forgetting;
+    const aeo_real_t left = self->following ? AEO_REAL(1) : lambda / self->news; /* news >= lambda */
+    for (size_t i = 0; i < l; i++) {
+        self->innovation[i] = self->targets[i];
+        self->residual[i] = self->targets[i] * left;
+    }
+    self->quiet = (uint8_t)(self->orders == self->config.past && self->news - lambda < self->gate);
+    return 1;
+}
+
+/* Quarter the variance of one row when it passed the bound by a measurement of that row's weights which agrees with
+ * what they are: with a = (3 / P_ii)^(1/2) row_i, |a|^2 = 3 and P_ii becomes P_ii / (1 + 3). Only forgetting makes P
+ * grow, at most by 2 between two checks, so P_ii <= 2 variance_max. */
+static void bound_row(aeo_lattice_t *self, aeo_real_t *factor, size_t m)
+{
+    const size_t i = self->scan_row;
+    aeo_real_t *const a = self->spare;
+    if (i >= m) {
+        return; /* fewer present inputs than rows of the other triangles */
+    }
+    const aeo_real_t variance = aeo_linalg_row_norm2(factor, m, i, a);
+    if (variance <= self->variance_max) {
+        return;
+    }
+    const aeo_real_t weight = AEO_SQRT(AEO_REAL(3) / variance); /* variance > variance_max > 0 */
+    for (size_t j = 0; j <= i; j++) {
+        a[j] *= weight;
+    }
+    aeo_linalg_rotate(factor, a, i + 1, a + m, m, AEO_REAL(1), AEO_REAL(1));
+    aeo_count_up(&self->count.bounded);
+    self->health |= AEO_LATTICE_BOUNDED;
+}
+
+static void bound_variances(aeo_lattice_t *self)
+{
+    const size_t m = self->config.block;
+    for (unsigned s = 0; s < self->scan_step; s++) {
+        for (size_t j = 0; j + 1u < 2u * self->config.past; j++) {
+            bound_row(self, self->factor + j * AEO_LATTICE_TRIANGLE(m), m);
+        }
+        bound_row(self, self->present_factor, self->config.present);
+        self->scan_row = (uint16_t)(self->scan_row + 1u < m ? self->scan_row + 1u : 0u);
+    }
+}
+
+/* A first window whose older blocks are not 0 was preceded by samples that the stages count as 0. */
+static void begin(aeo_lattice_t *self, int from_rest)
+{
+    self->begun = 1;
+    self->learning =
+        (uint16_t)(from_rest ? 0u
+                             : LEARNING * (self->config.past * (unsigned)self->config.block + self->config.present));
+}
+
+/* Judge how z follows the one before: sets following, orders and learning. */
+static void place_sample(aeo_lattice_t *self, const aeo_real_t *z)
+{
+    const size_t p = self->config.past;
+    const int moved = take_window(self, z);
+    if (!self->begun) {
+        begin(self, moved);
+    } else if (!moved) {
+        self->orders = 0;
+        self->quiet = 0;
+        memset(self->gain, 0, p * self->config.block * sizeof *self->gain);
+        aeo_count_up(&self->count.restarted);
+        self->health |= AEO_LATTICE_RESTARTED;
+    }
+    self->following = self->quiet;
+    if (self->quiet) {
+        aeo_count_up(&self->count.withheld);
+        self->health |= AEO_LATTICE_WITHHELD;
+    } else if (self->orders < p) {
+        self->orders++;
+        self->following = (uint8_t)(self->orders < p);
+    }
+}
+
+static void start_afresh(aeo_lattice_t *self, const aeo_real_t *z)
+{
+    aeo_lattice_reset(self);
+    take_window(self, z);
+    begin(self, 0);
+    self->following = 0;
+    aeo_count_up(&self->count.reinitialised);
+    self->health |= AEO_LATTICE_REINITIALISED;
+}
+
+aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    if (self == NULL || z == NULL || y == NULL) {
+        return AEO_E_ARG;
+    }
+    const size_t n = (size_t)self->config.past * self->config.block + self->config.present;
+    aeo_status_t status = aeo_linalg_judge(z, n, SAMPLE_MAX);
+    if (status == AEO_OK) {
+        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
+    }
+    if (status != AEO_OK) {
+        aeo_count_up(&self->count.rejected);
+        return status;
+    }
+    place_sample(self, z);
+    if (!take_sample(self, z, y)) {
+        start_afresh(self, z);
+        take_sample(self, z, y); /* all weights are 0: errors are samples, at most 1e6 */
+    }
+    if (!self->following) {
+        if (self->config.forgetting < AEO_REAL(1)) {
+            bound_variances(self);
+        }
+        if (self->learning > 0u && --self->learning == 0u) {
+            reset_factors(self);
+        }
+    }
+    self->read_order = 0;
+    aeo_count_up(&self->count.updates);
+    return AEO_OK;
+}
+/* SPDX-License-Identifier: MIT */
