@@ -12,6 +12,9 @@
 #define BACKOFF_MAX 6u
 #define SOUND_WAITS 16u
 #define HEAD_WORDS  9
+/* What is saved as whole numbers lies side by side in the object: count, health, since, backoff, missed. */
+#define NUMBERS    7
+#define NUMBERS_AT offsetof(aeo_els_t, count)
 
 static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
 {
@@ -55,7 +58,7 @@ aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_r
     if (!settings_hold(config)) {
         return AEO_E_ARG;
     }
-    const size_t own = 6u * (size_t)config->outputs;
+    const size_t own = AEO_ELS_OWN(config->outputs);
     const aeo_rls_config_t inner = {config->regressors,     config->outputs,        config->forgetting,
                                     config->regularisation, config->excitation_min, config->growth_max};
     /* rls checks its settings first and its memory last, so too few words for both are too few for it alone */
@@ -83,7 +86,7 @@ static void set_shortfall(aeo_els_t *self, aeo_real_t shortfall)
 /* Feed nothing back for a VARX start, with the schedule at its beginning. */
 static void start_varx(aeo_els_t *self)
 {
-    memset(self->feedback, 0, 6u * self->config.outputs * sizeof *self->feedback);
+    memset(self->feedback, 0, AEO_ELS_OWN(self->config.outputs) * sizeof *self->feedback);
     self->since = 0u;
     self->missed = 0u;
     self->wait = self->config.varx_samples << self->backoff;
@@ -151,7 +154,7 @@ static void notice_unfed(aeo_els_t *self, const aeo_real_t *z)
 {
     const size_t l = self->config.outputs;
     const aeo_real_t *newest = z + (self->config.regressors - self->config.present - l);
-    uint8_t missed = 0u;
+    uint32_t missed = 0u;
     for (size_t i = 0; i < l; i++) {
         if (newest[i] < self->feedback[i] || newest[i] > self->feedback[i]) {
             missed = 1u;
@@ -164,26 +167,53 @@ static void notice_unfed(aeo_els_t *self, const aeo_real_t *z)
     self->missed = missed;
 }
 
+/* Return the terms in e of the prediction of output i, with theta as it is now. */
+static aeo_real_t predict_from_e(const aeo_els_t *self, const aeo_real_t *z, size_t i)
+{
+    const size_t n = self->config.regressors, l = self->config.outputs, p = self->config.past;
+    const size_t m = (n - self->config.present) / p; /* called with the guard on only: p >= 1 */
+    const aeo_real_t *row = self->rls.theta + i * n;
+    aeo_real_t sum = AEO_REAL(0);
+    for (size_t block = 1; block <= p; block++) {
+        const size_t e = block * m - l;
+        sum += aeo_linalg_dot(row + e, z + e, l);
+    }
+    return sum;
+}
+
+/* Show the guard each output; returns 1 when the innovations of one have grown. */
+static int watch(aeo_els_t *self, const aeo_real_t *z)
+{
+    int grown = 0;
+    for (size_t i = 0; i < self->config.outputs; i++) {
+        const aeo_real_t rest = self->rls.residual[i] + predict_from_e(self, z, i);
+        grown |= aeo_guard_watch(self->levels + i * AEO_GUARD_WORDS, self->rls.innovation[i], rest, self->since,
+                                 self->wait, self->config.guard_ratio);
+    }
+    return grown;
+}
+
 static void set_feedback(aeo_els_t *self)
 {
     if (self->since <= self->wait) {
         return; /* zeros since the start */
     }
-    const aeo_real_t *levels = guard_is_on(&self->config) ? self->levels : NULL;
-    unsigned cut = aeo_guard_limit(levels, self->config.outputs, self->rls.residual, self->feedback);
-    for (; cut > 0u; cut--) {
-        aeo_count_up(&self->count.limited);
-        self->health |= AEO_ELS_LIMITED;
+    for (size_t i = 0; i < self->config.outputs; i++) {
+        const aeo_real_t limit =
+            guard_is_on(&self->config) ? aeo_guard_limit(self->levels + i * AEO_GUARD_WORDS) : AEO_SCALED_MAX;
+        const aeo_real_t e = self->rls.residual[i];
+        self->feedback[i] = e;
+        if (!is_between(e, -limit, limit)) {
+            self->feedback[i] = e > limit ? limit : -limit;
+            aeo_count_up(&self->count.limited);
+            self->health |= AEO_ELS_LIMITED;
+        }
     }
 }
 
-aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y)
+/* What follows once the inner filter, fresh starts times started before, has taken z; passes its status on. */
+static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, uint32_t starts, aeo_status_t status)
 {
-    if (self == NULL) {
-        return AEO_E_ARG;
-    }
-    const uint32_t starts = self->rls.count.reinitialised;
-    const aeo_status_t status = aeo_rls_update(&self->rls, z, y);
     if (status != AEO_OK) {
         return status;
     }
@@ -191,10 +221,7 @@ aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real
         notice_unfed(self, z);
     }
     aeo_count_up(&self->since);
-    const int grown =
-        guard_is_on(&self->config) && aeo_guard_watch(self->levels, self->config.outputs, self->rls.innovation, y,
-                                                      self->since, self->wait, self->config.guard_ratio);
-    if (grown || self->rls.count.reinitialised != starts) {
+    if ((guard_is_on(&self->config) && watch(self, z)) || self->rls.count.reinitialised != starts) {
         fall_back(self);
         return AEO_OK;
     }
@@ -206,6 +233,16 @@ aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real
     return AEO_OK;
 }
 
+aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y)
+{
+    if (self == NULL) {
+        return AEO_E_ARG;
+    }
+    const uint32_t starts = self->rls.count.reinitialised;
+    return attend(self, z, starts, aeo_rls_update(&self->rls, z, y));
+}
+
+/* Update and attend are called one by one: this chain of calls is the deepest, and a frame less matters. */
 aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo_real_t *u, const aeo_real_t *y,
                           uint64_t time_us)
 {
@@ -218,7 +255,9 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
     if (status != AEO_OK) {
         return status;
     }
-    status = aeo_els_update(self, aeo_regressor_z(regressor), aeo_regressor_y(regressor));
+    const uint32_t starts = self->rls.count.reinitialised;
+    const aeo_real_t *z = aeo_regressor_z(regressor);
+    status = attend(self, z, starts, aeo_rls_update(&self->rls, z, aeo_regressor_y(regressor)));
     return status == AEO_OK ? aeo_regressor_set_innovation(regressor, self->feedback) : status;
 }
 
@@ -263,7 +302,7 @@ void aeo_els_clear_health(aeo_els_t *self)
 /* feedback in range and levels that can be such; all are finite */
 static int memory_holds(const aeo_real_t *feedback, size_t l)
 {
-    return aeo_linalg_all_within(feedback, l, AEO_SCALED_MAX) && aeo_guard_hold(feedback + l, l);
+    return aeo_linalg_all_within(feedback, l, AEO_SCALED_MAX) && aeo_guard_holds(feedback + l, l);
 }
 
 int aeo_els_invariants_hold(const aeo_els_t *self)
@@ -275,13 +314,13 @@ int aeo_els_invariants_hold(const aeo_els_t *self)
     const aeo_real_t lambda = self->rls.config.forgetting, expected = self->config.forgetting - self->shortfall;
     return self->config.regressors == self->rls.config.regressors && l == self->rls.config.outputs &&
            self->feedback == self->rls.factor + AEO_RLS_WORDS(self->config.regressors, l) &&
-           self->levels == self->feedback + l && aeo_linalg_all_finite(self->feedback, 6 * l) &&
+           self->levels == self->feedback + l && aeo_linalg_all_finite(self->feedback, AEO_ELS_OWN(l)) &&
            memory_holds(self->feedback, l) && is_between(lambda, expected, expected) && self->backoff <= BACKOFF_MAX &&
            self->wait == self->config.varx_samples << self->backoff;
 }
 
 /* The saved array: version, bytes of a real, p, d, lambda_end, lambda_start, rate, guard ratio, VARX samples (at most
- * 1e6, exact in a float); health, since, backoff, missed, three counters (saved.h); lambda_end - lambda;
+ * 1e6, exact in a float); three counters, health, since, backoff, missed (saved.h); lambda_end - lambda;
  * feedback and levels; then the saved array of rls.h. */
 static void fill_head(const aeo_els_t *self, aeo_real_t head[HEAD_WORDS])
 {
@@ -306,16 +345,15 @@ aeo_status_t aeo_els_save(const aeo_els_t *self, aeo_real_t *saved, size_t lengt
         return AEO_E_MEMORY;
     }
     fill_head(self, saved);
-    saved = aeo_saved_put_u32(saved + HEAD_WORDS, self->health);
-    saved = aeo_saved_put_u32(saved, self->since);
-    saved = aeo_saved_put_u32(saved, self->backoff);
-    saved = aeo_saved_put_u32(saved, self->missed);
-    saved = aeo_saved_put_u32(saved, self->count.fell_back);
-    saved = aeo_saved_put_u32(saved, self->count.limited);
-    saved = aeo_saved_put_u32(saved, self->count.unfed);
+    saved += HEAD_WORDS;
+    uint32_t numbers[NUMBERS];
+    memcpy(numbers, (const unsigned char *)self + NUMBERS_AT, sizeof numbers);
+    for (int i = 0; i < NUMBERS; i++) {
+        saved = aeo_saved_put_u32(saved, numbers[i]);
+    }
     *saved++ = self->shortfall;
-    memcpy(saved, self->feedback, 6 * l * sizeof *saved);
-    return aeo_rls_save(&self->rls, saved + 6 * l, AEO_RLS_SAVED_WORDS(n, l));
+    memcpy(saved, self->feedback, AEO_ELS_OWN(l) * sizeof *saved);
+    return aeo_rls_save(&self->rls, saved + AEO_ELS_OWN(l), AEO_RLS_SAVED_WORDS(n, l));
 }
 
 /* Restore the inner filter, which wants the lambda it was saved with; on failure everything is as it was. */
@@ -349,30 +387,24 @@ aeo_status_t aeo_els_restore(aeo_els_t *self, const aeo_real_t *saved, size_t le
     if (status != AEO_OK) {
         return status;
     }
-    uint32_t numbers[7];
+    uint32_t numbers[NUMBERS];
     int sound = 1;
     const aeo_real_t *body = saved + HEAD_WORDS;
-    for (int i = 0; i < 7; i++) {
+    for (int i = 0; i < NUMBERS; i++) {
         body = aeo_saved_get_u32(body, &numbers[i], &sound);
     }
     const aeo_real_t shortfall = *body++;
-    if (!sound || numbers[2] > BACKOFF_MAX || numbers[3] > 1u || !memory_holds(body, l) ||
+    if (!sound || numbers[5] > BACKOFF_MAX || numbers[6] > 1u || !memory_holds(body, l) ||
         !is_between(shortfall, AEO_REAL(0), self->config.forgetting - self->config.forgetting_start)) {
         return AEO_E_DAMAGED;
     }
-    status = restore_inner(self, body + 6 * l, shortfall);
+    status = restore_inner(self, body + AEO_ELS_OWN(l), shortfall);
     if (status != AEO_OK) {
         return status;
     }
-    self->health = numbers[0];
-    self->since = numbers[1];
-    self->backoff = (uint8_t)numbers[2];
+    memcpy((unsigned char *)self + NUMBERS_AT, numbers, sizeof numbers);
     self->wait = self->config.varx_samples << self->backoff;
-    self->missed = (uint8_t)numbers[3];
-    self->count.fell_back = numbers[4];
-    self->count.limited = numbers[5];
-    self->count.unfed = numbers[6];
-    memcpy(self->feedback, body, 6 * l * sizeof *body);
+    memcpy(self->feedback, body, AEO_ELS_OWN(l) * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

@@ -2,21 +2,25 @@
 #include "guard.h"
 
 #include "aeolid/regressor.h"
-#include "linalg.h"
 
-/* Bounds from which nothing below overflows in float. Innovations are at most 1e12, so their squares fit, and powers are
- * cut at 1e12; squared changes of y are at most (2e6)^2. A level is at most 1e12 RISE_MAX = 1e18, four limits 4e20. */
-#define POWER_MAX AEO_REAL(1e12)
-#define RISE_MAX  AEO_REAL(1e6)
-/* A channel quieter than a millionth of its scale has no level of its own; this is also what keeps divisors off 0. */
+/* Bounds from which nothing below overflows in float: amplitudes are cut at 1e6, so powers are at most 1e12, what
+ * should be at most 1e12 SHARE_MAX = 1e18, and four limits of a hundredfold 4e20. */
+#define AMPLITUDE_MAX AEO_SCALED_MAX
+#define POWER_MAX     AEO_REAL(1e12)
+#define SHARE_MAX     AEO_REAL(1e6)
+/* A channel quieter than a millionth of its scale has no level of its own; this also keeps the divisor off 0. */
 #define POWER_MIN AEO_REAL(1e-12)
 
 /* The memory in samples; how much one sample may count, as a multiple of the limit: an outlier disturbs the p predictions
- * after it too, and with p = 10 all together add up to 11/64 of 4 limits; how far a residual may stand out, in roots of
- * the level, before it is cut. Chosen by experiment: DESIGN.md. */
+ * after it too, and with p = 10 all together add up to 11/64 of 4 limits; how fast the share is believed to have fallen
+ * or risen; how far a residual may stand out, in roots of the level. Chosen by experiment: DESIGN.md. */
 #define MEMORY      AEO_REAL(64)
 #define OUTLIER_MAX AEO_REAL(4)
+#define FALL        AEO_REAL(256)
+#define RISE        AEO_REAL(4096)
 #define STAND_OUT   AEO_REAL(6)
+
+enum { POWER, REST, VARX, SHARE };
 
 static aeo_real_t at_least(aeo_real_t x, aeo_real_t low)
 {
@@ -28,61 +32,55 @@ static aeo_real_t at_most(aeo_real_t x, aeo_real_t high)
     return x < high ? x : high;
 }
 
-/* The innovation power that VARX would have on an output today: that of its start, times what y has become livelier.
- * level points at the output's y_{k-1}; its other levels lie l apart. */
-static aeo_real_t find_level(const aeo_real_t *level, size_t l)
+static aeo_real_t square_of(aeo_real_t x)
 {
-    const aeo_real_t rise = level[2 * l] / at_least(level[4 * l], POWER_MIN);
-    return at_least(level[3 * l], POWER_MIN) * at_most(at_least(rise, AEO_REAL(1)), RISE_MAX);
+    const aeo_real_t cut = at_most(at_least(x, -AMPLITUDE_MAX), AMPLITUDE_MAX);
+    return cut * cut;
 }
 
-int aeo_guard_watch(aeo_real_t *levels, size_t l, const aeo_real_t *innovation, const aeo_real_t *y, uint32_t since,
-                    uint32_t wait, aeo_real_t ratio)
+/* What the innovation power should be: no more than VARX had, or, where the data have become livelier since, than its
+ * usual share of what is left without the terms in e. */
+static aeo_real_t find_level(const aeo_real_t *levels)
+{
+    return at_least(at_least(levels[VARX], levels[SHARE] * levels[REST]), POWER_MIN);
+}
+
+static aeo_real_t find_share(const aeo_real_t *levels)
+{
+    return at_most(levels[POWER] / at_least(levels[REST], POWER_MIN), SHARE_MAX);
+}
+
+int aeo_guard_watch(aeo_real_t *levels, aeo_real_t innovation, aeo_real_t rest, uint32_t since, uint32_t wait,
+                    aeo_real_t ratio)
 {
     const uint32_t first = wait / 2u;
-    int grown = 0;
-    for (size_t i = 0; i < l; i++) {
-        aeo_real_t *const level = levels + i;
-        const aeo_real_t step = y[i] - level[0], change = step * step;
-        const aeo_real_t power = at_most(innovation[i] * innovation[i], POWER_MAX);
-        level[0] = y[i];
-        if (since > wait) {
-            level[2 * l] += (change - level[2 * l]) / MEMORY;
-            const aeo_real_t limit = ratio * find_level(level, l);
-            level[l] += (at_most(power, OUTLIER_MAX * limit) - level[l]) / MEMORY;
-            grown |= level[l] > limit;
-        } else if (since > first) {
-            const aeo_real_t count = (aeo_real_t)(since - first); /* >= 1 */
-            level[l] += (power - level[l]) / count;
-            level[2 * l] += (change - level[2 * l]) / count;
-            level[3 * l] = level[l];
-            level[4 * l] = level[2 * l];
-        }
+    aeo_real_t power = square_of(innovation);
+    if (since > wait) {
+        levels[REST] += (square_of(rest) - levels[REST]) / MEMORY;
+        const aeo_real_t limit = ratio * find_level(levels), share = find_share(levels);
+        levels[POWER] += (at_most(power, OUTLIER_MAX * limit) - levels[POWER]) / MEMORY;
+        levels[SHARE] += (share - levels[SHARE]) / (share < levels[SHARE] ? FALL : RISE);
+        return levels[POWER] > limit;
     }
-    return grown;
+    if (since > first) {
+        const aeo_real_t count = (aeo_real_t)(since - first); /* >= 1 */
+        levels[VARX] += (power - levels[VARX]) / count;
+        levels[REST] += (square_of(rest) - levels[REST]) / count;
+        levels[POWER] = levels[VARX];
+        levels[SHARE] = find_share(levels);
+    }
+    return 0;
 }
 
-unsigned aeo_guard_limit(const aeo_real_t *levels, size_t l, const aeo_real_t *residual, aeo_real_t *feedback)
+aeo_real_t aeo_guard_limit(const aeo_real_t *levels)
 {
-    unsigned cut = 0;
-    for (size_t i = 0; i < l; i++) {
-        aeo_real_t limit = AEO_SCALED_MAX;
-        if (levels != NULL) {
-            limit = at_most(limit, STAND_OUT * AEO_SQRT(find_level(levels + i, l))); /* level >= POWER_MIN > 0 */
-        }
-        feedback[i] = at_most(at_least(residual[i], -limit), limit);
-        cut += residual[i] > limit || residual[i] < -limit ? 1u : 0u;
-    }
-    return cut;
+    return at_most(STAND_OUT * AEO_SQRT(find_level(levels)), AMPLITUDE_MAX); /* level >= POWER_MIN > 0 */
 }
 
-int aeo_guard_hold(const aeo_real_t *levels, size_t l)
+int aeo_guard_holds(const aeo_real_t *levels, size_t count)
 {
-    if (!aeo_linalg_all_within(levels, l, AEO_SCALED_MAX)) {
-        return 0;
-    }
-    for (size_t i = l; i < AEO_GUARD_WORDS(l); i++) {
-        if (levels[i] < AEO_REAL(0) || levels[i] > AEO_REAL(8) * POWER_MAX) {
+    for (size_t i = 0; i < count * AEO_GUARD_WORDS; i++) {
+        if (levels[i] < AEO_REAL(0) || levels[i] > AEO_REAL(2) * POWER_MAX) {
             return 0;
         }
     }

@@ -9,25 +9,25 @@
 #ifdef AEO_REAL_DOUBLE
 #define aeo_guard_watch aeo_guard_watch_f64
 #define aeo_guard_limit aeo_guard_limit_f64
-#define aeo_guard_hold  aeo_guard_hold_f64
+#define aeo_guard_holds aeo_guard_holds_f64
 #endif
 
-/* What a guard of l outputs remembers, side by side, l values each: y_{k-1}, the mean square innovation and the mean
- * square change of y over the last 64 samples, and the same two over the second half of the last VARX start. All zero
- * at a start. */
-#define AEO_GUARD_WORDS(l) (5u * (size_t)(l))
+/* What the guard of one output remembers, all zero at a start: 0 the mean square innovation of the last 64 samples;
+ * 1 the same of what is left without the terms in e; 2 the mean square innovation over the second half of the last VARX
+ * start; 3 what the first has been of the second of late. */
+#define AEO_GUARD_WORDS 4u
 
-/* Take sample number since >= 1 of a run whose first wait samples are VARX: innovation (at most 1e12) and y (at most
- * 1e6), l values each. During the VARX start its levels are measured, afterwards compared; returns 1 when the mean
- * innovation power of an output is more than ratio (at most 100) times its level. */
-int aeo_guard_watch(aeo_real_t *levels, size_t l, const aeo_real_t *innovation, const aeo_real_t *y, uint32_t since,
-                    uint32_t wait, aeo_real_t ratio);
+/* Take sample number since >= 1 of a run whose first wait samples are VARX: the innovation (at most 1e12 in size), and
+ * rest, the residual before the terms in e are taken off. During the VARX start its power is measured, afterwards
+ * compared; returns 1 when the mean innovation power is more than ratio (at most 100) times what it should be. */
+int aeo_guard_watch(aeo_real_t *levels, aeo_real_t innovation, aeo_real_t rest, uint32_t since, uint32_t wait,
+                    aeo_real_t ratio);
 
-/* feedback = residual cut to 6 roots of the level, and to 1e6; levels null: to 1e6 alone. Returns how many were cut. */
-unsigned aeo_guard_limit(const aeo_real_t *levels, size_t l, const aeo_real_t *residual, aeo_real_t *feedback);
+/* Return how large a residual may be to be fed back: 6 roots of what its power should be, at most 1e6. */
+aeo_real_t aeo_guard_limit(const aeo_real_t *levels);
 
-/* Return 1 when levels can be such, given that they are finite: y in range, means of cut squares. */
-int aeo_guard_hold(const aeo_real_t *levels, size_t l);
+/* Return 1 when the levels of count outputs can be such, given that they are finite. */
+int aeo_guard_holds(const aeo_real_t *levels, size_t count);
 
 #endif
 /* SPDX-License-Identifier: MIT */

@@ -12,18 +12,20 @@
  *   3 start from VARX, eq. (23): for the first varx_samples the residual fed back is 0, so that the columns of e stay
  *     at 0 and the rest is a VARX estimate. Its mean innovation power, in the second half, is the guard's yardstick.
  *   4 growth guard for the positive-real condition (25), Re 1/H > 1/2. Where it fails the zeros of H pass the unit circle
- *     time and again, and the residual, which is H^-1 applied to the data, bursts. Over the last 64 samples, per output,
- *         mean |innovation|^2 > guard_ratio * (VARX level) * max(1, growth of mean |y_k - y_{k-1}|^2)
- *     counts as a burst: wind that stirs outputs and innovations alike does not. Then the columns of e become 0,
- *     P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it comes back soon, up to
- *     64 times) feedback resumes. One sample counts at most four times the limit: an outlier alone is no burst.
+ *     time and again, and the residual e = w / H, w what is left without the terms in e, bursts. It is a burst when over
+ *     the last 64 samples, for one output,
+ *         mean |innovation|^2 > guard_ratio * max(VARX level, usual share * mean |w|^2),
+ *     the share being mean |innovation|^2 / mean |w|^2 of late: wind that makes everything livelier is none. Then the
+ *     columns of e become 0, P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it
+ *     comes back soon, up to 64 times) feedback resumes. One sample counts four limits at most: an outlier is no burst.
  *   5 bounded feedback: a residual is cut at 6 times the root of that level, and always at 1e6, before it is fed back.
+ *   With a short memory the H of one snapshot need not have a stable inverse: judge (25) before predicting with it.
  *
  * CONTRACT
- *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 6 l.
- *   r=2, l=3, p=10 (n=80): 3,664 words (14.7 kB in float); p=30 (n=240): 30,144 words (120.6 kB).
- *   Operations: those of rls.h and about 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
- *   stack: 248 bytes. Determinism, threads, interrupts: as rls.h.
+ *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 5 l.
+ *   r=2, l=3, p=10 (n=80): 3,661 words (14.6 kB in float); p=30 (n=240): 30,141 words (120.6 kB).
+ *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
+ *   stack: 256 bytes. Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
  *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED.
  */
@@ -57,10 +59,11 @@ extern "C" {
 #define aeo_els_invariants_hold aeo_els_invariants_hold_f64
 #endif
 
-/* Words of memory, and words of a saved filter, for n regressors and l outputs. */
-#define AEO_ELS_WORDS(n, l)       (AEO_RLS_WORDS(n, l) + 6u * (size_t)(l))
+/* Words of memory, and words of a saved filter, for n regressors and l outputs; of both, those beyond rls.h. */
+#define AEO_ELS_OWN(l)            (5u * (size_t)(l))
+#define AEO_ELS_WORDS(n, l)       (AEO_RLS_WORDS(n, l) + AEO_ELS_OWN(l))
 #define AEO_ELS_SAVED_HEAD        24u
-#define AEO_ELS_SAVED_WORDS(n, l) (AEO_ELS_SAVED_HEAD + 6u * (size_t)(l) + AEO_RLS_SAVED_WORDS(n, l))
+#define AEO_ELS_SAVED_WORDS(n, l) (AEO_ELS_SAVED_HEAD + AEO_ELS_OWN(l) + AEO_RLS_SAVED_WORDS(n, l))
 
 /* Version of the saved array. */
 #define AEO_ELS_SAVED_VERSION 1
@@ -79,7 +82,7 @@ typedef struct {
     uint16_t past;    /* p, blocks in z; 0: z has no columns of e that the filter knows of, guard and start are off */
     uint16_t present; /* d, present inputs at the end of z */
     uint32_t varx_samples; /* VARX start, 0 ... 1,000,000; with the guard at least 16. Too small: a poor yardstick; too
-                                  large: late. Start: 10 n */
+                                  large: late. Start: 10 n, 1,000 at least */
     aeo_real_t forgetting; /* lambda_end, 0.5 ... 1, as in rls.h. Start: 1, or 1 - 1 / (10 n) to follow changes */
     aeo_real_t forgetting_start; /* 0.5 ... forgetting; equal to it: no schedule. Start: 0.99 */
     aeo_real_t forgetting_rate; /* 0 ... 0.999999. Too small: early residuals are kept; too large: noise. Start: 0.99 */
@@ -101,16 +104,15 @@ typedef struct {
 typedef struct {
     aeo_rls_t rls;
     aeo_real_t *feedback; /* l: what belongs into the next regressor */
-    aeo_real_t
-        *levels; /* 5 l: y_{k-1}, the guard's mean squares now (innovation, change of y), and of the VARX start */
+    aeo_real_t *levels;   /* 4 l: what the guard remembers */
     aeo_real_t shortfall; /* lambda_end - lambda: decays to exactly 0, which lambda itself, rounded, could not reach */
     aeo_els_config_t config;
-    uint32_t since;  /* samples since the last start */
-    uint32_t wait;   /* of which VARX */
-    uint8_t backoff; /* wait = varx_samples 2^backoff */
-    uint8_t missed;  /* 1: the last z did not hold the e fed back */
-    uint32_t health;
+    uint32_t wait; /* samples of the last start that are VARX */
     aeo_els_count_t count;
+    uint32_t health;
+    uint32_t since;   /* samples since the last start */
+    uint32_t backoff; /* wait = varx_samples 2^backoff */
+    uint32_t missed;  /* 1: the last z did not hold the e fed back */
 } aeo_els_t;
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The

@@ -186,6 +186,110 @@ static void runaway_starts_afresh(void)
     }
 }
 
+static void lambda_can_change_between_samples(void)
+{
+    /* weight of sample i: the product of the lambdas of all later ones; the batch solution knows nothing of recursion */
+    enum { SAMPLES = 60 };
+    static aeo_real_t all_z[SAMPLES * N], all_y[SAMPLES * L];
+    static double weight[SAMPLES], ridge[N], batch[L * N];
+    double product = 1.0;
+    start(1, 0, 1e6);
+    for (int k = 0; k < SAMPLES; k++) {
+        const aeo_real_t lambda = (aeo_real_t)(0.9 + 0.1 * k / SAMPLES);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_set_forgetting(&rls, lambda));
+        fill(z, N, &seed);
+        fill(y, L, &seed);
+        memcpy(all_z + k * N, z, sizeof z);
+        memcpy(all_y + k * L, y, sizeof y);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        for (int i = 0; i < k; i++) {
+            weight[i] *= (double)lambda;
+        }
+        weight[k] = 1.0;
+        product *= (double)lambda;
+    }
+    for (size_t j = 0; j < N; j++) {
+        ridge[j] = product;
+    }
+    solve_batch(all_z, all_y, weight, SAMPLES, N, L, ridge, batch);
+    TEST_ASSERT_TRUE(relative_distance(aeo_rls_theta(&rls), batch, N * L) < 300.0 * (double)AEO_REAL_EPSILON);
+    const aeo_rls_t before = rls;
+    static const double BAD[3] = {0.49, 1.01, -1.0};
+    for (int t = 0; t < 3; t++) {
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_set_forgetting(&rls, (aeo_real_t)BAD[t]));
+    }
+    for (int t = 0; t < 4; t++) {
+        TEST_ASSERT_EQUAL_INT(AEO_E_NOT_FINITE, aeo_rls_set_forgetting(&rls, make_not_finite(t)));
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_set_forgetting(NULL, AEO_REAL(1)));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &rls, sizeof rls);
+}
+
+static void a_filter_set_like_init_is_the_same(void)
+{
+    /* gate, scan and root follow lambda: set to 0.97 it does what a filter initialised with 0.97 does, to the bit */
+    static aeo_real_t other_memory[WORDS];
+    aeo_rls_t other;
+    const aeo_rls_config_t config = make_config(0.97, 0.2, 4);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&other, &config, other_memory, WORDS));
+    start(0.999, 0.2, 4);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_set_forgetting(&rls, AEO_REAL(0.97)));
+    for (int k = 0; k < 500; k++) {
+        fill(z, N, &seed);
+        fill(y, L, &seed);
+        for (size_t j = 0; j < N; j++) {
+            z[j] *= j == 5 ? AEO_REAL(0) : k % 3 == 0 ? AEO_REAL(0.01) : AEO_REAL(1); /* for bound and gate */
+        }
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&other, z, y));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(memory, other_memory, sizeof memory);
+    TEST_ASSERT_EQUAL_MEMORY(&rls.count, &other.count, sizeof rls.count);
+    TEST_ASSERT_TRUE(rls.count.withheld > 0u && rls.count.bounded > 0u);
+}
+
+static void a_start_is_a_prior(void)
+{
+    /* from theta_0 on data y equals theta_0 plus what is found from 0 on y - theta_0 z */
+    aeo_real_t prior[N * L], found[N * L];
+    double expected[N * L];
+    fill(prior, N * L, &seed);
+    for (int late = 0; late < 2; late++) {
+        uint64_t same = 99;
+        start(0.99, 0, 1e6);
+        if (late) {
+            feed(1.0); /* whatever was known before is gone */
+            const aeo_real_t last = aeo_rls_innovation(&rls)[1];
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_start(&rls, prior));
+            TEST_ASSERT_EQUAL_MEMORY(prior, aeo_rls_theta(&rls), sizeof prior);
+            TEST_ASSERT_EQUAL_MEMORY(&last, &aeo_rls_innovation(&rls)[1], sizeof last);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_start(&rls, aeo_rls_theta(&rls))); /* its own is allowed */
+        }
+        for (int k = 0; k < 4; k++) { /* fewer samples than parameters: the prior matters */
+            fill(z, N, &same);
+            fill(y, L, &same);
+            for (size_t i = 0; i < N * L && !late; i++) {
+                y[i / N] -= prior[i] * z[i % N];
+            }
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        }
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_read(&rls, found, N * L));
+        for (size_t i = 0; i < N * L && !late; i++) {
+            expected[i] = (double)found[i] + (double)prior[i];
+        }
+    }
+    TEST_ASSERT_TRUE(relative_distance(found, expected, N * L) < 100.0 * (double)AEO_REAL_EPSILON);
+    const aeo_rls_t before = rls;
+    prior[3] = make_not_finite(2);
+    TEST_ASSERT_EQUAL_INT(AEO_E_NOT_FINITE, aeo_rls_start(&rls, prior));
+    prior[3] = AEO_REAL(-1.1e6);
+    TEST_ASSERT_EQUAL_INT(AEO_E_RANGE, aeo_rls_start(&rls, prior));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_start(&rls, NULL));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_start(NULL, prior));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &rls, sizeof rls);
+    TEST_ASSERT_EQUAL_MEMORY(found, aeo_rls_theta(&rls), sizeof found);
+}
+
 static void settings_out_of_range_are_refused(void)
 {
     static const double BAD[][4] = {{0.49, 1, 0, 4},   {1.01, 1, 0, 4}, {1, 0.9e-8, 0, 4}, {1, 1.1e8, 0, 4},
@@ -300,6 +404,9 @@ int main(void)
     RUN_TEST(rounding_does_not_inflate_the_covariance);
     RUN_TEST(bounding_leaves_theta_alone);
     RUN_TEST(runaway_starts_afresh);
+    RUN_TEST(lambda_can_change_between_samples);
+    RUN_TEST(a_filter_set_like_init_is_the_same);
+    RUN_TEST(a_start_is_a_prior);
     RUN_TEST(settings_out_of_range_are_refused);
     RUN_TEST(restore_names_what_is_wrong);
     RUN_TEST(saved_head_is_counted_right);
