@@ -86,9 +86,7 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     aeo_linalg_project(array->factor, e, f + m, m);
     aeo_linalg_rotate(array->factor, f + m, m, f, m, lambda * array->scalar[INVERSE_GAMMA],
                       self->inverse_root_forgetting);
-    for (size_t i = 0; i < n; i++) {
-        self->step[i] = gamma * array->gain[i];
-    }
+    aeo_linalg_scale(gamma, array->gain, self->step, n);
     const aeo_real_t inverse = AEO_REAL(1) / lambda; /* lambda >= 1/2 */
     for (size_t c = 0; c < m; c++) {
         array->gain[n + c] = inverse * f[c];
@@ -126,18 +124,15 @@ static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     for (size_t c = 0; c < m; c++) {
         aeo_linalg_axpy(array->gain[c], array->backward + c * n, array->gain + m, n);
     }
-    for (size_t i = 0; i < n; i++) {
-        array->gain[i] = array->gain[i + m];
-    }
+    memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
+    memcpy(array->gain, self->step, n * sizeof *self->step);
     const aeo_real_t news = aeo_linalg_dot(array->gain, self->window + m, n);
     if (!aeo_linalg_all_within(&news, 1, NEWS_MAX) || news < NEWS_LEAST) {
         return 0;
     }
     array->scalar[INVERSE_GAMMA] = AEO_REAL(1) + (news > AEO_REAL(0) ? news : AEO_REAL(0));
     const aeo_real_t gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* the divisor is at least 1 */
-    for (size_t i = 0; i < n; i++) {
-        self->step[i] = gamma * array->gain[i];
-    }
+    aeo_linalg_scale(gamma, array->gain, self->step, n);
     const aeo_real_t size = aeo_linalg_dot(self->step, self->step, n);
     return aeo_linalg_all_within(&size, 1, GAIN_MAX * GAIN_MAX);
 }

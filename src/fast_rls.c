@@ -212,27 +212,32 @@ static aeo_real_t draw_disturbance(aeo_fast_rls_t *self)
     return (x >> 16 & 1u) != 0u ? self->disturbance : -self->disturbance;
 }
 
+static aeo_real_t magnitude(aeo_real_t x)
+{
+    return x < AEO_REAL(0) ? -x : x;
+}
+
 /* How z continues the window. */
 typedef enum { CONTINUES, CONTINUES_PARTLY, BREAKS } fit_t;
 
-/* Compare w (z in the order of w) with the window after its move, but for the newest m entries: the same but for
+/* Compare w (z in the order of w) with the window, not moved yet, but for the newest m entries: the same but for
  * disturbances and their rounding. Places from before the first sample hold zeros. */
 static fit_t compare_window(const aeo_fast_rls_t *self, const aeo_real_t *w)
 {
     const size_t n = self->length, m = self->config.block, seen = (size_t)self->filled * m;
     const size_t known = seen + m < n ? n - m - seen : 0;
-    const aeo_real_t *const before = self->window + 2 * m; /* not moved yet */
+    const aeo_real_t *const before = self->window + 2 * m;
+    const aeo_real_t same = AEO_REAL(2) * self->disturbance;
     fit_t fit = CONTINUES;
     for (size_t i = n - m; i-- > 0;) {
-        const aeo_real_t difference = w[i] - before[i];
-        const aeo_real_t size = w[i] > AEO_REAL(0) ? w[i] : -w[i];
-        const aeo_real_t allowed = AEO_REAL(2) * self->disturbance + AEO_REAL(2) * AEO_REAL_EPSILON * size;
-        if (difference > allowed || difference < -allowed) {
-            if (i >= known) {
-                return BREAKS;
-            }
-            fit = CONTINUES_PARTLY;
+        const aeo_real_t apart = magnitude(w[i] - before[i]);
+        if (apart <= same || apart <= same + AEO_REAL(2) * AEO_REAL_EPSILON * magnitude(w[i])) {
+            continue;
         }
+        if (i >= known) {
+            return BREAKS;
+        }
+        fit = CONTINUES_PARTLY;
     }
     return fit;
 }
@@ -257,9 +262,8 @@ static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
         self->health |= AEO_FAST_RLS_RESTARTED;
         fit = compare_window(self, w);
     }
-    for (size_t i = 0; i < n; i++) {
-        self->window[i] = self->window[i + m];
-    }
+    memcpy(self->step, self->window + m, n * sizeof *w); /* down by m places: old and new overlap */
+    memcpy(self->window, self->step, n * sizeof *w);
     memcpy(self->window + n, w + (n - m), m * sizeof *w);
     if (self->filled <= self->config.past) {
         self->filled++;

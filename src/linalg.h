@@ -16,6 +16,7 @@
 #define aeo_linalg_dot        aeo_linalg_dot_f64
 #define aeo_linalg_axpy       aeo_linalg_axpy_f64
 #define aeo_linalg_correct    aeo_linalg_correct_f64
+#define aeo_linalg_scale      aeo_linalg_scale_f64
 #define aeo_linalg_project    aeo_linalg_project_f64
 #define aeo_linalg_rotate     aeo_linalg_rotate_f64
 #define aeo_linalg_row_norm2  aeo_linalg_row_norm2_f64
@@ -41,6 +42,9 @@ void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t co
  * the error that is left, row_i += x_i gain'; a gain of 0 leaves weight as it is. */
 void aeo_linalg_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t n,
                         const aeo_real_t *gain);
+
+/* y = a x over count terms. */
+void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);
 
 /* projection = S'z (n values, written); returns |S'z|^2 = z'Pz. */
 aeo_real_t aeo_linalg_project(const aeo_real_t *factor, const aeo_real_t *z, aeo_real_t *projection, size_t n);
