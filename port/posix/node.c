@@ -7,11 +7,9 @@
  * 3.
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
+#include "chosen_filter.h"
 #include "node_options.h"
 #include "posix_bus.h"
-
-#include <aeolid/markov.h>
-#include <aeolid/rls.h>
 
 #include <errno.h>
 #include <signal.h>
@@ -31,7 +29,7 @@ typedef struct {
     posix_bus_t bus;
     aeo_stream_t stream;
     aeo_regressor_t regressor;
-    aeo_rls_t filter;
+    chosen_filter_t filter;
     uint32_t snapshot_steps; /* samples between two snapshots */
     uint32_t since_snapshot;
     uint64_t samples;
@@ -62,14 +60,12 @@ static int fail(const char *what, const char *why)
 
 /* ---- set-up ------------------------------------------------------------------------------------------------------ */
 
-static int init_filter(node_t *self, uint32_t *parameters)
+static int init_regressor(node_t *self)
 {
     const node_options_t *o = &self->options;
     aeo_real_t offset[AEO_STREAM_CHANNELS_MAX], scale[AEO_STREAM_CHANNELS_MAX];
     aeo_regressor_config_t layout;
-    aeo_rls_config_t config;
-    const size_t words = AEO_REGRESSOR_WORDS(o->inputs, o->outputs, o->past, 0);
-    size_t rls_words;
+    const size_t words = AEO_REGRESSOR_WORDS(o->inputs, o->outputs, o->past, o->varmax);
     unsigned i;
     for (i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
         offset[i] = o->channel[i].offset;
@@ -79,7 +75,7 @@ static int init_filter(node_t *self, uint32_t *parameters)
     layout.inputs = o->inputs;
     layout.outputs = o->outputs;
     layout.past = o->past;
-    layout.model_set = AEO_VARX;
+    layout.model_set = o->varmax ? AEO_VARMAX : AEO_VARX;
     layout.feedthrough = o->feedthrough;
     layout.period_us = (uint32_t)(o->sample_time_s * 1e6 + 0.5);
     layout.offset = offset;
@@ -87,18 +83,34 @@ static int init_filter(node_t *self, uint32_t *parameters)
     if (aeo_regressor_init(&self->regressor, &layout, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
         return fail("regressor", "inputs, outputs, past window or feedthrough mask out of range (regressor.h)");
     }
+    return 0;
+}
+
+static int init_filter(node_t *self, uint32_t *parameters)
+{
+    const node_options_t *o = &self->options;
+    chosen_config_t config;
+    size_t words;
     memset(&config, 0, sizeof config);
-    config.regressors = self->regressor.length;
+    config.method = (chosen_method_t)o->method;
+    config.model_set = o->varmax ? AEO_VARMAX : AEO_VARX;
+    config.inputs = o->inputs;
     config.outputs = o->outputs;
+    config.past = o->past;
+    config.feedthrough = o->feedthrough;
     config.forgetting = o->lambda;
     config.regularisation = o->rho;
     config.excitation_min = AEO_REAL(0.05);
     config.growth_max = AEO_REAL(10.0);
-    rls_words = AEO_RLS_WORDS(config.regressors, config.outputs);
-    if (aeo_rls_init(&self->filter, &config, calloc(rls_words, sizeof(aeo_real_t)), rls_words) != AEO_OK) {
-        return fail("filter", "past window, forgetting or regularisation out of range (rls.h)");
+    config.varx_samples = o->varx_samples;
+    config.forgetting_start = o->lambda_start;
+    config.forgetting_rate = AEO_REAL(0.99);
+    config.guard_ratio = AEO_REAL(4.0);
+    words = chosen_filter_words(&config);
+    if (chosen_filter_init(&self->filter, &config, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
+        return fail("filter", "past window, forgetting or regularisation out of range (the filter's header)");
     }
-    *parameters = (uint32_t)config.regressors * config.outputs;
+    *parameters = (uint32_t)chosen_filter_regressors(&config) * config.outputs;
     return 0;
 }
 
@@ -122,7 +134,7 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.innovations = o->innovations;
-    config.model_set = AEO_VARX;
+    config.model_set = chosen_filter_wire_set(&self->filter.config);
     config.past = o->past;
     config.parameters = parameters;
     config.feedthrough = o->feedthrough;
@@ -197,11 +209,23 @@ static void wait_until_due(node_t *self, uint64_t number)
 
 static void report_health(node_t *self)
 {
-    const uint32_t counter[AEO_STREAM_COUNTERS] = {self->regressor.count.samples, self->regressor.count.not_finite,
-                                                   self->regressor.count.range,   self->regressor.count.time,
-                                                   self->regressor.count.gaps,    self->filter.count.withheld,
-                                                   self->filter.count.bounded,    self->filter.count.reinitialised};
-    (void)aeo_stream_health(&self->stream, aeo_rls_health(&self->filter), counter, AEO_STREAM_COUNTERS);
+    const uint32_t counter[AEO_STREAM_COUNTERS] = {self->regressor.count.samples,
+                                                   self->regressor.count.not_finite,
+                                                   self->regressor.count.range,
+                                                   self->regressor.count.time,
+                                                   self->regressor.count.gaps,
+                                                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
+                                                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
+                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED)};
+    (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
+}
+
+/* Begin to send the parameters of this instant; 0 while the snapshot before is still under way, or where a lattice has
+ * no finite ones. */
+static int send_snapshot(node_t *self)
+{
+    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
+    return theta != NULL && aeo_stream_snapshot(&self->stream, self->index, theta) == AEO_OK;
 }
 
 static void take_sample(node_t *self, const double *record)
@@ -217,13 +241,12 @@ static void take_sample(node_t *self, const double *record)
     }
     self->index = (uint32_t)record[0];
     if (aeo_regressor_push(&self->regressor, u, y, (uint64_t)(record[1] * 1e6 + 0.5)) == AEO_OK &&
-        aeo_rls_update(&self->filter, aeo_regressor_z(&self->regressor), aeo_regressor_y(&self->regressor)) == AEO_OK) {
-        (void)aeo_stream_innovation(&self->stream, self->index, aeo_rls_innovation(&self->filter));
+        chosen_filter_take(&self->filter, &self->regressor) == AEO_OK) {
+        (void)aeo_stream_innovation(&self->stream, self->index, chosen_filter_innovation(&self->filter));
     }
     (void)aeo_stream_sample(&self->stream, self->index, u, y, NULL);
     self->since_snapshot++;
-    if (self->snapshot_steps > 0u && self->since_snapshot >= self->snapshot_steps &&
-        aeo_stream_snapshot(&self->stream, self->index, aeo_rls_theta(&self->filter)) == AEO_OK) {
+    if (self->snapshot_steps > 0u && self->since_snapshot >= self->snapshot_steps && send_snapshot(self)) {
         self->since_snapshot = 0;
     }
     report_health(self);
@@ -291,7 +314,7 @@ static void say_goodbye(node_t *self)
     double since;
     size_t before;
     drain(self); /* first the snapshot under way, then one of the last theta */
-    (void)aeo_stream_snapshot(&self->stream, self->index, aeo_rls_theta(&self->filter));
+    (void)send_snapshot(self);
     aeo_stream_finish(&self->stream);
     drain(self);
     since = clock_s();
@@ -305,12 +328,12 @@ static void say_goodbye(node_t *self)
     }
 }
 
-static int dump(const node_t *self)
+static int dump(node_t *self)
 {
-    const aeo_real_t *theta = aeo_rls_theta(&self->filter);
+    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
     FILE *file = fopen(self->options.dump, "wb");
     uint32_t i;
-    int error = file == NULL ? errno : 0;
+    int error = file == NULL ? errno : theta == NULL ? ERANGE : 0;
     for (i = 0; error == 0 && i < self->stream.config.parameters; i++) {
         const uint32_t bits = aeo_float_bits(theta[i]);
         const unsigned char bytes[4] = {(unsigned char)(bits & 0xFFu), (unsigned char)((bits >> 8) & 0xFFu),
@@ -332,9 +355,10 @@ static void print_health(const node_t *self)
                   "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, \"flags\": %u, "
                   "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u}\n",
                   (unsigned long long)self->samples, g->samples, g->not_finite, g->range, g->time, g->gaps,
-                  self->filter.count.withheld, self->filter.count.bounded, self->filter.count.reinitialised,
-                  aeo_rls_health(&self->filter), c->sent, c->refused, c->dropped, c->snapshots, c->busy,
-                  posix_bus_dropped(&self->bus));
+                  chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
+                  chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
+                  chosen_filter_count(&self->filter, CHOSEN_REINITIALISED), chosen_filter_health(&self->filter),
+                  c->sent, c->refused, c->dropped, c->snapshots, c->busy, posix_bus_dropped(&self->bus));
 }
 
 int main(int argc, char **argv)
@@ -351,7 +375,8 @@ int main(int argc, char **argv)
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
     self.snapshot_steps = (uint32_t)(self.options.snapshot_s / self.options.sample_time_s + 0.5);
-    if (init_filter(&self, &parameters) != 0 || open_bus(&self) != 0 || init_stream(&self, parameters) != 0) {
+    if (init_regressor(&self) != 0 || init_filter(&self, &parameters) != 0 || open_bus(&self) != 0 ||
+        init_stream(&self, parameters) != 0) {
         return 3;
     }
     while (self.options.wait && !stopped && posix_bus_listeners(&self.bus) == 0u) {

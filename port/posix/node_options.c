@@ -1,5 +1,7 @@
 #include "node_options.h"
 
+#include "chosen_filter.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -65,6 +67,12 @@ static int read_bus(node_options_t *self, const char *text)
     return 0;
 }
 
+static int read_method(node_options_t *self, const char *text)
+{
+    self->method = chosen_filter_method(text);
+    return self->method >= 0 ? 0 : refuse("--method", text, "rls, els, fast-rls or lattice");
+}
+
 static int read_speed(node_options_t *self, const char *text)
 {
     if (strcmp(text, "max") == 0) {
@@ -91,14 +99,20 @@ enum {
     NODE_ID,
     SNAPSHOT_EVERY,
     SAMPLE_EVERY,
-    REPAIR
+    REPAIR,
+    VARX_SAMPLES
 };
 
 static void take_settings(node_options_t *self, const setting_t *setting)
 {
     self->sample_time_s = setting[SAMPLE_TIME].value;
     self->past = (uint16_t)setting[PAST].value;
+    self->varmax = self->varmax || self->method == (int)CHOSEN_ELS;
     self->lambda = (float)setting[FORGET].value;
+    if (!(self->lambda > 0)) {
+        self->lambda = self->method == (int)CHOSEN_FAST_RLS ? 0.999F : 1.0F;
+    }
+    self->lambda_start = self->lambda < 0.99F ? self->lambda : 0.99F;
     self->rho = (float)setting[REGULARIZE].value;
     self->feedthrough = (uint32_t)setting[FEEDTHROUGH].value;
     self->bits_per_s = (uint32_t)(setting[BIT_RATE].value * setting[SHARE].value / 100.0);
@@ -106,6 +120,11 @@ static void take_settings(node_options_t *self, const setting_t *setting)
     self->snapshot_s = setting[SNAPSHOT_EVERY].value;
     self->sample_every = (uint16_t)setting[SAMPLE_EVERY].value;
     self->repair_percent = (uint8_t)setting[REPAIR].value;
+    self->varx_samples = (uint32_t)setting[VARX_SAMPLES].value;
+    if (self->varx_samples == 0u) {
+        self->varx_samples =
+            10u * self->past * (uint32_t)AEO_REGRESSOR_BLOCK(self->inputs, self->outputs, self->varmax);
+    }
 }
 
 /* Read one option that takes one value; 0 done, -1 bad value, 1 not one of these. */
@@ -116,6 +135,9 @@ static int read_setting(node_options_t *self, setting_t *setting, size_t count, 
         if (strcmp(argv[0], setting[i].name) == 0) {
             return read_number(argv[0], argv[1], setting[i].low, setting[i].high, &setting[i].value);
         }
+    }
+    if (strcmp(argv[0], "--method") == 0) {
+        return read_method(self, argv[1]);
     }
     if (strcmp(argv[0], "--bus") == 0) {
         return read_bus(self, argv[1]);
@@ -135,7 +157,7 @@ int node_options_read(node_options_t *self, int argc, char **argv)
     setting_t setting[] = {
         {"--sample-time", 2e-5, 1000.0, 0.0},
         {"--past", 1, 1023, 0},
-        {"--forget", 0.5, 1.0, 1.0},
+        {"--forget", 0.5, 1.0, 0.0},
         {"--regularize", 1e-8, 1e8, 0.1},
         {"--feedthrough", 0, 4294967295.0, 0},
         {"--bit-rate", 10000, 8e6, 500000},
@@ -144,6 +166,7 @@ int node_options_read(node_options_t *self, int argc, char **argv)
         {"--snapshot-every", 0, 1e9, 10},
         {"--sample-every", 0, 65535, 1},
         {"--repair", 0, 100, 25},
+        {"--varx-samples", 16, AEO_ELS_VARX_SAMPLES_MAX, 0},
     };
     int at = 1, result;
     memset(self, 0, sizeof *self);
@@ -152,6 +175,9 @@ int node_options_read(node_options_t *self, int argc, char **argv)
         const int left = argc - at - 1;
         if (strcmp(argv[at], "--wait") == 0) {
             self->wait = 1;
+            at += 1;
+        } else if (strcmp(argv[at], "--varmax") == 0) {
+            self->varmax = 1;
             at += 1;
         } else if (strcmp(argv[at], "--innovations") == 0) {
             self->innovations = 1;

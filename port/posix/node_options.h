@@ -6,7 +6,10 @@
  *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h
  *   --sample-time S     seconds between two samples
  *   --past P            past window
- *   --forget L          forgetting factor, default 1
+ *   --method NAME       rls, els, fast-rls or lattice, default rls
+ *   --varmax            feed the residual back: blocks [u; y; e]; els does so anyway
+ *   --forget L          forgetting factor, default 1; 0.999 for fast-rls, whose long runs need less than 1
+ *   --varx-samples N    els: samples of its VARX start, default 10 n
  *   --regularize RHO    regularisation, default 0.1
  *   --feedthrough MASK  bit j: input j has a current-sample parameter, default 0
  *   --bus pty | tcp:PORT   default tcp:0, any free port
@@ -32,7 +35,10 @@ typedef struct {
     aeo_stream_channel_t channel[AEO_STREAM_CHANNELS_MAX]; /* inputs first */
     double sample_time_s;
     uint16_t past;
-    float lambda, rho;
+    int method; /* chosen_method_t */
+    int varmax; /* 1: VARMAX regressors */
+    float lambda, lambda_start, rho;
+    uint32_t varx_samples;
     uint32_t feedthrough;
     int terminal;      /* 1: pty, 0: TCP */
     uint16_t tcp_port; /* 0: any */

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from aeolid.cli.main import main
 from aeolid.errors import DataError, NotIdentifiable, UsageError
-from aeolid.filters import REGRESSORS_MAX, FilterResult, filter_record, replay_rls
+from aeolid.filters import METHODS, REGRESSORS_MAX, FilterResult, filter_record, replay_filter
 from aeolid.native import find_native, load_library
 from aeolid.record import Channel, Record
 
@@ -66,7 +67,7 @@ def test_equals_batch_least_squares(
     precision: str, bound: float, forgetting: float, feedthrough: tuple[int, ...]
 ) -> None:
     u, y = simulate(1500)
-    result = replay_rls(
+    result = replay_filter(
         u, y, past=4, forgetting=forgetting, precision=precision, feedthrough=feedthrough, excitation_min=0.0
     )
     assert result.health == 0
@@ -85,7 +86,7 @@ def test_float_is_within_a_thousandth_on_turbine_data(case: int, past: int) -> N
         pytest.skip(f"{path.name} is not at {TURBINE}")
     data = np.load(path)
     u, y = data["u"], data["y"]
-    result = replay_rls(u, y, past=past, sample_time_s=0.1)
+    result = replay_filter(u, y, past=past, sample_time_s=0.1)
     us, ys = scaled(result, u, y)
     z = window_of(us, ys, past)
     theta = solve(z, ys[past:], 1.0, float(np.float32(0.1)))
@@ -96,7 +97,7 @@ def test_float_is_within_a_thousandth_on_turbine_data(case: int, past: int) -> N
 
 def test_units_are_undone() -> None:
     u, y = simulate(800)
-    result = replay_rls(u, y, past=3, precision="f64")
+    result = replay_filter(u, y, past=3, precision="f64")
     scale = np.array(result.settings.scale)
     factor = scale[2:, None] / np.tile(scale, 3)[None, :]
     np.testing.assert_allclose(result.theta, result.theta_scaled * factor, rtol=1e-12)
@@ -108,7 +109,7 @@ def test_units_are_undone() -> None:
 
 def test_same_input_gives_the_same_bits() -> None:
     u, y = simulate(500)
-    first, second = (replay_rls(u, y, past=5, forgetting=0.99) for _ in range(2))
+    first, second = (replay_filter(u, y, past=5, forgetting=0.99) for _ in range(2))
     assert first.theta.tobytes() == second.theta.tobytes()
     assert first.innovation.tobytes() == second.innovation.tobytes()
 
@@ -130,7 +131,7 @@ def test_bad_samples_are_counted_and_never_used(bad: list[int], past: int) -> No
         else:
             expected.append(OK if len(history) == past and all(history) else FILLING)
     try:
-        result = replay_rls(u, y, past=past)
+        result = replay_filter(u, y, past=past)
     except NotIdentifiable:
         assert OK not in expected
         return
@@ -151,7 +152,7 @@ def test_time_is_judged() -> None:
     time = 0.1 * np.arange(100)
     time[50:] += 1.0  # a hole of ten samples
     time[70] = time[69] - 0.05  # backwards
-    result = replay_rls(u, y, past=3, sample_time_s=0.1, time_s=time)
+    result = replay_filter(u, y, past=3, sample_time_s=0.1, time_s=time)
     assert result.status[50] == GAP and result.status[53] == OK and result.status[52] == FILLING
     assert result.status[70] == TIME and result.status[71] == GAP
     assert result.counters["gaps"] == 2 and result.counters["rejected_time"] == 1
@@ -160,7 +161,7 @@ def test_time_is_judged() -> None:
 def test_plausible_range_is_judged() -> None:
     u, y = simulate(100)
     y[40, 1] = 1e4
-    result = replay_rls(u, y, past=3, minimum=[-1e9, -1e9, -1e9, -100.0], maximum=[1e9, 1e9, 1e9, 100.0])
+    result = replay_filter(u, y, past=3, minimum=[-1e9, -1e9, -1e9, -100.0], maximum=[1e9, 1e9, 1e9, 100.0])
     assert result.status[40] == RANGE and result.counters["rejected_range"] == 1
 
 
@@ -171,9 +172,71 @@ def test_a_still_turbine_does_not_forget() -> None:
     for still in (100, 20000):  # the step to standstill is news; what follows is not
         rest = np.tile(offset, (still, 1))
         stacked = np.vstack([np.hstack([u, y]), rest])
-        results.append(replay_rls(stacked[:, :2], stacked[:, 2:], past=4, forgetting=0.99, offset=offset, scale=scale))
+        results.append(
+            replay_filter(stacked[:, :2], stacked[:, 2:], past=4, forgetting=0.99, offset=offset, scale=scale)
+        )
     assert results[1].health == 1 and results[1].counters["forgetting_withheld"] > 19900
     assert results[0].theta.tobytes() == results[1].theta.tobytes()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("precision,bound", [("f32", 1e-2), ("f64", 1e-4)])
+@pytest.mark.parametrize("feedthrough", [(), (1,)])
+def test_every_method_forgets_its_start_and_equals_least_squares(
+    method: str, precision: str, bound: float, feedthrough: tuple[int, ...]
+) -> None:
+    """λ = 0.995 over 4000 samples leaves 2e-9 of any start: what is left is the batch solution, whatever the prior."""
+    u, y = simulate(4000)
+    options: dict[str, Any] = {"forgetting": 0.995, "precision": precision, "feedthrough": feedthrough}
+    options |= {"excitation_min": 0.0, "growth_max": 1e4}  # e is small and nearly foretold: keep the bound out of it
+    if method == "els":  # its guard and schedule are not least squares; the same regressors in rls are
+        result = replay_filter(u, y, past=3, method="rls", model_set="varmax", **options)
+        z = window_with_noise(result, u, y, 3, feedthrough)
+    else:
+        result = replay_filter(u, y, past=3, method=method, **options)
+        z = window_of(*scaled(result, u, y), 3, feedthrough)
+    exact = float(np.float32(0.995)) if precision == "f32" else 0.995
+    theta = solve(z, scaled(result, u, y)[1][3:], exact, 0.1)
+    assert distance(result.theta_scaled, theta) < bound
+    assert result.counters["reinitialised"] == 0
+
+
+def window_with_noise(result: FilterResult, u: np.ndarray, y: np.ndarray, past: int, through: tuple[int, ...]) -> Any:
+    """Stack the regressors of eq. (14), with the residuals that the filter fed back; zeros while the window filled."""
+    us, ys = scaled(result, u, y)
+    e = np.nan_to_num(result.residual / np.array(result.settings.scale)[u.shape[1] :])
+    z, n = np.hstack([us, ys, e]), len(u)
+    return np.hstack([z[j : n - past + j] for j in range(past)] + [us[past:, list(through)]])
+
+
+def arma(samples: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Simulate y = 1.6 y₁ − 0.8 y₂ + u₁ + 0.5 u₂ + e − 0.7 e₁ + 0.2 e₂ (indices: samples back)."""
+    random = np.random.default_rng(seed)
+    u, e, y = random.standard_normal(samples), 0.5 * random.standard_normal(samples), np.zeros(samples)
+    for k in range(2, samples):
+        y[k] = 1.6 * y[k - 1] - 0.8 * y[k - 2] + u[k - 1] + 0.5 * u[k - 2] + e[k] - 0.7 * e[k - 1] + 0.2 * e[k - 2]
+    return u[:, None], y[:, None]
+
+
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_els_finds_the_moving_average(precision: str) -> None:
+    u, y = arma(20000, 3)
+    result = replay_filter(u, y, past=2, method="els", precision=precision)
+    np.testing.assert_allclose(result.theta[0], [0.5, -0.8, 0.2, 1.0, 1.6, -0.7], atol=0.05)
+    assert result.settings.model_set == "varmax" and result.settings.varx_samples == 60
+    assert {"fell_back", "feedback_limited"} <= set(result.counters) and "windows_restarted" not in result.counters
+    plain = replay_filter(u, y, past=2, precision=precision)
+    assert np.nanvar(result.innovation) == pytest.approx(0.25, rel=0.03) and np.nanvar(plain.innovation) > 0.3
+
+
+@pytest.mark.parametrize("method", ["fast-rls", "lattice"])
+def test_a_hole_restarts_the_window_and_says_so(method: str) -> None:
+    u, y = simulate(2000)
+    y[1000] = np.nan
+    result = replay_filter(u, y, past=3, method=method, forgetting=0.995)
+    assert result.counters["windows_restarted"] == 1 and "window restarted" in result.health_text()
+    whole = replay_filter(u, y, past=3, method="rls", forgetting=0.995)
+    assert distance(result.theta_scaled, whole.theta_scaled) < 0.1  # a thousand samples later
 
 
 @pytest.mark.parametrize(
@@ -182,6 +245,11 @@ def test_a_still_turbine_does_not_forget() -> None:
         ({"past": 0}, "past"),
         ({"past": 10**6}, "past"),
         ({"past": 2, "precision": "f16"}, "precision"),
+        ({"past": 2, "method": "kalman"}, "rls, els, fast-rls, lattice"),
+        ({"past": 2, "model_set": "arx"}, "varx, varmax"),
+        ({"past": 2, "method": "els", "model_set": "varx"}, "VARMAX"),
+        ({"past": 171, "method": "els"}, "must be 1 to 170"),
+        ({"past": 2, "method": "lattice", "forgetting": 0.3}, "forgetting"),
         ({"past": 2, "forgetting": 0.4}, "forgetting"),
         ({"past": 2, "forgetting": float("nan")}, "forgetting"),
         ({"past": 2, "regularisation": 0.0}, "regularisation"),
@@ -197,21 +265,21 @@ def test_a_still_turbine_does_not_forget() -> None:
 def test_bad_settings_are_named(change: dict[str, object], word: str) -> None:
     u, y = simulate(50)
     with pytest.raises(UsageError, match=word):
-        replay_rls(u, y, **change)  # type: ignore[arg-type]
+        replay_filter(u, y, **change)  # type: ignore[arg-type]
 
 
 def test_bad_arrays_are_named() -> None:
     u, y = simulate(50)
     with pytest.raises(UsageError, match="u has shape"):
-        replay_rls(u[:, 0], y, past=2)
+        replay_filter(u[:, 0], y, past=2)
     with pytest.raises(UsageError, match="u has 49 samples"):
-        replay_rls(u[:-1], y, past=2)
+        replay_filter(u[:-1], y, past=2)
     with pytest.raises(UsageError, match="y has shape"):
-        replay_rls(u, np.zeros((50, 33)), past=2)
+        replay_filter(u, np.zeros((50, 33)), past=2)
     with pytest.raises(DataError, match="constant"):
-        replay_rls(np.ones((50, 2)), y, past=2)
+        replay_filter(np.ones((50, 2)), y, past=2)
     with pytest.raises(NotIdentifiable, match="4 good ones in a row"):
-        replay_rls(u[:3], y[:3], past=3)
+        replay_filter(u[:3], y[:3], past=3)
     assert REGRESSORS_MAX == 1024
 
 
@@ -282,7 +350,9 @@ def test_command_writes_what_the_contract_names(recording: Path, capsys: pytest.
 def test_command_refuses_in_one_sentence(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = ["--out", str(recording / "m.npz")]
     for options, code, word in [
-        (["--method", "els", "--past", "5", *out], 2, "this version offers rls"),
+        (["--method", "kalman", "--past", "5", *out], 2, "there are rls, els, fast-rls, lattice"),
+        (["--method", "lattice", "--past", "5", "--forget", "0.4", *out], 2, "forgetting"),
+        (["--method", "els", "--past", "171", *out], 2, "past = 171"),
         (["--method", "rls", "--past", "0", *out], 2, "past = 0"),
         (["--method", "rls", "--past", "5", "--forget", "2", *out], 2, "forgetting"),
         (["--method", "rls", "--past", "5", "--precision", "f16", *out], 2, "precision"),
@@ -293,3 +363,44 @@ def test_command_refuses_in_one_sentence(recording: Path, capsys: pytest.Capture
         said = capsys.readouterr().err
         assert word in said and said.count("\n") == 1 and "Traceback" not in said
     assert not (recording / "m.npz").exists()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("precision", ["f32", "f64"])
+def test_command_runs_every_method(
+    method: str, precision: str, recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = recording / "markov.npz"
+    options = ("--method", method, "--past", "3", "--precision", precision, "--out", str(out), "--json", "-")
+    assert call(recording, *options) == 0
+    facts = json.loads(capsys.readouterr().out)
+    width = 18 if method == "els" else 12
+    assert facts["settings"]["method"] == method and facts["regressors"] == width
+    assert facts["settings"]["forgetting"] == (0.999 if method == "fast-rls" else 1.0)
+    with np.load(out) as markov:
+        assert markov["theta"].shape == (2, width) and np.isfinite(markov["theta"]).all()
+        assert markov["innovation"].shape == markov["residual"].shape == (400, 2)
+        assert np.isfinite(markov["innovation"][300:]).all()
+
+
+def test_parameters_of_els_are_identified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """filter --method els | identify --method varmax --markov: the poles of the system come out."""
+    u, y = arma(8000, 4)
+    rows = "\n".join(f"{k},{u[k, 0]!r},{y[k, 0]!r}" for k in range(len(u))).replace("np.float64(", "").replace(")", "")
+    (tmp_path / "rec.csv").write_text("time_s,u,y\n" + rows + "\n")
+    roles = '[recording]\ntime = "time_s"\n'
+    roles += "".join(
+        f'[[channel]]\nname = "{n}"\nunit = ""\nrole = "{r}"\n' for n, r in (("u", "input"), ("y", "output"))
+    )
+    (tmp_path / "roles.toml").write_text(roles)
+    markov, model = tmp_path / "m.npz", tmp_path / "model.json"
+    assert call(tmp_path, "--method", "els", "--past", "2", "--out", str(markov)) == 0
+    identify = ["identify", str(tmp_path / "rec.csv"), "--roles", str(tmp_path / "roles.toml"), "--past", "2"]
+    identify += ["--order", "2", "--markov", str(markov), "--out", str(model)]
+    assert main([*identify, "--method", "varx"]) == 3
+    assert "VARMAX filter: --method varmax" in capsys.readouterr().err
+    assert main([*identify, "--method", "varmax"]) == 0
+    facts = json.loads(model.read_text())
+    poles = np.array([complex(*z) for z in facts["identification"]["eigenvalues"]])
+    assert np.abs(np.sort_complex(poles) - np.sort_complex(np.roots([1, -1.6, 0.8]))).max() < 0.02
+    assert facts["identification"]["varmax"]["stopped"] == "Ξ as streamed"

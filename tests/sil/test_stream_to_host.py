@@ -126,6 +126,30 @@ def test_markov_file_is_that_of_the_filter_command(
     assert told["rejected_not_finite"] == json.loads(str(expected["counters"]))["rejected_not_finite"] == 24
 
 
+@pytest.mark.parametrize("method", ["els", "fast-rls", "lattice", "rls --varmax"])
+def test_every_filter_streams_what_it_finds(
+    method: str, start: Start, recording: tuple[Path, Path, Record], tmp_path: Path
+) -> None:
+    """Description, parameters and innovations of each filter; theta is that of the same filter run offline."""
+    name, *extra = method.split()
+    dump = tmp_path / "theta.f32"
+    node = play(start, recording, "--method", *method.split(), "--innovations", "--share", 0, "--dump", dump)
+    options = ("--until-end", "--record", tmp_path / "r.csv", "--markov", tmp_path / "m.npz")
+    listen(node.first_line(), tmp_path, *options)[0].assert_clean()
+    node.finish().assert_clean()
+    assert_same_theta(tmp_path / "m.npz", dump)
+    received = np.load(tmp_path / "m.npz")
+    told = json.loads(str(received["settings"]))
+    varmax = name == "els" or bool(extra)
+    assert (told["method"], told["model_set"]) == (name, "varmax" if varmax else "varx")
+    assert received["theta"].shape == (3, PAST * (8 if varmax else 5))
+    if name != "els":  # the node's VARX start is ten times the regressors, offline at most a quarter of the recording
+        offline = filter_record(
+            recording[2], past=PAST, method=name, model_set=told["model_set"], forgetting=told["forgetting"]
+        )
+        np.testing.assert_array_equal(received["theta_scaled"], offline.theta_scaled)
+
+
 def test_turbine_in_the_loop(start: Start, tmp_path: Path) -> None:
     """The built-in turbine, simulated while the node runs: the samples are those of the plant."""
     node = start("node", "--turbine", "--samples", 400, "--seed", 3, "--past", 5, "--wait", "--speed", "max")

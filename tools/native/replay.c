@@ -3,9 +3,10 @@
  * One structure carries everything, so the caller needs no other declaration. No allocation here either: the caller
  * asks aeo_replay_bytes and hands over that much memory, aligned for double.
  */
+#include "chosen_filter.h"
+
 #include "aeolid/markov.h"
 #include "aeolid/regressor.h"
-#include "aeolid/rls.h"
 
 #include <string.h>
 
@@ -26,26 +27,28 @@ typedef struct {
     const double *minimum;   /* r + l */
     const double *maximum;   /* r + l */
     uint32_t inputs, outputs, past, model_set, feedthrough, period_us;
+    uint32_t method; /* chosen_method_t */
     double forgetting, regularisation, excitation_min, growth_max;
-    double *innovation;   /* N x l, channel units, a priori; untouched where no update took place */
-    double *residual;     /* N x l, a posteriori */
-    int8_t *status;       /* N, aeo_status_t of the sample */
-    double *theta;        /* l x n, channel units */
-    double *theta_scaled; /* l x n */
-    uint32_t regressors;  /* n, written */
-    uint32_t health;      /* flags, written */
-    uint32_t
-        count[10]; /* samples, not_finite, range, time, gaps; updates, rejected, withheld, bounded, reinitialised */
+    uint32_t varx_samples; /* from here on for els only */
+    double forgetting_start, forgetting_rate, guard_ratio;
+    double *innovation;                  /* N x l, channel units, a priori; untouched where no update took place */
+    double *residual;                    /* N x l, a posteriori */
+    int8_t *status;                      /* N, aeo_status_t of the sample */
+    double *theta;                       /* l x n, channel units */
+    double *theta_scaled;                /* l x n */
+    uint32_t regressors;                 /* n, written */
+    uint32_t health;                     /* flags, written */
+    uint32_t count[5 + CHOSEN_COUNTERS]; /* samples, not_finite, range, time, gaps; then those of chosen_filter.h */
 } aeo_replay_t;
 
 EXPORTED size_t aeo_replay_bytes(const aeo_replay_t *replay);
 EXPORTED const char *aeo_replay_status_text(int status);
-EXPORTED int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes);
+EXPORTED int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes);
 
 /* What one replay keeps between samples, at the start of the caller's memory; words of the filters follow. */
 typedef struct {
     aeo_regressor_t regressor;
-    aeo_rls_t rls;
+    chosen_filter_t filter;
     aeo_real_t table[4][AEO_REGRESSOR_CHANNELS_MAX * 2];
     aeo_real_t u[AEO_REGRESSOR_CHANNELS_MAX];
     aeo_real_t y[AEO_REGRESSOR_CHANNELS_MAX];
@@ -57,16 +60,31 @@ static size_t count_regressor_words(const aeo_replay_t *replay)
     return AEO_REGRESSOR_WORDS(replay->inputs, replay->outputs, replay->past, replay->model_set);
 }
 
-static size_t count_regressors_max(const aeo_replay_t *replay)
+static chosen_config_t describe_filter(const aeo_replay_t *replay)
 {
-    return AEO_REGRESSOR_LENGTH(replay->inputs, replay->outputs, replay->past, replay->model_set, replay->inputs);
+    const chosen_config_t config = {
+        .method = (chosen_method_t)replay->method,
+        .model_set = replay->model_set == 0u ? AEO_VARX : AEO_VARMAX,
+        .inputs = (uint16_t)replay->inputs,
+        .outputs = (uint16_t)replay->outputs,
+        .past = (uint16_t)replay->past,
+        .feedthrough = replay->feedthrough,
+        .forgetting = (aeo_real_t)replay->forgetting,
+        .regularisation = (aeo_real_t)replay->regularisation,
+        .excitation_min = (aeo_real_t)replay->excitation_min,
+        .growth_max = (aeo_real_t)replay->growth_max,
+        .varx_samples = replay->varx_samples,
+        .forgetting_start = (aeo_real_t)replay->forgetting_start,
+        .forgetting_rate = (aeo_real_t)replay->forgetting_rate,
+        .guard_ratio = (aeo_real_t)replay->guard_ratio,
+    };
+    return config;
 }
 
 size_t aeo_replay_bytes(const aeo_replay_t *replay)
 {
-    const size_t words = count_regressor_words(replay) + AEO_RLS_WORDS(count_regressors_max(replay), replay->outputs) +
-                         2u * replay->outputs;
-    return sizeof(workspace_t) + words * sizeof(aeo_real_t);
+    const chosen_config_t config = describe_filter(replay);
+    return sizeof(workspace_t) + (count_regressor_words(replay) + chosen_filter_words(&config)) * sizeof(aeo_real_t);
 }
 
 const char *aeo_replay_status_text(int status)
@@ -103,18 +121,11 @@ static aeo_status_t init_regressor(const aeo_replay_t *replay, workspace_t *work
     return aeo_regressor_init(&work->regressor, &config, (aeo_real_t *)work->words, count_regressor_words(replay));
 }
 
-static aeo_status_t init_rls(const aeo_replay_t *replay, workspace_t *work)
+static aeo_status_t init_filter(const aeo_replay_t *replay, workspace_t *work)
 {
-    const aeo_rls_config_t config = {
-        .regressors = work->regressor.length,
-        .outputs = (uint16_t)replay->outputs,
-        .forgetting = (aeo_real_t)replay->forgetting,
-        .regularisation = (aeo_real_t)replay->regularisation,
-        .excitation_min = (aeo_real_t)replay->excitation_min,
-        .growth_max = (aeo_real_t)replay->growth_max,
-    };
+    const chosen_config_t config = describe_filter(replay);
     aeo_real_t *memory = (aeo_real_t *)work->words + count_regressor_words(replay);
-    return aeo_rls_init(&work->rls, &config, memory, AEO_RLS_WORDS(config.regressors, config.outputs));
+    return chosen_filter_init(&work->filter, &config, memory, chosen_filter_words(&config));
 }
 
 static aeo_status_t step(const aeo_replay_t *replay, workspace_t *work, size_t k)
@@ -126,33 +137,39 @@ static aeo_status_t step(const aeo_replay_t *replay, workspace_t *work, size_t k
     if (status != AEO_OK) {
         return status;
     }
-    status = aeo_rls_update(&work->rls, aeo_regressor_z(&work->regressor), aeo_regressor_y(&work->regressor));
+    status = chosen_filter_take(&work->filter, &work->regressor);
     if (status != AEO_OK) {
         return status;
     }
     for (size_t i = 0; i < l; i++) {
         const double scale = (double)work->table[1][r + i];
-        replay->innovation[k * l + i] = (double)aeo_rls_innovation(&work->rls)[i] * scale;
-        replay->residual[k * l + i] = (double)aeo_rls_residual(&work->rls)[i] * scale;
+        replay->innovation[k * l + i] = (double)chosen_filter_innovation(&work->filter)[i] * scale;
+        replay->residual[k * l + i] = (double)chosen_filter_residual(&work->filter)[i] * scale;
     }
     return AEO_OK;
 }
 
-static void read_out(aeo_replay_t *replay, workspace_t *work)
+static aeo_status_t read_out(aeo_replay_t *replay, workspace_t *work)
 {
-    const aeo_real_t *theta = aeo_rls_theta(&work->rls);
+    const aeo_real_t *theta = chosen_filter_theta(&work->filter);
     const size_t count = AEO_MARKOV_WORDS(work->regressor.length, replay->outputs);
+    if (theta == NULL) {
+        return AEO_E_RANGE;
+    }
     for (size_t i = 0; i < count; i++) {
         replay->theta_scaled[i] = (double)theta[i];
         replay->theta[i] = (double)aeo_markov_at(&work->regressor, theta, i);
     }
     replay->regressors = work->regressor.length;
-    replay->health = aeo_rls_health(&work->rls);
+    replay->health = chosen_filter_health(&work->filter);
     memcpy(replay->count, &work->regressor.count, 5 * sizeof *replay->count);
-    memcpy(replay->count + 5, &work->rls.count, 5 * sizeof *replay->count);
+    for (unsigned i = 0; i < CHOSEN_COUNTERS; i++) {
+        replay->count[5 + i] = chosen_filter_count(&work->filter, i);
+    }
+    return AEO_OK;
 }
 
-int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes)
+int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes)
 {
     if (replay == NULL || memory == NULL) {
         return AEO_E_ARG;
@@ -166,7 +183,7 @@ int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes)
     workspace_t *work = memory;
     aeo_status_t status = init_regressor(replay, work);
     if (status == AEO_OK) {
-        status = init_rls(replay, work);
+        status = init_filter(replay, work);
     }
     if (status != AEO_OK) {
         return status;
@@ -174,7 +191,6 @@ int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes)
     for (uint64_t k = 0; k < replay->samples; k++) {
         replay->status[k] = (int8_t)step(replay, work, (size_t)k);
     }
-    read_out(replay, work);
-    return AEO_OK;
+    return read_out(replay, work);
 }
 /* SPDX-License-Identifier: MIT */

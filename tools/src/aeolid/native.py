@@ -19,13 +19,14 @@ typedef struct {
     uint64_t samples;
     const double *u; const double *y; const uint64_t *time_us;
     const double *offset; const double *scale; const double *minimum; const double *maximum;
-    uint32_t inputs, outputs, past, model_set, feedthrough, period_us;
+    uint32_t inputs, outputs, past, model_set, feedthrough, period_us, method;
     double forgetting, regularisation, excitation_min, growth_max;
+    uint32_t varx_samples; double forgetting_start, forgetting_rate, guard_ratio;
     double *innovation; double *residual; int8_t *status; double *theta; double *theta_scaled;
-    uint32_t regressors; uint32_t health; uint32_t count[10];
+    uint32_t regressors; uint32_t health; uint32_t count[13];
 } aeo_replay_t;
 size_t aeo_replay_bytes(const aeo_replay_t *replay);
-int aeo_replay_rls(aeo_replay_t *replay, void *memory, size_t bytes);
+int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes);
 const char *aeo_replay_status_text(int status);
 """
 
@@ -76,4 +77,8 @@ def load_library(precision: str) -> Any:
     """
     if precision not in PRECISIONS:
         raise UsageError(f"precision {precision!r} is none of {', '.join(PRECISIONS)}")
-    return foreign_interface().dlopen(str(find_native(f"aeolid_{PRECISIONS[precision]}.so")))
+    path = find_native(f"aeolid_{PRECISIONS[precision]}.so")
+    library = foreign_interface().dlopen(str(path))
+    if not hasattr(library, "aeo_replay_run"):  # compiled from sources of another version
+        raise UsageError(f"{path} belongs to another version of aeolid; install the package again")
+    return library

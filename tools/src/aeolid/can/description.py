@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 WIRE, SHAPE, PARAMETERS, SAMPLE_TIME, FORGETTING, REGULARISATION, FEEDTHROUGH, OFFSET, SCALE, NAME, UNIT = range(11)
 CHANNELS_MAX = 64
 MODEL_SETS = {0: "varx", 1: "varmax"}
+MAKERS = {0: "", 1: "fast-rls", 2: "lattice", 3: "rls"}  # upper byte of the model set; 0: rls for VARX, els for VARMAX
 _NAME_PARTS, _UNIT_PARTS = 8, 4
 
 
@@ -43,6 +44,7 @@ class Description:
     scale: Array
     names: tuple[str, ...]
     units: tuple[str, ...]
+    method: str = "rls"
 
     @property
     def channels(self) -> int:
@@ -115,19 +117,20 @@ class DescriptionCollector:
             return float(np.array([bits], np.uint32).view(np.float32)[0])
 
         shape = single[SHAPE][1]
+        model_set, method = _model_set(single[SHAPE][0])
         r, l, s = shape & 0xFF, shape >> 8 & 0xFF, shape >> 16 & 0xFF  # noqa: E741
         m = r + l + s
         offset, scale = (
             np.array([number(self._parts.get((item, i), 0)) for i in range(m)]) for item in (OFFSET, SCALE)
         )
         result = Description(
-            WIRE_VERSION, self._hash or 0, MODEL_SETS.get(single[SHAPE][0], f"model set {single[SHAPE][0]}"),
+            WIRE_VERSION, self._hash or 0, model_set,
             r, l, s, single[PARAMETERS][0], single[PARAMETERS][1], single[SAMPLE_TIME][0],
             _short(number(single[SAMPLE_TIME][1])), _short(number(single[FORGETTING][1])),
             _short(number(single[REGULARISATION][1])),
             tuple(j for j in range(32) if single[FEEDTHROUGH][1] >> j & 1), offset, scale,
             _names([self._text(NAME, i, _NAME_PARTS) for i in range(m)], r, l),
-            tuple(self._text(UNIT, i, _UNIT_PARTS) for i in range(m)),
+            tuple(self._text(UNIT, i, _UNIT_PARTS) for i in range(m)), method,
         )  # fmt: skip
         self.problem = _find_problem(result)
         return None if self.problem else result
@@ -140,6 +143,14 @@ class DescriptionCollector:
         ]
         raw = np.array(words, "<u4").tobytes().split(b"\0")[0]
         return "".join(c if c.isprintable() else "?" for c in raw.decode("utf-8", "replace"))
+
+
+def _model_set(number: int) -> tuple[str, str]:
+    """Return the model set and the filter that a description names; an unknown one under its number."""
+    known, maker = MODEL_SETS.get(number & 0xFF), MAKERS.get(number >> 8)
+    if known is None or maker is None:
+        return f"model set {number}", ""
+    return known, maker or ("els" if known == "varmax" else "rls")
 
 
 def _short(value: float) -> float:

@@ -81,8 +81,8 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
     """
     d = snapshot.description
     settings = FilterSettings(
-        "rls", "f32", d.past, d.forgetting, d.regularisation, d.feedthrough, 0.0, 0.0,
-        d.sample_time_s, tuple(d.offset.tolist()), tuple(d.scale.tolist()),
+        d.method, "f32", d.past, d.forgetting, d.regularisation, d.feedthrough, 0.0, 0.0,
+        d.sample_time_s, tuple(d.offset.tolist()), tuple(d.scale.tolist()), d.model_set,
     )  # fmt: skip
     names, units = np.array(d.names), np.array(d.units)
     rows = 0 if record is None else len(record)

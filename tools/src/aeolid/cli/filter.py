@@ -10,7 +10,7 @@ import typer
 from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
 from aeolid.errors import DataError, UsageError
 
-OFFERED = ("rls",)
+OFFERED = ("rls", "els", "fast-rls", "lattice")
 
 
 def register(app: typer.Typer) -> None:
@@ -21,12 +21,17 @@ def register(app: typer.Typer) -> None:
 def run(
     recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording to replay.")],
     roles: RolesOption,
-    method: Annotated[str, typer.Option("--method", help=f"Filter; this version offers: {', '.join(OFFERED)}.")],
+    method: Annotated[str, typer.Option("--method", help=f"Filter: {', '.join(OFFERED)}.")],
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
     out: Annotated[Path, typer.Option("--out", help="Where the Markov parameters go (.npz).")],
-    forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; 1 forgets nothing.")] = 1.0,
+    forget: Annotated[
+        float | None, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; default 1, fast-rls 0.999.")
+    ] = None,
     regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero, 1e-8 to 1e8.")] = 0.1,
     precision: Annotated[str, typer.Option("--precision", help="f32 as in a controller, or f64.")] = "f32",
+    varmax: Annotated[
+        bool, typer.Option("--varmax", help="Feed the residual back: a VARMAX predictor, as els has it anyway.")
+    ] = False,
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
     ] = None,
@@ -38,7 +43,7 @@ def run(
     outputs), health and the settings.
     """
     if method not in OFFERED:
-        raise UsageError(f"--method {method}: this version offers {', '.join(OFFERED)}")
+        raise UsageError(f"--method {method}: there are {', '.join(OFFERED)}")
     from aeolid.filters import filter_record, save_markov
     from aeolid.formats import read_record
     from aeolid.record import Roles
@@ -47,6 +52,8 @@ def run(
     result = filter_record(
         record,
         past=past,
+        method=method,
+        model_set="varmax" if varmax else None,
         forgetting=forget,
         regularisation=regularize,
         precision=precision,

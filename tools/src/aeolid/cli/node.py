@@ -26,8 +26,14 @@ def run(
     turbine: Annotated[bool, typer.Option("--turbine", help="Simulate the built-in turbine in closed loop.")] = False,
     samples: Annotated[int | None, typer.Option("--samples", help="At most so many samples.", min=1)] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the turbine's wind and excitation.")] = 0,
+    method: Annotated[str, typer.Option("--method", help="Filter: rls, els, fast-rls or lattice.")] = "rls",
+    varmax: Annotated[
+        bool, typer.Option("--varmax", help="Feed the residual back: a VARMAX predictor, as els has it anyway.")
+    ] = False,
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")] = 20,
-    forget: Annotated[float, typer.Option("--forget", help="Forgetting factor, 0.5 to 1.")] = 1.0,
+    forget: Annotated[
+        float | None, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; default 1, fast-rls 0.999.")
+    ] = None,
     regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero.")] = 0.1,
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
@@ -50,7 +56,8 @@ def run(
     The first line on standard output is the address that `aeolid listen --bus` takes.
     """
     feed = _choose_feed(recording, roles, turbine, samples, seed)
-    options = ["--past", past, "--forget", forget, "--regularize", regularize, "--bus", bus, "--speed", speed]
+    options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
+    options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
     options += ["--node-id", node_id, "--snapshot-every", snapshot_every, "--sample-every", sample_every]
     options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]

@@ -36,8 +36,8 @@ class StreamedMarkov:
                     raise DataError(f"{path}: no array 'theta'; it holds {', '.join(archive.files) or 'nothing'}")
                 theta = np.asarray(archive["theta"], dtype=np.float64)
                 # e is the a posteriori residual where the file has it; a stream carries the innovation only
-                key = next((k for k in ("residual", "innovation") if k in archive), None)
-                innovation = None if key is None else np.asarray(archive[key], dtype=np.float64)
+                kinds = [np.asarray(archive[k], np.float64) for k in ("residual", "innovation") if k in archive]
+                innovation = next((e for e in kinds if np.isfinite(e).any()), None)
         except FileNotFoundError:
             raise DataError(f"{path}: no such file") from None
         except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
