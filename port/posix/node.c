@@ -7,7 +7,7 @@
  * 3.
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
-#include "chosen_filter.h"
+#include "../common/chosen_filter.h"
 #include "node_options.h"
 #include "posix_bus.h"
 

@@ -1,6 +1,6 @@
 #include "node_options.h"
 
-#include "chosen_filter.h"
+#include "../common/chosen_filter.h"
 
 #include <math.h>
 #include <stdio.h>
