@@ -37,7 +37,7 @@ void aeo_fast_array_start(const aeo_fast_rls_t *self, aeo_fast_rls_array_t *arra
 {
     const size_t m = self->config.block, d = self->tail;
     const aeo_real_t lambda = self->config.forgetting;
-    memset(array->forward, 0, AEO_FAST_RLS_ARRAY_WORDS(self->config.past, m, d) * sizeof *array->forward);
+    memset(array->forward, 0, (size_t)(array->scalar + 3 - array->forward) * sizeof *array->forward);
     aeo_real_t oldest = self->regularisation; /* 1 / (lambda P) of the oldest block: rho / lambda^p */
     for (size_t i = 0; i < self->config.past; i++) {
         oldest /= lambda; /* lambda^p >= 1/1000 */

@@ -92,18 +92,9 @@ static void fill_schedule(aeo_fast_rls_t *self)
     }
 }
 
-static void fill_order(aeo_fast_rls_t *self)
-{
-    uint8_t marked = 0, other = (uint8_t)self->tail;
-    for (unsigned i = 0; i < 32u; i++) {
-        self->order[i] = (self->config.feedthrough >> i & 1u) != 0u ? marked++ : other++;
-    }
-}
-
 static void place(aeo_fast_rls_t *self, aeo_real_t *memory)
 {
-    const size_t p = self->config.past, m = self->config.block, d = self->tail, n = self->length;
-    const size_t l = self->config.outputs;
+    const size_t m = self->config.block, n = self->length, l = self->config.outputs;
     for (int i = 0; i < 2; i++) {
         aeo_fast_rls_array_t *const array = &self->array[i];
         array->forward = memory;
@@ -112,7 +103,7 @@ static void place(aeo_fast_rls_t *self, aeo_real_t *memory)
         array->factor = array->gain + n + m;
         array->energy = array->factor + m * (m + 1) / 2;
         array->scalar = array->energy + m * m;
-        memory += AEO_FAST_RLS_ARRAY_WORDS(p, m, d);
+        memory = array->scalar + 3;
     }
     self->theta = memory;
     self->window = self->theta + n * l;
@@ -148,7 +139,6 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
     self->variance_max = config->growth_max / config->regularisation;                      /* regularisation >= 1e-8 */
     self->disturbance = AEO_SQRT((AEO_REAL(1) - config->forgetting) / self->variance_max); /* growth_max >= 4 */
     fill_schedule(self);
-    fill_order(self);
     place(self, memory);
     aeo_fast_rls_reset(self);
     return AEO_OK;
@@ -169,8 +159,8 @@ void aeo_fast_rls_reset(aeo_fast_rls_t *self)
     if (self == NULL) {
         return;
     }
-    const size_t p = self->config.past, m = self->config.block, d = self->tail, l = self->config.outputs;
-    memset(self->array[0].forward, 0, AEO_FAST_RLS_WORDS(p, m, d, l) * sizeof *self->theta);
+    const size_t words = (size_t)(self->error - self->array[0].forward) + 3u * self->config.block;
+    memset(self->array[0].forward, 0, words * sizeof *self->theta);
     self->hold = 0;
     self->random = 1;
     self->regularisation = self->config.regularisation;
@@ -188,17 +178,14 @@ static int is_plain(uint32_t mask)
 static void arrange(const aeo_fast_rls_t *self, const aeo_real_t *from, aeo_real_t *to, int back)
 {
     const size_t m = self->config.block, past = (size_t)self->config.past * m;
+    memcpy(to, from, self->length * sizeof *to); /* the tail has its order already */
     for (size_t block = 0; block < past; block += m) {
+        size_t marked = block, other = block + self->tail;
         for (size_t c = 0; c < m; c++) {
-            const size_t at = c < 32u ? self->order[c] : c;
-            if (back) {
-                to[block + c] = from[block + at];
-            } else {
-                to[block + at] = from[block + c];
-            }
+            const size_t at = c < 32u && (self->config.feedthrough >> c & 1u) != 0u ? marked++ : other++;
+            to[back ? block + c : at] = from[back ? at : block + c];
         }
     }
-    memcpy(to + past, from + past, self->tail * sizeof *to);
 }
 
 /* The disturbance's sign: xorshift, period 2^32 - 1. */

@@ -9,8 +9,16 @@
 
 enum { HEAD = 10, NUMBERS = 14 };
 
-/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; health, counters, hold, random, filled,
- * active, ages (saved.h); then arrays, theta, window, innovation and residual as they lie in memory. */
+/* Where the saved numbers stand in the object, in the order of the saved array. */
+#define AT(field) (uint16_t) offsetof(aeo_fast_rls_t, field)
+static const uint16_t NUMBER[NUMBERS] = {
+    AT(health),          AT(count.updates), AT(count.rejected), AT(count.bounded), AT(count.reinitialised),
+    AT(count.restarted), AT(count.renewed), AT(count.held),     AT(hold),          AT(array[0].age),
+    AT(array[1].age),    AT(random),        AT(filled),         AT(active)};
+enum { RANDOM = 11, FILLED = 12, ACTIVE = 13 };
+
+/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; health, counters, hold, ages, random,
+ * filled, active (saved.h); then arrays, theta, window, innovation and residual as they lie in memory. */
 static void fill_head(const aeo_fast_rls_t *self, aeo_real_t head[HEAD])
 {
     head[0] = AEO_REAL(AEO_FAST_RLS_SAVED_VERSION);
@@ -26,7 +34,7 @@ static void fill_head(const aeo_fast_rls_t *self, aeo_real_t head[HEAD])
 
 static size_t count_kept(const aeo_fast_rls_t *self)
 {
-    return AEO_FAST_RLS_KEPT_WORDS(self->config.past, self->config.block, self->tail, self->config.outputs);
+    return (size_t)(self->residual - self->array[0].forward) + self->config.outputs;
 }
 
 aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, size_t length)
@@ -38,21 +46,12 @@ aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, si
         return AEO_E_MEMORY;
     }
     fill_head(self, saved);
-    const aeo_fast_rls_count_t *const count = &self->count;
-    saved = aeo_saved_put_u32(saved + HEAD, self->health);
-    saved = aeo_saved_put_u32(saved, count->updates);
-    saved = aeo_saved_put_u32(saved, count->rejected);
-    saved = aeo_saved_put_u32(saved, count->bounded);
-    saved = aeo_saved_put_u32(saved, count->reinitialised);
-    saved = aeo_saved_put_u32(saved, count->restarted);
-    saved = aeo_saved_put_u32(saved, count->renewed);
-    saved = aeo_saved_put_u32(saved, count->held);
-    saved = aeo_saved_put_u32(saved, self->hold);
-    saved = aeo_saved_put_u32(saved, self->random);
-    saved = aeo_saved_put_u32(saved, self->filled);
-    saved = aeo_saved_put_u32(saved, self->active);
-    saved = aeo_saved_put_u32(saved, self->array[0].age);
-    saved = aeo_saved_put_u32(saved, self->array[1].age);
+    saved += HEAD;
+    for (size_t i = 0; i < NUMBERS; i++) {
+        uint32_t number;
+        memcpy(&number, (const unsigned char *)self + NUMBER[i], sizeof number);
+        saved = aeo_saved_put_u32(saved, number);
+    }
     memcpy(saved, self->array[0].forward, count_kept(self) * sizeof *saved);
     return AEO_OK;
 }
@@ -61,7 +60,7 @@ aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, si
 static int words_hold(const aeo_fast_rls_t *self, const aeo_real_t *words)
 {
     const size_t m = self->config.block, n = self->length;
-    const size_t array = AEO_FAST_RLS_ARRAY_WORDS(self->config.past, m, self->tail);
+    const size_t array = (size_t)(self->array[1].forward - self->array[0].forward);
     const aeo_real_t *const window = words + 2 * array + n * self->config.outputs;
     return aeo_fast_array_is_sound(self, words) && aeo_fast_array_is_sound(self, words + array) &&
            aeo_linalg_all_within(window, n + m, AEO_REAL(1.1e6)) &&
@@ -70,7 +69,7 @@ static int words_hold(const aeo_fast_rls_t *self, const aeo_real_t *words)
 
 static int numbers_hold(const aeo_fast_rls_t *self, const uint32_t numbers[NUMBERS])
 {
-    return numbers[9] != 0u && numbers[10] <= self->config.past + 1u && numbers[11] <= 1u;
+    return numbers[RANDOM] != 0u && numbers[FILLED] <= self->config.past + 1u && numbers[ACTIVE] <= 1u;
 }
 
 aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved, size_t length)
@@ -99,20 +98,9 @@ aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved,
     if (!sound || !numbers_hold(self, numbers) || !words_hold(self, body)) {
         return AEO_E_DAMAGED;
     }
-    self->health = numbers[0];
-    self->count.updates = numbers[1];
-    self->count.rejected = numbers[2];
-    self->count.bounded = numbers[3];
-    self->count.reinitialised = numbers[4];
-    self->count.restarted = numbers[5];
-    self->count.renewed = numbers[6];
-    self->count.held = numbers[7];
-    self->hold = numbers[8];
-    self->random = numbers[9];
-    self->filled = (uint16_t)numbers[10];
-    self->active = (uint8_t)numbers[11];
-    self->array[0].age = numbers[12];
-    self->array[1].age = numbers[13];
+    for (size_t i = 0; i < NUMBERS; i++) {
+        memcpy((unsigned char *)self + NUMBER[i], &numbers[i], sizeof numbers[i]);
+    }
     memcpy(self->array[0].forward, body, count_kept(self) * sizeof *body);
     return AEO_OK;
 }

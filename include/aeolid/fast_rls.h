@@ -147,16 +147,15 @@ typedef struct {
     aeo_real_t feedback;       /* c */
     aeo_real_t variance_max;   /* growth_max / rho */
     aeo_real_t disturbance;
-    uint32_t life;     /* samples after which an array's follower starts; UINT32_MAX: only when needed */
-    uint32_t warm;     /* samples an array absorbs before it takes over */
-    uint32_t half;     /* most samples theta waits after a break */
-    uint32_t hold;     /* samples theta waits still */
-    uint32_t random;   /* state of the disturbance's signs, never 0 */
-    uint16_t length;   /* n */
-    uint16_t tail;     /* d */
-    uint16_t filled;   /* samples the window holds, up to p + 1 */
-    uint8_t active;    /* which array makes the gain */
-    uint8_t order[32]; /* place within a block of w of channel i of z's block; channels from 32 on stay in place */
+    uint32_t life;   /* samples after which an array's follower starts; UINT32_MAX: only when needed */
+    uint32_t warm;   /* samples an array absorbs before it takes over */
+    uint32_t half;   /* most samples theta waits after a break */
+    uint32_t hold;   /* samples theta waits still */
+    uint32_t random; /* state of the disturbance's signs, never 0 */
+    uint32_t filled; /* samples the window holds, up to p + 1 */
+    uint32_t active; /* which array makes the gain, 0 or 1 */
+    uint16_t length; /* n */
+    uint16_t tail;   /* d */
     aeo_fast_rls_config_t config;
     uint32_t health;
     aeo_fast_rls_count_t count;

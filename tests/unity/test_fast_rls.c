@@ -1,0 +1,483 @@
+/* What is particular to the fast filter: its agreement with the square-root RLS, breaks, renewal, bound, failing arrays,
+ * settings, its saved form. */
+#include "aeolid/fast_rls.h"
+#include "aeolid/regressor.h"
+#include "aeolid/rls.h"
+#include "samples.h"
+#include "unity.h"
+
+#include <math.h>
+#include <string.h>
+
+enum {
+    R = 2,
+    L = 2,
+    P = 6,
+    N_MAX = P * (R + 2 * L) + R,
+    M_MAX = R + 2 * L,
+    WORDS = AEO_FAST_RLS_WORDS(P, M_MAX, R, L),
+    SAVED = AEO_FAST_RLS_SAVED_WORDS(P, M_MAX, R, L)
+};
+
+static aeo_fast_rls_t fast;
+static aeo_rls_t rls;
+static aeo_real_t fast_memory[WORDS], rls_memory[AEO_RLS_WORDS(N_MAX, L)], fast_window[256], rls_window[256];
+static aeo_regressor_t fast_regressor, rls_regressor;
+static uint64_t seed, tick;
+static double state[3], noise;
+static int collinear;
+
+void setUp(void)
+{
+    seed = 11;
+    tick = 0;
+    noise = 0.1;
+    collinear = 0;
+    memset(state, 0, sizeof state);
+}
+
+void tearDown(void)
+{
+}
+
+static aeo_fast_rls_config_t make_config(size_t block, uint32_t mask, double lambda, double rho, double growth)
+{
+    const aeo_fast_rls_config_t config = {.past = P,
+                                          .block = (uint16_t)block,
+                                          .outputs = L,
+                                          .feedthrough = mask,
+                                          .forgetting = (aeo_real_t)lambda,
+                                          .regularisation = (aeo_real_t)rho,
+                                          .growth_max = (aeo_real_t)growth};
+    return config;
+}
+
+/* Both filters, each with a window of its own: in VARMAX each feeds back its own residuals. */
+static void start(aeo_model_set_t set, uint32_t mask, double lambda, double rho, double growth)
+{
+    const size_t block = AEO_REGRESSOR_BLOCK(R, L, set == AEO_VARMAX);
+    const aeo_fast_rls_config_t config = make_config(block, mask, lambda, rho, growth);
+    const aeo_regressor_config_t layout = {
+        .inputs = R, .outputs = L, .past = P, .model_set = set, .feedthrough = mask, .period_us = 10};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&fast_regressor, &layout, fast_window, 256));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&rls_regressor, &layout, rls_window, 256));
+    const aeo_rls_config_t other = {.regressors = fast.length,
+                                    .outputs = L,
+                                    .forgetting = (aeo_real_t)lambda,
+                                    .regularisation = (aeo_real_t)rho,
+                                    .excitation_min = AEO_REAL(0),
+                                    .growth_max = AEO_REAL(1e6)};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &other, rls_memory, AEO_RLS_WORDS(fast.length, L)));
+}
+
+/* A third-order plant in a loop u = r - f y, so that inputs and outputs are correlated. */
+static void step_plant(aeo_real_t u[R], aeo_real_t y[L])
+{
+    double out[L];
+    for (size_t i = 0; i < L; i++) {
+        out[i] = state[i] + noise * draw(&seed);
+        y[i] = (aeo_real_t)out[i];
+    }
+    u[0] = (aeo_real_t)(draw(&seed) - 0.1 * out[0]);
+    u[1] = collinear ? 2 * u[0] : (aeo_real_t)(draw(&seed) - 0.2 * out[1]);
+    const double x0 = 0.9 * state[0] + 0.2 * state[1] + (double)u[0] + noise * draw(&seed);
+    const double x1 = -0.2 * state[0] + 0.9 * state[1] + 0.1 * state[2] + 0.5 * (double)u[1] + noise * draw(&seed);
+    state[2] = 0.5 * state[2] + 0.3 * (double)u[0] + (double)u[1] + noise * draw(&seed);
+    state[0] = x0;
+    state[1] = x1;
+}
+
+/* One sample for a window; returns 1 when it has a regressor. */
+static int push(aeo_regressor_t *regressor, const aeo_real_t *u, const aeo_real_t *y)
+{
+    const aeo_status_t status = aeo_regressor_push(regressor, u, y, tick * 10);
+    TEST_ASSERT_TRUE(status == AEO_OK || status == AEO_FILLING || status == AEO_E_GAP);
+    return status == AEO_OK;
+}
+
+static void feed_fast(const aeo_real_t *u, const aeo_real_t *y)
+{
+    if (push(&fast_regressor, u, y)) {
+        TEST_ASSERT_EQUAL_INT(
+            AEO_OK, aeo_fast_rls_update(&fast, aeo_regressor_z(&fast_regressor), aeo_regressor_y(&fast_regressor)));
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
+        if (fast_regressor.model_set == (uint8_t)AEO_VARMAX) {
+            aeo_regressor_set_innovation(&fast_regressor, aeo_fast_rls_residual(&fast));
+        }
+    }
+}
+
+static void feed(unsigned count)
+{
+    for (unsigned k = 0; k < count; k++) {
+        aeo_real_t u[R], y[L];
+        step_plant(u, y);
+        tick++;
+        feed_fast(u, y);
+        if (push(&rls_regressor, u, y)) {
+            TEST_ASSERT_EQUAL_INT(
+                AEO_OK, aeo_rls_update(&rls, aeo_regressor_z(&rls_regressor), aeo_regressor_y(&rls_regressor)));
+            if (rls_regressor.model_set == (uint8_t)AEO_VARMAX) {
+                aeo_regressor_set_innovation(&rls_regressor, aeo_rls_residual(&rls));
+            }
+        }
+    }
+}
+
+static double find_distance(void)
+{
+    const size_t count = (size_t)fast.length * L;
+    double expected[N_MAX * L];
+    for (size_t i = 0; i < count; i++) {
+        expected[i] = (double)aeo_rls_theta(&rls)[i];
+    }
+    return relative_distance(aeo_fast_rls_theta(&fast), expected, count);
+}
+
+/* The agreement that the filter promises, on any data that excite all directions. */
+static double promised(void)
+{
+    return sizeof(aeo_real_t) == 4 ? 1e-2 : 1e-4;
+}
+
+static void words_are_known_at_compile_time(void)
+{
+    TEST_ASSERT_EQUAL_UINT(1522, AEO_FAST_RLS_WORDS(10, 5, 0, 3));
+    TEST_ASSERT_EQUAL_UINT(7122, AEO_FAST_RLS_WORDS(50, 5, 0, 3));
+}
+
+static void agrees_with_square_root_rls(void)
+{
+    /* every mask, one of which (bit 1 alone) makes z and window differ in their order; both model sets */
+    for (uint32_t mask = 0; mask < 4u; mask++) {
+        for (int set = AEO_VARX; set <= AEO_VARMAX; set++) {
+            setUp();
+            start(set == AEO_VARX ? AEO_VARX : AEO_VARMAX, mask, 0.998, 1.0, 1e6);
+            feed(12000); /* 24 memories */
+            TEST_ASSERT_TRUE(find_distance() < promised());
+            TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(&fast));
+            TEST_ASSERT_EQUAL_UINT32(0, fast.count.renewed);
+        }
+    }
+}
+
+static void errors_die_out(void)
+{
+    /* 300 memories, many times what the generator in its array form survives: the last errors are as small as the first */
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(15000);
+    double early = 0.0, late = 0.0;
+    for (int k = 0; k < 20; k++) {
+        feed(100);
+        early += find_distance() / 20;
+    }
+    feed(130000);
+    for (int k = 0; k < 20; k++) {
+        feed(100);
+        late += find_distance() / 20;
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, fast.count.renewed);
+    TEST_ASSERT_TRUE(late < 3.0 * early);
+}
+
+static void short_memories_are_renewed(void)
+{
+    /* memory 40 samples for 24 regressors: errors grow, arrays take turns, and theta stays with the other filter */
+    start(AEO_VARX, 0, 0.975, 1.0, 1e6);
+    feed(1200);
+    double worst = 0.0;
+    for (int k = 0; k < 6000; k++) {
+        feed(1);
+        worst = fmax(worst, find_distance());
+    }
+    TEST_ASSERT_TRUE(fast.count.renewed > 3);
+    TEST_ASSERT_EQUAL_UINT32(0, fast.count.reinitialised);
+    TEST_ASSERT_TRUE(worst < promised());
+}
+
+static void start_within_a_record_waits_for_the_window(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(P + 1); /* the first regressor is full of samples the arrays have not seen */
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.updates);
+    feed(P - 2);
+    const aeo_real_t nothing[N_MAX * L] = {AEO_REAL(0)};
+    TEST_ASSERT_EQUAL_MEMORY(nothing, aeo_fast_rls_theta(&fast), sizeof(aeo_real_t) * fast.length * L);
+    TEST_ASSERT_EQUAL_UINT32(P - 1, fast.count.held);
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(P - 1, fast.count.held);
+    TEST_ASSERT_TRUE(memcmp(nothing, aeo_fast_rls_theta(&fast), sizeof(aeo_real_t) * fast.length * L) != 0);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(&fast));
+}
+
+static void break_keeps_theta_and_waits(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(6000);
+    aeo_real_t before[N_MAX * L];
+    const size_t bytes = sizeof *before * fast.length * L;
+    memcpy(before, aeo_fast_rls_theta(&fast), bytes);
+    const uint32_t held = fast.count.held;
+    tick += 5; /* five samples lost */
+    feed(P);   /* the gap, and P - 1 samples of filling */
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_RESTARTED, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+    const uint32_t wait = fast.hold + 1u;
+    TEST_ASSERT_UINT32_WITHIN(2, 250, wait); /* half a memory */
+    feed(wait - 1u);
+    TEST_ASSERT_EQUAL_MEMORY(before, aeo_fast_rls_theta(&fast), bytes);
+    TEST_ASSERT_EQUAL_UINT32(held + wait, fast.count.held);
+    feed(12000);
+    TEST_ASSERT_TRUE(find_distance() < promised());
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+}
+
+static void frequent_breaks_do_not_stop_learning(void)
+{
+    /* a sample lost every 150: each wait is half of the stretch before it, so every stretch teaches something */
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    for (int k = 0; k < 200; k++) {
+        tick++;
+        feed(150);
+    }
+    TEST_ASSERT_TRUE(fast.count.held < fast.count.updates * 2u / 3u);
+    TEST_ASSERT_TRUE(fast.count.restarted > 150);
+    TEST_ASSERT_TRUE(find_distance() < 0.2); /* the other filter has forgotten nothing at the breaks */
+}
+
+static void lost_array_is_replaced(void)
+{
+    /* as flipped bits would: in each part of the array that makes the gain */
+    for (int part = 0; part < 5; part++) {
+        setUp();
+        start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+        feed(6000);
+        aeo_fast_rls_array_t *const array = &fast.array[fast.active];
+        aeo_real_t *const spots[5] = {array->forward + 3, array->backward + 5, array->gain + 2, array->energy,
+                                      array->scalar};
+        aeo_real_t before[N_MAX * L];
+        memcpy(before, aeo_fast_rls_theta(&fast), sizeof before);
+        *spots[part] = part == 4 ? AEO_REAL(1e19) : AEO_REAL(-1e15);
+        if (part == 4) {
+            array->gain[0] = AEO_REAL(1e17);
+        }
+        feed(1);
+        if (part < 3) { /* at once: theta has not moved by a bit */
+            TEST_ASSERT_EQUAL_MEMORY(before, aeo_fast_rls_theta(&fast), sizeof *before * fast.length * L);
+        }
+        feed(12000);
+        TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_REINITIALISED, aeo_fast_rls_health(&fast));
+        TEST_ASSERT_TRUE(fast.count.reinitialised >= 1);
+        TEST_ASSERT_TRUE(find_distance() < promised());
+    }
+}
+
+static void follower_takes_over_when_errors_disagree(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(6000);
+    TEST_ASSERT_EQUAL_UINT32(0, fast.array[1].age);
+    /* beyond LATE, short of LOST */
+    fast.array[0].scalar[1] = (sizeof(aeo_real_t) == 4 ? AEO_REAL(0.05) : AEO_REAL(1e-5)) * fast.array[0].scalar[2];
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(1, fast.array[1].age);
+    feed(fast.warm);
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.renewed);
+    TEST_ASSERT_EQUAL_UINT32(1, fast.active);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_TRUE(find_distance() < promised());
+}
+
+static void collinear_channels_stay_bounded_and_unbiased(void)
+{
+    /* The second input is twice the first and y has no noise: P would grow without end. The outputs are met to
+     * rounding all the same, for the disturbances of the window do not enter the innovation. */
+    start(AEO_VARX, 0, 0.998, 1.0, 10);
+    noise = 0.0;
+    collinear = 1;
+    double missed = 0.0, size = 0.0;
+    for (int k = 0; k < 40000; k++) {
+        aeo_real_t u[R], y[L];
+        step_plant(u, y);
+        tick++;
+        feed_fast(u, y);
+        for (size_t i = 0; k > 20000 && i < L; i++) {
+            missed += pow((double)aeo_fast_rls_innovation(&fast)[i], 2);
+            size += pow((double)y[i], 2);
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_BOUNDED, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_TRUE(fast.count.bounded > 1000);
+    TEST_ASSERT_TRUE(size > 1.0 && sqrt(missed / size) < 1000.0 * (double)AEO_REAL_EPSILON);
+}
+
+static void runaway_starts_afresh(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(1000);
+    fast.theta[0] = AEO_REAL(1e20); /* as a flipped bit would */
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_REINITIALISED, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.reinitialised);
+    feed(12000);
+    TEST_ASSERT_TRUE(find_distance() < promised());
+}
+
+static void settings_out_of_range_are_refused(void)
+{
+    static const double BAD[][3] = {{0.49, 1, 4}, {1.01, 1, 4},  {1, 0.9e-8, 4}, {1, 1.1e8, 4},
+                                    {1, 1, 3.9},  {1, 1, 1.1e6}, {1, 1e-8, 200}, {0, 1, 4},
+                                    {-1.0, 1, 4}, {1, 0, 4},     {1, -1, 4}};
+    const aeo_fast_rls_t untouched = fast;
+    for (size_t t = 0; t < sizeof BAD / sizeof BAD[0]; t++) {
+        const aeo_fast_rls_config_t config = make_config(R + L, 0, BAD[t][0], BAD[t][1], BAD[t][2]);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    }
+    for (int t = 0; t < 12; t++) {
+        aeo_fast_rls_config_t config = make_config(R + L, 0, 1, 1, 4);
+        aeo_real_t *const fields[3] = {&config.forgetting, &config.regularisation, &config.growth_max};
+        *fields[t / 4] = make_not_finite(t % 4);
+        TEST_ASSERT_EQUAL_INT(AEO_E_NOT_FINITE, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    }
+    static const uint32_t SIZES[][4] = {{0, 4, 2, 0},  {1025, 1, 1, 0}, {2, 0, 2, 0},   {2, 97, 2, 0}, {2, 4, 0, 0},
+                                        {2, 4, 33, 0}, {2, 4, 2, 16},   {256, 4, 1, 1}, {600, 2, 1, 0}};
+    for (size_t t = 0; t < sizeof SIZES / sizeof SIZES[0]; t++) {
+        aeo_fast_rls_config_t config = make_config(SIZES[t][1], SIZES[t][3], 1, 1, 4);
+        config.past = (uint16_t)SIZES[t][0];
+        config.outputs = (uint16_t)SIZES[t][2];
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    }
+    aeo_fast_rls_config_t config = make_config(R + L, 0, 0.97, 1, 4);
+    config.past = 230; /* 0.97^230 < 1/1000 */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(NULL, &config, fast_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, NULL, fast_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, NULL, WORDS));
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &fast, sizeof fast);
+}
+
+static void restore_names_what_is_wrong(void)
+{
+    static aeo_real_t saved[SAVED];
+    start(AEO_VARX, 2, 0.998, 1.0, 10);
+    feed(100);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, SAVED));
+    const aeo_fast_rls_t before = fast;
+    for (size_t i = 0; i < AEO_FAST_RLS_SAVED_HEAD; i++) { /* settings, then numbers in halves */
+        const aeo_real_t wrong[3] = {saved[i] + AEO_REAL(0.5), AEO_REAL(-1), AEO_REAL(65536)};
+        const aeo_status_t status = i == 0 ? AEO_E_VERSION : i < 10 ? AEO_E_MISMATCH : AEO_E_DAMAGED;
+        for (int t = 0; t < 3; t++) {
+            const aeo_real_t good = saved[i];
+            saved[i] = wrong[t];
+            TEST_ASSERT_EQUAL_INT(status, aeo_fast_rls_restore(&fast, saved, SAVED));
+            saved[i] = good;
+            TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
+        }
+    }
+    const size_t m = R + L, n = fast.length, factor = AEO_FAST_RLS_SAVED_HEAD + n * (2 * m + 1) + m;
+    const struct {
+        size_t at;
+        double value;
+    } damage[] = {{35, P + 2},                             /* more samples than the window holds */
+                  {37, 2},                                 /* a third array */
+                  {factor, 0},                             /* a diagonal entry of the factor */
+                  {factor + m * (m + 1) / 2 + m * m, 0.5}, /* 1 / gamma below 1 */
+                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, m, 1) + n * L, 1.2e6}}; /* the window */
+    for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
+        const aeo_real_t good = saved[damage[t].at];
+        saved[damage[t].at] = (aeo_real_t)damage[t].value;
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
+        saved[damage[t].at] = good;
+    }
+    saved[32] = saved[33] = AEO_REAL(0); /* the random state, never 0 */
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
+    TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
+}
+
+static void saved_head_is_counted_right(void)
+{
+    /* the formula, the writer and this test agree: the first array starts right after the head, residuals end it all */
+    static aeo_real_t saved[SAVED];
+    start(AEO_VARX, 0, 0.998, 1.0, 10);
+    feed(100);
+    const size_t length = AEO_FAST_RLS_SAVED_WORDS(P, R + L, 0, L), last = length - L;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, length));
+    TEST_ASSERT_EQUAL_MEMORY(fast.array[0].forward, saved + AEO_FAST_RLS_SAVED_HEAD, 50 * sizeof *saved);
+    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_residual(&fast), saved + last, L * sizeof *saved);
+}
+
+static void health_is_sticky_until_cleared(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 10);
+    feed(100);
+    tick += 5;
+    feed(100);
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_RESTARTED, aeo_fast_rls_health(&fast));
+    aeo_fast_rls_reset(&fast);
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_RESTARTED, aeo_fast_rls_health(&fast));
+    aeo_fast_rls_clear_health(&fast);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+    fast.count.updates = UINT32_MAX;
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, fast.count.updates); /* never decreases */
+    aeo_fast_rls_reset(NULL);
+    aeo_fast_rls_clear_health(NULL);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(NULL));
+    TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(NULL));
+}
+
+static void read_copies_theta(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 10);
+    feed(100);
+    aeo_real_t theta[N_MAX * L];
+    const size_t count = (size_t)fast.length * L;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_fast_rls_read(&fast, theta, count - 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(NULL, theta, count));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(&fast, NULL, count));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_read(&fast, theta, count));
+    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_theta(&fast), theta, count * sizeof *theta);
+}
+
+static void invariants_notice_damage(void)
+{
+    start(AEO_VARX, 0, 0.998, 1.0, 10);
+    feed(100);
+    aeo_real_t *const spots[4] = {fast.array[1].factor, fast.array[0].scalar, fast.theta + 3, fast.window + 1};
+    const aeo_real_t wrong[4] = {AEO_REAL(0), AEO_REAL(0.9), make_not_finite(2), AEO_REAL(2e6)};
+    for (int t = 0; t < 4; t++) {
+        const aeo_real_t good = *spots[t];
+        *spots[t] = wrong[t];
+        TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(&fast));
+        *spots[t] = good;
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
+    }
+    fast.random = 0;
+    TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(&fast));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(words_are_known_at_compile_time);
+    RUN_TEST(agrees_with_square_root_rls);
+    RUN_TEST(errors_die_out);
+    RUN_TEST(short_memories_are_renewed);
+    RUN_TEST(start_within_a_record_waits_for_the_window);
+    RUN_TEST(break_keeps_theta_and_waits);
+    RUN_TEST(frequent_breaks_do_not_stop_learning);
+    RUN_TEST(lost_array_is_replaced);
+    RUN_TEST(follower_takes_over_when_errors_disagree);
+    RUN_TEST(collinear_channels_stay_bounded_and_unbiased);
+    RUN_TEST(runaway_starts_afresh);
+    RUN_TEST(settings_out_of_range_are_refused);
+    RUN_TEST(restore_names_what_is_wrong);
+    RUN_TEST(saved_head_is_counted_right);
+    RUN_TEST(health_is_sticky_until_cleared);
+    RUN_TEST(read_copies_theta);
+    RUN_TEST(invariants_notice_damage);
+    return UNITY_END();
+}
