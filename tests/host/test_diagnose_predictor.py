@@ -320,3 +320,17 @@ def test_other_data_are_scored_from_a_start_of_their_own() -> None:
     held = p.score_elsewhere(replace(fit, free=replace(fit.free, x0=(0,))), (late,))[2]
     assert held.x0[0][1] in (0.0, fit.point.x0[0][1])  # a state that is not in the fit is left where it was
     assert held.x0[0][0] != fit.point.x0[0][0]
+
+
+def test_a_sensor_without_noise_is_no_crash() -> None:
+    """A fit drove one sensor's noise to 6e-17 of the process noise: the doubling met a matrix singular to rounding."""
+    A = np.zeros((7, 7))
+    A[:3, :3] = [[0.9887, 0.0195, 1e-4], [-1.117, 0.94677, 0.01], [0, 0, 0.993]]
+    A[3:5, 3:5] = [[0.99986, 0.016746], [-0.016746, 0.99885]]
+    A[5:, 5:] = [[-0.191, 0.43326], [-0.43326, -0.4358]]
+    C = np.zeros((2, 7))
+    C[[0, 0, 1, 1], [0, 3, 1, 5]] = 1
+    Q = np.diag([3e-4, 1.52, 1.77, 0, 0, 0.203, 1.285])
+    for noise in 10.0 ** np.arange(-10, -320, -10.0):
+        K = steady_gain(A, C, Q, np.diag([0.011, noise]))
+        assert np.all(np.isfinite(K)) and np.max(abs(np.linalg.eigvals(A - K @ C))) < 1, noise
