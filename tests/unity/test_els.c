@@ -149,6 +149,23 @@ static void schedule_follows_its_equation(void)
     /* the end is reached to the bit, however slowly: what is rounded is the distance from it */
     run(3000);
     TEST_ASSERT_EQUAL_MEMORY(&config.forgetting, &els.rls.config.forgetting, sizeof config.forgetting);
+    TEST_ASSERT_TRUE(!(els.shortfall > 0)); /* and from then on nothing is spent on it */
+}
+
+static void the_yardstick_is_the_second_half_of_the_start(void)
+{
+    aeo_els_config_t config = make_config(2);
+    double sum = 0.0;
+    set_plant(0.5, 1, 0.3);
+    start(&config);
+    run(2 + 100);
+    for (int k = 0; k < 100; k++) {
+        run(1);
+        sum += (double)aeo_els_innovation(&els)[0] * (double)aeo_els_innovation(&els)[0];
+    }
+    const double level = sum / 100.0;
+    run(1);
+    TEST_ASSERT_TRUE(fabs((double)els.levels[2] - level) < 100.0 * (double)AEO_REAL_EPSILON * level);
 }
 
 static void start_is_varx(void)
@@ -409,6 +426,15 @@ static void a_regressor_that_does_not_fit_is_refused(void)
     start_regressor(2);
     regressor.outputs = 2;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, &regressor, &one, &one, 1000));
+    const aeo_regressor_config_t flat = {/* one block of 6 instead of two of 3 */
+                                         .inputs = 4,
+                                         .outputs = L,
+                                         .past = 1,
+                                         .model_set = AEO_VARMAX,
+                                         .period_us = 1000};
+    const aeo_real_t four[4] = {one, one, one, one};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &flat, window, WINDOW));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, &regressor, four, &one, 1000));
     start_regressor(2);
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(NULL, &regressor, &one, &one, 1000));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, NULL, &one, &one, 1000));
@@ -463,6 +489,11 @@ static void save_and_restore_go_on_in_every_phase(void)
         set_plant(0.95, 5, 0.09);
         start(&config);
         run(5 + AT[t]);
+        if (t % 3 == 0) { /* after a fall-back, too */
+            els.rls.theta[1] = AEO_REAL(1e20);
+            run(1 + AT[t]);
+            TEST_ASSERT_EQUAL_UINT32(400, els.wait);
+        }
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_save(&els, saved, AEO_ELS_SAVED_WORDS(15, 1)));
         aeo_els_t other;
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&other, &config, other_memory, WORDS));
@@ -595,6 +626,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(words_are_known_at_compile_time);
     RUN_TEST(schedule_follows_its_equation);
+    RUN_TEST(the_yardstick_is_the_second_half_of_the_start);
     RUN_TEST(start_is_varx);
     RUN_TEST(parameters_are_found);
     RUN_TEST(bursts_are_bounded);
