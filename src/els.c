@@ -103,14 +103,17 @@ void aeo_els_reset(aeo_els_t *self)
     start_varx(self);
 }
 
-/* The columns of e in theta become 0. */
+/* The columns of e in theta become 0: the last l of each of the p blocks. */
 static void clear_moving_average(aeo_els_t *self)
 {
-    const size_t n = self->config.regressors, l = self->config.outputs, p = self->config.past;
-    const size_t m = p > 0u ? (n - self->config.present) / p : 0u;
-    for (size_t i = 0; i < l; i++) {
-        for (size_t block = 1; block <= p; block++) {
-            memset(self->rls.theta + i * n + block * m - l, 0, l * sizeof *self->rls.theta);
+    const unsigned n = self->config.regressors, l = self->config.outputs, past = n - self->config.present;
+    const unsigned m = self->config.past > 0u ? past / self->config.past : n + l; /* without blocks: no column */
+    aeo_real_t *entry = self->rls.theta;
+    for (unsigned i = 0; i < l; i++) {
+        for (unsigned j = 0; j < n; j++, entry++) {
+            if (j < past && j % m + l >= m) {
+                *entry = AEO_REAL(0);
+            }
         }
     }
 }

@@ -10,6 +10,7 @@
 #define AEOLID_AEOLID_H
 
 #include "aeolid/config.h"
+#include "aeolid/els.h"
 #include "aeolid/frame.h"
 #include "aeolid/markov.h"
 #include "aeolid/port.h"

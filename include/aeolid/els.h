@@ -19,13 +19,13 @@
  *     columns of e become 0, P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it
  *     comes back soon, up to 64 times) feedback resumes. One sample counts four limits at most: an outlier is no burst.
  *   5 bounded feedback: a residual is cut at 6 times the root of that level, and always at 1e6, before it is fed back.
- *   With a short memory the H of one snapshot need not have a stable inverse: judge (25) before predicting with it.
+ *   With a short memory the H of a snapshot need not have a stable inverse: judge it before predicting with it.
  *
  * CONTRACT
  *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 5 l.
  *   r=2, l=3, p=10 (n=80): 3,661 words (14.6 kB in float); p=30 (n=240): 30,141 words (120.6 kB).
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
- *   stack: 256 bytes. Determinism, threads, interrupts: as rls.h.
+ *   stack: 232 bytes. Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
  *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED.
  */
@@ -83,7 +83,8 @@ typedef struct {
     uint16_t present; /* d, present inputs at the end of z */
     uint32_t varx_samples; /* VARX start, 0 ... 1,000,000; with the guard at least 16. Too small: a poor yardstick; too
                                   large: late. Start: 10 n, 1,000 at least */
-    aeo_real_t forgetting; /* lambda_end, 0.5 ... 1, as in rls.h. Start: 1, or 1 - 1 / (10 n) to follow changes */
+    aeo_real_t forgetting; /* lambda_end, 0.5 ... 1, as in rls.h. Start: 1, or 1 - 1 / (50 n) to follow changes: with
+                                  less memory the H of a snapshot often has no stable inverse */
     aeo_real_t forgetting_start; /* 0.5 ... forgetting; equal to it: no schedule. Start: 0.99 */
     aeo_real_t forgetting_rate; /* 0 ... 0.999999. Too small: early residuals are kept; too large: noise. Start: 0.99 */
     aeo_real_t regularisation;  /* rho, as in rls.h. Start: 0.1 */

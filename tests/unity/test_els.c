@@ -333,6 +333,33 @@ static void livelier_data_and_outliers_are_no_divergence(void)
     TEST_ASSERT_TRUE(els.count.limited > 0u);
 }
 
+static void rough_treatment_is_survived(void)
+{
+    /* silence, the edge of the range, one sample for ever, NaN, gaps, noise alone: sound after every sample, and after
+     * the longest start there is it predicts again as well as ever */
+    aeo_els_config_t config = make_config(2);
+    config.forgetting = AEO_REAL(0.995);
+    set_plant(0.5, 1, 0.3);
+    start(&config);
+    run(2000);
+    double worst;
+    const double sound = measure(4000, &worst);
+    for (unsigned k = 0; k < 12000; k++) {
+        const unsigned mode = k / 400 % 6;
+        aeo_real_t u = (aeo_real_t)draw(&seed), y = (aeo_real_t)draw(&seed);
+        if (mode < 3) {
+            u = y = AEO_REAL(mode == 0 ? 0 : mode == 1 ? (k % 7 != 0 ? 1e6 : -1e6) : 0.3);
+        }
+        y = mode == 3 ? make_not_finite((int)(k % 4)) : y;
+        time_us += mode == 4 && k % 50 == 0 ? 5000 : 1000;
+        aeo_els_step(&els, &regressor, &u, &y, time_us);
+        TEST_ASSERT_TRUE(aeo_els_invariants_hold(&els));
+    }
+    aeo_regressor_reset(&regressor);
+    run(64u * config.varx_samples + 4000u);
+    TEST_ASSERT_TRUE(measure(4000, &worst) < 1.1 * sound);
+}
+
 static void innovations_of_low_rank_are_borne(void)
 {
     /* three outputs that two noises reach, lambda = 0.99 kept: the case in which the conventional form loses P */
@@ -633,6 +660,7 @@ int main(void)
     RUN_TEST(divergence_falls_back);
     RUN_TEST(starts_lengthen_while_it_diverges_and_not_after);
     RUN_TEST(livelier_data_and_outliers_are_no_divergence);
+    RUN_TEST(rough_treatment_is_survived);
     RUN_TEST(innovations_of_low_rank_are_borne);
     RUN_TEST(forgotten_feedback_is_told);
     RUN_TEST(a_step_is_push_update_and_feedback);
