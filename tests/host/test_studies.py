@@ -5,13 +5,39 @@ import json
 from study_modules import load_study
 
 
-def test_paper000_finds_seven_states_and_the_poles(tmp_path, capsys):
+def test_paper000_writes_table_figure_and_facts(tmp_path, capsys):
+    """Two realisations with 1 % noise: VARMAX p = 10 finds what VARX p = 30 finds, and the files are there."""
     study = load_study("paper000")
-    assert study.main(["--runs", "2", "--json", str(tmp_path / "facts.json")]) == 0
-    facts = json.loads((tmp_path / "facts.json").read_text())
-    assert len(capsys.readouterr().out.splitlines()) == 3 + len(study.WINDOWS)
-    for row in facts["rows"]:
-        assert row["fall_7_8"] > 3 and set(row["orders_chosen"]) == {7}
-        distance = row["pole_distance"]
-        assert distance["integrator"] < 0.008 and distance["drive train"] < 0.004  # some three deviations of two runs
-        assert max(distance["tower 1"], distance["tower 2"]) < 0.005
+    assert study.main(["--runs", "2", "--noise", "0.01", "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert said == (tmp_path / "paper000.txt").read_text() and "positive-real condition held in" in said
+    assert (tmp_path / "paper000.png").stat().st_size > 20_000
+    level = json.loads((tmp_path / "paper000.json").read_text())["levels"][0]
+    rows = {(row["method"], row["past"], row["future"]): row for row in level["rows"]}
+    assert list(rows) == list(study.METHODS)
+    for row in rows.values():
+        assert row["fall_7_8"] > 3 or row["past"] == 50
+        assert row["mean"]["pole integrator"] < 0.008  # some three deviations of two runs
+        assert max(row["mean"]["pole tower 1"], row["mean"]["pole tower 2"], row["mean"]["pole drive train"]) < 0.005
+    ours, rival = rows[study.OURS], rows[study.RIVALS[0]]
+    assert ours["mean"]["VAF ẋfa"] > rival["mean"]["VAF ẋfa"] - 0.02 and ours["innovation_rank"] == [3, 3]
+    assert len(level["comparisons"]) == 2 and set(level["comparisons"][0]["measures"]) == set(ours["mean"])
+
+
+def test_paper000_without_measurement_noise_has_innovations_of_rank_two():
+    study = load_study("paper000")
+    level = study.study(1, 10_000, [0.0])[0]["levels"][0]
+    ours = level["rows"][-1]
+    assert ours["innovation_rank"] == [2, 3] and ours["rank"][0] < ours["rank"][1] and ours["condition"] > 1e13
+
+
+def test_eighth_value_is_the_error_of_the_parameters(tmp_path, capsys):
+    """It falls with the length as N^{-1/2} (a factor 2.8 here), with the true innovations too; drawn errors make it."""
+    study = load_study("eighth_value")
+    file = tmp_path / "facts.json"
+    assert study.main(["--lengths", "2500", "20000", "--runs", "2", "--json", str(file)]) == 0
+    assert "drawn" in capsys.readouterr().out
+    short, long = json.loads(file.read_text())["rows"]
+    assert short["true e"][0] < 2 * long["true e"][0]  # the seventh stays
+    assert 1.5 < short["true e"][1] / long["true e"][1] < 6
+    assert 0.4 < short["drawn"][1] / short["true e"][1] < 2.5

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.windows import WindowFactor, triangularise
+from aeolid.identify.windows import WindowFactor, decompose, triangularise
 
 Array = NDArray[np.float64]
 EXACT = 1e-13  # residual power below this fraction of an output's power is rounding: the data are interpolated
@@ -55,7 +55,7 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     size, outputs = len(keep), factor.outputs
     targets = factor.past * factor.channels + factor.inputs
     R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
-    U, s, Vt = np.linalg.svd(R[:size, :size])
+    U, s, Vt = decompose(R[:size, :size])
     condition = float(s[0] / max(s[-1], np.finfo(float).tiny))
     rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
     projected = U[:, :rank].T @ R[:size, size:]  # (rank, l)

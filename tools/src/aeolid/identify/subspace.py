@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from aeolid.identify.windows import WindowFactor
+from aeolid.identify.windows import WindowFactor, decompose
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def find_states(factor: WindowFactor, theta: Array, future: int) -> StateBasis:
     """Decompose ΓK Z, eq. (26), through the triangular factor of Z."""
     width = factor.past * factor.channels
     stacked = gamma_k(theta, factor.past, future, factor.channels)
-    left, values, _ = np.linalg.svd(stacked @ factor.R[:width, :width].T, full_matrices=False)
+    left, values, _ = decompose(stacked @ factor.R[:width, :width].T)
     return StateBasis(values / np.sqrt(factor.windows), left, stacked, factor.windows)
 
 
