@@ -19,6 +19,12 @@
  * the filter remembers. */
 #define FADED_MIN AEO_REAL(1e-6)
 
+#if AEO_REAL_BYTES == 8
+typedef uint64_t bits_t;
+#else
+typedef uint32_t bits_t;
+#endif
+
 /* Samples for each regressor after which the first ones are thrown away, when they were no true start. */
 #define LEARNING 4u
 
@@ -52,16 +58,16 @@ int aeo_lattice_settings_hold(const aeo_lattice_config_t *config)
     return faded >= FADED_MIN;
 }
 
-/* How many rows of each triangle to check a sample so that each comes round before forgetting can double it. */
-static uint16_t find_scan_step(uint16_t m, aeo_real_t lambda)
+/* How many of count variances to check a sample so that each comes round before forgetting can double it. */
+static uint16_t find_scan_step(unsigned count, aeo_real_t lambda)
 {
     aeo_real_t shrink = lambda;
     unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
-    while (samples < m && shrink * lambda >= AEO_REAL(0.5)) {
+    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
         shrink *= lambda;
         samples++;
     }
-    return (uint16_t)((m + samples - 1u) / samples);
+    return (uint16_t)((count + samples - 1u) / samples);
 }
 
 static size_t count_words(const aeo_lattice_config_t *config)
@@ -82,14 +88,13 @@ static void place_arrays(aeo_lattice_t *self, aeo_real_t *memory)
     self->error = self->window + p * m;
     self->gain = self->error + p * m;
     self->alpha = self->gain + p * m;
-    self->innovation = self->alpha + p;
+    self->step = self->alpha + p;
+    self->innovation = self->step + p;
     self->residual = self->innovation + l;
     self->forward = self->residual + l;
-    self->next = self->forward + m;
-    self->targets = self->next + m;
-    self->backward = self->targets + l + d;
-    self->spare = self->backward + m;
-    self->reading = self->spare + 3 * m;
+    self->targets = self->forward + m;
+    self->spare = self->targets + l + d;
+    self->reading = self->spare + 2 * m;
 }
 
 aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *config, aeo_real_t *memory, size_t words)
@@ -112,10 +117,10 @@ aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *c
     self->config = *config;
     place_arrays(self, memory);
     const unsigned n = config->past * (unsigned)config->block + config->present;
-    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting); /* forgetting >= 1/2 */
+    self->inverse_forgetting = AEO_REAL(1) / config->forgetting; /* forgetting >= 1/2 */
     self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)n;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
-    self->scan_step = find_scan_step(config->block, config->forgetting);
+    self->scan_step = find_scan_step(aeo_lattice_count_variances(config), config->forgetting);
     aeo_lattice_reset(self);
     return AEO_OK;
 }
@@ -149,13 +154,12 @@ static void reset_triangle(aeo_real_t *factor, size_t m, aeo_real_t diagonal)
 static void reset_factors(aeo_lattice_t *self)
 {
     const size_t p = self->config.past, m = self->config.block;
-    const aeo_real_t root = AEO_SQRT(self->config.forgetting);
-    const aeo_real_t newest = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
+    const aeo_real_t newest = AEO_REAL(1) / self->config.regularisation; /* regularisation >= 1e-8 */
     aeo_real_t diagonal = newest;
     for (size_t j = 0; j + 1 < 2 * p; j++) {
         reset_triangle(self->factor + j * AEO_LATTICE_TRIANGLE(m), m, diagonal);
-        /* the last backward one is at least FADED_MIN^(1/2) newest > 0 */
-        diagonal = j + 1 < p ? diagonal * root : newest;
+        /* the last backward one is at least FADED_MIN newest > 0 */
+        diagonal = j + 1 < p ? diagonal * self->config.forgetting : newest;
     }
     reset_triangle(self->present_factor, self->config.present, newest);
 }
@@ -170,88 +174,78 @@ void aeo_lattice_reset(aeo_lattice_t *self)
     for (size_t j = 0; j < self->config.past; j++) {
         self->alpha[j] = self->config.forgetting;
     }
+    self->read_order = 0;
     self->orders = self->config.past;
     self->learning = 0;
-    self->read_order = 0;
-    self->scan_row = 0;
+    self->head = 0;
+    self->scan = 0;
     self->begun = 0;
     self->quiet = 0;
 }
 
-/* Keep z without its present inputs; returns 1 when it is the window kept before, moved by one block. */
+/* Keep z without its present inputs; returns 1 when it is the window kept before, moved by one block. Compared are bits,
+ * as blocks are handed on, not worked out anew. */
 static int take_window(aeo_lattice_t *self, const aeo_real_t *z)
 {
-    const size_t m = self->config.block, count = m * self->config.past;
+    const size_t m = self->config.block, older = m * (self->config.past - 1u);
+    aeo_real_t *const window = self->window;
     int moved = 1;
-    for (size_t i = 0; i + m < count; i++) {
-        const aeo_real_t expected = self->window[i + m];
-        if (z[i] < expected || z[i] > expected) {
+    for (size_t i = 0; i < older; i++) {
+        bits_t now, before;
+        memcpy(&now, z + i, sizeof now);
+        memcpy(&before, window + i + m, sizeof before);
+        if (now != before) {
             moved = 0;
         }
+        memcpy(window + i, &now, sizeof now);
     }
-    memcpy(self->window, z, count * sizeof *z);
+    memcpy(window + older, z + older, m * sizeof *z);
     return moved;
 }
 
-/* gain = that of r, alpha with its news: P moves on, or stays when r is only followed. */
-static void find_gain(const aeo_lattice_t *self, aeo_lattice_regression_t *on)
-{
-    aeo_real_t *const a = self->spare + self->config.block;
-    const aeo_real_t news = aeo_linalg_project(on->factor, on->r, a, on->m);
-    if (self->following) {
-        memset(on->gain, 0, on->m * sizeof *on->gain);
-        on->alpha += news;
-        return;
-    }
-    on->alpha = aeo_linalg_rotate(on->factor, a, on->m, on->gain, on->m, on->alpha, self->inverse_root_forgetting);
-    const aeo_real_t inverse = AEO_REAL(1) / on->alpha; /* alpha >= lambda >= 1/2 */
-    for (size_t i = 0; i < on->m; i++) {
-        on->gain[i] *= inverse;
-    }
-}
-
-/* Carry out the regression at hand, which lies in self to keep it off the stack. */
+/* Carry out the regression at hand, which lies in self to keep it off the stack: P and weights move on, or stay when r
+ * is only followed. */
 static void regress(aeo_lattice_t *self)
 {
     aeo_lattice_regression_t *const on = &self->on;
-    find_gain(self, on);
-    aeo_linalg_correct(on->weight, on->r, on->targets, on->count, on->m, on->gain);
+    on->alpha = aeo_lattice_turn(on->factor, on->r, on->gain, on->m, on->alpha,
+                                 self->following ? AEO_REAL(0) : self->inverse_forgetting);
+    on->step = self->following ? AEO_REAL(0) : AEO_REAL(1) / on->alpha; /* alpha >= lambda >= 1/2 */
+    aeo_lattice_correct(on->weight, on->r, on->targets, on->count, on->m, on->gain, on->step);
 }
 
-/* Stage j's predictions: forward becomes f_{j+1}(k), next r_{j+1}(k). Here error, gain and alpha are of the sample
- * before, whose covariance the forward predictor shares. */
-static void predict(aeo_lattice_t *self, size_t j)
+/* Stage j's predictions: forward becomes f_{j+1}(k), and r_j(k-1) becomes r_{j+1}(k) where it lies, in what is the next
+ * stage's place by now. gain, alpha and step come from the sample before, whose covariance the forward predictor
+ * shares. Returns 0 when an error ran away. */
+static int predict(aeo_lattice_t *self, size_t j)
 {
     const size_t m = self->config.block;
-    aeo_real_t *const error = self->error + j * m, *const old = self->spare;
+    aeo_real_t *const error = aeo_lattice_find_error(self, j + 1), *const old = self->spare;
     memcpy(old, self->forward, m * sizeof *old);
-    memcpy(self->next, error, m * sizeof *error);
-    aeo_linalg_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m);
+    aeo_lattice_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m,
+                        self->step[j]);
     self->on.factor = self->factor + (self->config.past + j) * AEO_LATTICE_TRIANGLE(m);
     self->on.weight = self->backward_weight + j * m * m;
     self->on.r = old;
-    self->on.targets = self->next;
-    self->on.gain = old + 2 * m;
+    self->on.targets = error;
+    self->on.gain = old + m;
     self->on.alpha = self->alpha[j];
     self->on.m = m;
     self->on.count = m;
     regress(self);
-}
-
-static size_t count_targets(const aeo_lattice_t *self)
-{
-    return (size_t)self->config.outputs + self->config.present;
+    return aeo_linalg_all_within(self->forward, m, AEO_LATTICE_ERROR_MAX) &&
+           aeo_linalg_all_within(error, m, AEO_LATTICE_ERROR_MAX);
 }
 
 /* Regress the targets on the backward error of stage j. */
 static void explain(aeo_lattice_t *self, size_t j)
 {
-    const size_t m = self->config.block, count = count_targets(self);
+    const size_t m = self->config.block, count = (size_t)self->config.outputs + self->config.present;
     /* a sample that is followed has no part in the covariances: its errors a priori count in full */
     self->alpha[j] = self->following ? self->config.forgetting : self->news;
     self->on.factor = self->factor + j * AEO_LATTICE_TRIANGLE(m);
     self->on.weight = self->target_weight + j * m * count;
-    self->on.r = self->backward;
+    self->on.r = aeo_lattice_find_error(self, j);
     self->on.targets = self->targets;
     self->on.gain = self->gain + j * m;
     self->on.alpha = self->news;
@@ -259,8 +253,7 @@ static void explain(aeo_lattice_t *self, size_t j)
     self->on.count = count;
     regress(self);
     self->news = self->on.alpha;
-    memcpy(self->error + j * m, self->backward, m * sizeof *self->error);
-    memcpy(self->backward, self->next, m * sizeof *self->backward);
+    self->step[j] = self->on.step;
 }
 
 /* Regress what is left of y on what is left of u_k. */
@@ -270,7 +263,7 @@ static void explain_present(aeo_lattice_t *self)
     self->on.weight = self->present_weight;
     self->on.r = self->targets + self->config.outputs;
     self->on.targets = self->targets;
-    self->on.gain = self->spare + 2u * (size_t)self->config.block;
+    self->on.gain = self->spare;
     self->on.alpha = self->news;
     self->on.m = self->config.present;
     self->on.count = self->config.outputs;
@@ -278,30 +271,25 @@ static void explain_present(aeo_lattice_t *self)
     self->news = self->on.alpha;
 }
 
-/* 1 while no error of this sample ran away; forward, next and targets lie side by side. */
-static int errors_hold(const aeo_lattice_t *self)
-{
-    return aeo_linalg_all_within(self->forward, (size_t)(self->targets - self->forward) + count_targets(self),
-                                 AEO_LATTICE_ERROR_MAX);
-}
-
-/* Run the newest block and the targets through the stages that are filled. Returns 0 when an error ran away. */
+/* Run the newest block and the targets through the stages that are filled. Returns 0 when an error ran away: those of
+ * blocks, which go into covariances, are judged in each stage, those of targets at the end. */
 static int run_stages(aeo_lattice_t *self)
 {
     self->news = self->config.forgetting;
     for (size_t j = 0; j < self->orders; j++) {
-        if (j + 1u < self->orders) {
-            predict(self, j);
-        }
-        explain(self, j);
-        if (!errors_hold(self)) {
+        if (j + 1u < self->orders && !predict(self, j)) {
             return 0;
         }
+        explain(self, j);
     }
-    if (self->config.present > 0u) {
+    const size_t l = self->config.outputs, d = self->config.present;
+    if (!aeo_linalg_all_within(self->targets, l + d, AEO_LATTICE_ERROR_MAX)) {
+        return 0;
+    }
+    if (d > 0u) {
         explain_present(self);
     }
-    return errors_hold(self);
+    return aeo_linalg_all_within(self->targets, l, AEO_LATTICE_ERROR_MAX);
 }
 
 /* Absorb or follow one judged sample; returns 0 when an error ran away. */
@@ -309,8 +297,8 @@ static int take_sample(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_
 {
     const size_t m = self->config.block, l = self->config.outputs, older = m * (self->config.past - 1u);
     memcpy(self->forward, z + older, m * sizeof *z);
-    memcpy(self->backward, z + older, m * sizeof *z);
-    memset(self->next, 0, m * sizeof *z);
+    self->head = self->head > 0u ? self->head - 1u : self->config.past - 1u;
+    memcpy(aeo_lattice_find_error(self, 0), z + older, m * sizeof *z);
     memcpy(self->targets, y, l * sizeof *y);
     memcpy(self->targets + l, z + older + m, self->config.present * sizeof *z);
     if (!run_stages(self)) {
@@ -322,42 +310,34 @@ static int take_sample(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_
         self->innovation[i] = self->targets[i];
         self->residual[i] = self->targets[i] * left;
     }
-    self->quiet = (uint8_t)(self->orders == self->config.past && self->news - lambda < self->gate);
+    self->quiet = (self->orders == self->config.past && self->news - lambda < self->gate);
     return 1;
 }
 
-/* Quarter the variance of one row when it passed the bound by a measurement of that row's weights which agrees with
- * what they are: with a = (3 / P_ii)^(1/2) row_i, |a|^2 = 3 and P_ii becomes P_ii / (1 + 3). Only forgetting makes P
- * grow, at most by 2 between two checks, so P_ii <= 2 variance_max. */
-static void bound_row(aeo_lattice_t *self, aeo_real_t *factor, size_t m)
+/* Quarter the next variance when it passed the bound, by a measurement of the weights it belongs to which agrees with
+ * what they are: of weight 3 / P_ii it takes P_ii to P_ii / (1 + 3). Only forgetting makes P grow, at most by 2 between
+ * two checks, so P_ii <= 2 variance_max. */
+static void bound_variance(aeo_lattice_t *self)
 {
-    const size_t i = self->scan_row;
-    aeo_real_t *const a = self->spare;
-    if (i >= m) {
-        return; /* fewer present inputs than rows of the other triangles */
-    }
-    const aeo_real_t variance = aeo_linalg_row_norm2(factor, m, i, a);
+    const aeo_lattice_variance_t at = aeo_lattice_find_variance(self, self->factor, self->scan);
+    const aeo_real_t variance = aeo_lattice_variance(&at);
     if (variance <= self->variance_max) {
         return;
     }
-    const aeo_real_t weight = AEO_SQRT(AEO_REAL(3) / variance); /* variance > variance_max > 0 */
-    for (size_t j = 0; j <= i; j++) {
-        a[j] *= weight;
-    }
-    aeo_linalg_rotate(factor, a, i + 1, a + m, m, AEO_REAL(1), AEO_REAL(1));
+    aeo_real_t *const unit = self->spare;
+    memset(unit, 0, at.m * sizeof *unit);
+    unit[at.i] = AEO_REAL(1);
+    aeo_lattice_turn(self->factor + (at.factor - self->factor), unit, unit + at.m, at.m, variance / AEO_REAL(3),
+                     AEO_REAL(1)); /* variance > 0 */
     aeo_count_up(&self->count.bounded);
     self->health |= AEO_LATTICE_BOUNDED;
 }
 
 static void bound_variances(aeo_lattice_t *self)
 {
-    const size_t m = self->config.block;
     for (unsigned s = 0; s < self->scan_step; s++) {
-        for (size_t j = 0; j + 1u < 2u * self->config.past; j++) {
-            bound_row(self, self->factor + j * AEO_LATTICE_TRIANGLE(m), m);
-        }
-        bound_row(self, self->present_factor, self->config.present);
-        self->scan_row = (uint16_t)(self->scan_row + 1u < m ? self->scan_row + 1u : 0u);
+        bound_variance(self);
+        self->scan = self->scan + 1u < aeo_lattice_count_variances(&self->config) ? self->scan + 1u : 0u;
     }
 }
 
@@ -366,8 +346,7 @@ static void begin(aeo_lattice_t *self, int from_rest)
 {
     self->begun = 1;
     self->learning =
-        (uint16_t)(from_rest ? 0u
-                             : LEARNING * (self->config.past * (unsigned)self->config.block + self->config.present));
+        from_rest ? 0u : LEARNING * (self->config.past * (uint32_t)self->config.block + self->config.present);
 }
 
 /* Judge how z follows the one before: sets following, orders and learning. */
@@ -380,7 +359,7 @@ static void place_sample(aeo_lattice_t *self, const aeo_real_t *z)
     } else if (!moved) {
         self->orders = 0;
         self->quiet = 0;
-        memset(self->gain, 0, p * self->config.block * sizeof *self->gain);
+        memset(self->step, 0, p * sizeof *self->step);
         aeo_count_up(&self->count.restarted);
         self->health |= AEO_LATTICE_RESTARTED;
     }
@@ -390,7 +369,7 @@ static void place_sample(aeo_lattice_t *self, const aeo_real_t *z)
         self->health |= AEO_LATTICE_WITHHELD;
     } else if (self->orders < p) {
         self->orders++;
-        self->following = (uint8_t)(self->orders < p);
+        self->following = self->orders < p;
     }
 }
 

@@ -23,18 +23,14 @@ static void begin_reading(aeo_lattice_t *self, aeo_real_t *theta)
         self->reading[c * m + c] = AEO_REAL(1);
         self->reading[(columns + c) * m + c] = AEO_REAL(1);
     }
-    for (size_t i = 0; i < self->config.outputs; i++) {
+    const size_t l = self->config.outputs;
+    for (size_t i = 0; i < l; i++) {
         memset(theta, 0, columns * sizeof *theta);
-        memcpy(theta + columns, self->present_weight + i * d, d * sizeof *theta);
-        theta += columns + d;
+        theta += columns;
+        for (size_t c = 0; c < d; c++) {
+            *theta++ = self->present_weight[c * l + i];
+        }
     }
-}
-
-/* The gain of a correction that leaves the weights alone: the predictions do not touch next once they are done. */
-static const aeo_real_t *find_zeros(const aeo_lattice_t *self)
-{
-    memset(self->next, 0, self->config.block * sizeof *self->next);
-    return self->next;
 }
 
 /* theta += (kappa_j of y less present_weight times kappa_j of u) B_j. */
@@ -42,12 +38,12 @@ static void add_order(const aeo_lattice_t *self, size_t j, aeo_real_t *theta)
 {
     const size_t m = self->config.block, l = self->config.outputs, d = self->config.present;
     const size_t columns = count_columns(self), older = columns - (j + 1) * m;
-    const aeo_real_t *const zeros = find_zeros(self), *b = self->reading + columns * m;
+    const aeo_real_t *b = self->reading + columns * m;
     aeo_real_t *const left = self->targets;
     for (size_t c = 0; c < (j + 1) * m; c++) {
         memset(left, 0, (l + d) * sizeof *left);
-        aeo_linalg_correct(self->target_weight + j * m * (l + d), b, left, l + d, m, zeros);
-        aeo_linalg_correct(self->present_weight, left + l, left, l, d, zeros);
+        aeo_lattice_correct(self->target_weight + j * m * (l + d), b, left, l + d, m, NULL, AEO_REAL(0));
+        aeo_lattice_correct(self->present_weight, left + l, left, l, d, NULL, AEO_REAL(0));
         /* z has the oldest block first: block i of B_j, counted from the newest, is block j - i behind the older ones */
         aeo_real_t *const column = theta + older + (j - c / m) * m + c % m;
         for (size_t i = 0; i < l; i++) {
@@ -64,7 +60,7 @@ static void raise_order(const aeo_lattice_t *self, size_t j)
 {
     const size_t m = self->config.block, columns = count_columns(self);
     aeo_real_t *const backward = self->backward_weight + j * m * m, *const forward = self->forward_weight + j * m * m;
-    const aeo_real_t *const zeros = find_zeros(self);
+    const aeo_real_t *const error = aeo_lattice_find_error(self, j);
     aeo_real_t *a = self->reading + (j + 2) * m * m, *b = a + columns * m;
     aeo_real_t *g = self->reading + 2 * columns * m + (j + 1) * m;
     for (size_t c = (j + 2) * m; c-- > 0;) {
@@ -75,14 +71,14 @@ static void raise_order(const aeo_lattice_t *self, size_t j)
         } else {
             aeo_real_t *const older = b - m * m;
             const aeo_real_t before = *--g;
-            *g += aeo_linalg_dot(older, self->gain + j * m, m);
-            aeo_linalg_axpy(before, self->error + j * m, older, m);
+            *g += self->step[j] * aeo_linalg_dot(older, self->gain + j * m, m);
+            aeo_linalg_axpy(before, error, older, m);
             memcpy(b, older, m * sizeof *b);
         }
         aeo_real_t *const old = self->spare;
         memcpy(old, b, m * sizeof *b);
-        aeo_linalg_correct(backward, a, b, m, m, zeros);
-        aeo_linalg_correct(forward, old, a, m, m, zeros);
+        aeo_lattice_correct(backward, a, b, m, m, NULL, AEO_REAL(0));
+        aeo_lattice_correct(forward, old, a, m, m, NULL, AEO_REAL(0));
     }
 }
 
@@ -143,37 +139,34 @@ void aeo_lattice_clear_health(aeo_lattice_t *self)
     }
 }
 
-/* 1 when the diagonals of count triangles of m are above 0 and no variance is beyond limit. */
-static int triangles_hold(const aeo_real_t *factor, size_t count, size_t m, aeo_real_t limit)
-{
-    for (size_t t = 0; t < count; t++) {
-        for (size_t j = 0; j < m; j++) {
-            const aeo_real_t diagonal = factor[j * m - j * (j - 1) / 2]; /* j (j - 1) = 0 at j = 0, wrapped or not */
-            if (!(diagonal > AEO_REAL(0)) || aeo_linalg_row_norm2(factor, m, j, NULL) > limit) {
-                return 0;
-            }
-        }
-        factor += AEO_LATTICE_TRIANGLE(m);
-    }
-    return 1;
-}
-
 /* What holds of a state, finite numbers at the places of self, wherever it lies: at state. */
 static int state_holds(const aeo_lattice_t *self, const aeo_real_t *state)
 {
-    const size_t p = self->config.past, m = self->config.block;
-    const aeo_real_t limit = AEO_REAL(4) * self->variance_max;
+    const size_t p = self->config.past, m = self->config.block, l = self->config.outputs;
+    for (size_t index = 0; index < aeo_lattice_count_variances(&self->config); index++) {
+        const aeo_lattice_variance_t at = aeo_lattice_find_variance(self, state, index);
+        const aeo_real_t diagonal = at.factor[at.i * at.m - at.i * (at.i - 1u) / 2u];
+        if (!(diagonal > AEO_REAL(0)) || aeo_lattice_variance(&at) > AEO_REAL(4) * self->variance_max) {
+            return 0;
+        }
+    }
     const aeo_real_t *const alpha = state + (self->alpha - self->factor);
     for (size_t j = 0; j < p; j++) {
         if (!(alpha[j] >= AEO_REAL(0.5))) {
             return 0;
         }
     }
-    return triangles_hold(state, 2 * p - 1, m, limit) &&
-           triangles_hold(state + (self->present_factor - self->factor), 1, self->config.present, limit) &&
-           aeo_linalg_all_within(state + (self->window - self->factor), 2 * p * m, AEO_LATTICE_ERROR_MAX) &&
-           aeo_linalg_all_within(state + (self->innovation - self->factor), 2u * self->config.outputs,
-                                 AEO_LATTICE_ERROR_MAX); /* window and error lie side by side */
+    /* window and error lie side by side */
+    return aeo_linalg_all_within(state + (self->window - self->factor), 2 * p * m, AEO_LATTICE_ERROR_MAX) &&
+           aeo_linalg_all_within(state + (self->innovation - self->factor), 2 * l, AEO_LATTICE_ERROR_MAX);
+}
+
+/* What holds of the numbers that are saved as they are. */
+static int places_hold(const aeo_lattice_t *self)
+{
+    return self->orders <= self->config.past && self->head < self->config.past &&
+           self->scan < aeo_lattice_count_variances(&self->config) && self->learning <= UINT16_MAX &&
+           self->begun <= 1u && self->quiet <= 1u;
 }
 
 int aeo_lattice_invariants_hold(const aeo_lattice_t *self)
@@ -184,14 +177,13 @@ int aeo_lattice_invariants_hold(const aeo_lattice_t *self)
     const size_t words = aeo_lattice_count_state(self);
     return words ==
                AEO_LATTICE_STATE(self->config.past, self->config.block, self->config.present, self->config.outputs) &&
-           self->orders <= self->config.past && self->scan_row < self->config.block &&
-           self->read_order < self->config.past && self->begun <= 1u && self->quiet <= 1u &&
-           aeo_linalg_all_finite(self->factor, words) && state_holds(self, self->factor);
+           self->read_order < self->config.past && places_hold(self) && aeo_linalg_all_finite(self->factor, words) &&
+           state_holds(self, self->factor);
 }
 
-/* The saved array: version, bytes of a real, p, m, d, l, four settings; then in halves (saved.h) health, six counters,
- * orders, scan row, learning, begun and quiet; then the state. */
-enum { HEAD = 10, NUMBERS = 11, COUNTERS = 6 };
+/* The saved array: version, bytes of a real, p, m, d, l, four settings; then in halves (saved.h) the words from health
+ * to quiet, all of one type; then the state. */
+enum { HEAD = 10, NUMBERS = 13 };
 
 static void fill_head(const aeo_lattice_t *self, aeo_real_t head[HEAD])
 {
@@ -207,16 +199,6 @@ static void fill_head(const aeo_lattice_t *self, aeo_real_t head[HEAD])
     head[9] = self->config.growth_max;
 }
 
-static void fill_numbers(const aeo_lattice_t *self, uint32_t numbers[NUMBERS])
-{
-    numbers[0] = self->health;
-    memcpy(numbers + 1, &self->count, COUNTERS * sizeof *numbers); /* all of one type: no gaps */
-    numbers[7] = self->orders;
-    numbers[8] = self->scan_row;
-    numbers[9] = self->learning;
-    numbers[10] = (uint32_t)self->begun + 2u * (uint32_t)self->quiet;
-}
-
 aeo_status_t aeo_lattice_save(const aeo_lattice_t *self, aeo_real_t *saved, size_t length)
 {
     if (self == NULL || saved == NULL) {
@@ -226,27 +208,26 @@ aeo_status_t aeo_lattice_save(const aeo_lattice_t *self, aeo_real_t *saved, size
     if (length < AEO_LATTICE_SAVED_HEAD + state) {
         return AEO_E_MEMORY;
     }
-    uint32_t numbers[NUMBERS];
     fill_head(self, saved);
-    fill_numbers(self, numbers);
     saved += HEAD;
-    for (int i = 0; i < NUMBERS; i++) {
-        saved = aeo_saved_put_u32(saved, numbers[i]);
+    const unsigned char *const numbers = (const unsigned char *)self + offsetof(aeo_lattice_t, health);
+    for (size_t i = 0; i < NUMBERS; i++) {
+        uint32_t number;
+        memcpy(&number, numbers + i * sizeof number, sizeof number);
+        saved = aeo_saved_put_u32(saved, number);
     }
     memcpy(saved, self->factor, state * sizeof *saved);
     return AEO_OK;
 }
 
-static void take_numbers(aeo_lattice_t *self, const uint32_t numbers[NUMBERS])
+static void swap_numbers(aeo_lattice_t *self, uint32_t numbers[NUMBERS])
 {
-    self->health = numbers[0];
-    memcpy(&self->count, numbers + 1, COUNTERS * sizeof *numbers);
-    self->orders = (uint16_t)numbers[7];
-    self->scan_row = (uint16_t)numbers[8];
-    self->learning = (uint16_t)numbers[9];
-    self->begun = (uint8_t)(numbers[10] & 1u);
-    self->quiet = (uint8_t)(numbers[10] >> 1);
-    self->read_order = 0;
+    unsigned char *const kept = (unsigned char *)self + offsetof(aeo_lattice_t, health);
+    for (size_t i = 0; i < NUMBERS; i++) {
+        const uint32_t number = numbers[i];
+        memcpy(&numbers[i], kept + i * sizeof number, sizeof number);
+        memcpy(kept + i * sizeof number, &number, sizeof number);
+    }
 }
 
 aeo_status_t aeo_lattice_restore(aeo_lattice_t *self, const aeo_real_t *saved, size_t length)
@@ -273,11 +254,12 @@ aeo_status_t aeo_lattice_restore(aeo_lattice_t *self, const aeo_real_t *saved, s
     for (int i = 0; i < NUMBERS; i++) {
         saved = aeo_saved_get_u32(saved, &numbers[i], &sound);
     }
-    if (!sound || numbers[7] > self->config.past || numbers[8] >= self->config.block || numbers[9] > UINT16_MAX ||
-        numbers[10] > 3u || !state_holds(self, saved)) {
+    swap_numbers(self, numbers);
+    if (!sound || !places_hold(self) || !state_holds(self, saved)) {
+        swap_numbers(self, numbers);
         return AEO_E_DAMAGED;
     }
-    take_numbers(self, numbers);
+    self->read_order = 0;
     memcpy(self->factor, saved, state * sizeof *saved);
     return AEO_OK;
 }

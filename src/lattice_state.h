@@ -1,4 +1,7 @@
-/* lattice_state.h: what lattice.c and lattice_read.c share; internal, not installed. */
+/* lattice_state.h: what the sources of the lattice share; internal, not installed.
+ *
+ * A matrix P = L D L' (m x m) is packed by columns: column j holds D_j, then rows j+1 ... m-1 of L, whose diagonal is 1.
+ */
 #ifndef AEOLID_LATTICE_STATE_H
 #define AEOLID_LATTICE_STATE_H
 
@@ -6,6 +9,9 @@
 
 #ifdef AEO_REAL_DOUBLE
 #define aeo_lattice_settings_hold aeo_lattice_settings_hold_f64
+#define aeo_lattice_correct       aeo_lattice_correct_f64
+#define aeo_lattice_turn          aeo_lattice_turn_f64
+#define aeo_lattice_variance      aeo_lattice_variance_f64
 #endif
 
 /* An error beyond this is a runaway; lattice.c proves what follows from it. */
@@ -13,6 +19,47 @@
 
 /* Return 1 when sizes and settings, all finite, lie in the ranges of lattice.h. */
 int aeo_lattice_settings_hold(const aeo_lattice_config_t *config);
+
+/* Take off x (count values) what weight (count x m by columns) makes of v (m values), x -= weight v, and move weight by
+ * the error that is left, weight += x step gain'; with gain null it stays. */
+void aeo_lattice_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t m,
+                         const aeo_real_t *gain, aeo_real_t step);
+
+/* Absorb r (m values) with weight 1 / alpha into P (factor), which becomes scale times what it was less the news; with
+ * scale 0 it stays. gain (m values, written) = P r, or D L'r with scale 0; returns alpha + r'Pr. Needs alpha > 0. */
+aeo_real_t aeo_lattice_turn(aeo_real_t *factor, const aeo_real_t *r, aeo_real_t *gain, size_t m, aeo_real_t alpha,
+                            aeo_real_t scale);
+
+/* Where variance P_ii of one of the triangles is to be found. */
+typedef struct {
+    const aeo_real_t *factor;
+    size_t m, i;
+} aeo_lattice_variance_t;
+
+/* Find variance index of a state at factor: those of the 2 p - 1 triangles of m come first, then those of d. */
+static inline aeo_lattice_variance_t aeo_lattice_find_variance(const aeo_lattice_t *self, const aeo_real_t *factor,
+                                                               size_t index)
+{
+    const size_t m = self->config.block, t = index / m, stages = 2u * (size_t)self->config.past - 1u;
+    const aeo_lattice_variance_t at = {factor + t * AEO_LATTICE_TRIANGLE(m), t < stages ? m : self->config.present,
+                                       index - t * m};
+    return at;
+}
+
+static inline unsigned aeo_lattice_count_variances(const aeo_lattice_config_t *config)
+{
+    return (2u * config->past - 1u) * config->block + config->present;
+}
+
+/* Return P_ii. */
+aeo_real_t aeo_lattice_variance(const aeo_lattice_variance_t *at);
+
+/* Return r_j of the last sample (m values). The places go round: what stage j keeps is stage j + 1's a sample later. */
+static inline aeo_real_t *aeo_lattice_find_error(const aeo_lattice_t *self, size_t j)
+{
+    const size_t place = self->head + j, p = self->config.past;
+    return self->error + (place < p ? place : place - p) * self->config.block;
+}
 
 /* Words of the state, which begins at factor. */
 static inline size_t aeo_lattice_count_state(const aeo_lattice_t *self)

@@ -80,16 +80,6 @@ void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *res
     }
 }
 
-void aeo_linalg_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t n,
-                        const aeo_real_t *gain)
-{
-    for (size_t i = 0; i < count; i++) {
-        x[i] -= aeo_linalg_dot(weight, v, n);
-        aeo_linalg_axpy(x[i], gain, weight, n);
-        weight += n;
-    }
-}
-
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, size_t count)
 {
     size_t i = 0;

@@ -15,7 +15,6 @@
 #define aeo_linalg_judge      aeo_linalg_judge_f64
 #define aeo_linalg_dot        aeo_linalg_dot_f64
 #define aeo_linalg_axpy       aeo_linalg_axpy_f64
-#define aeo_linalg_correct    aeo_linalg_correct_f64
 #define aeo_linalg_scale      aeo_linalg_scale_f64
 #define aeo_linalg_project    aeo_linalg_project_f64
 #define aeo_linalg_rotate     aeo_linalg_rotate_f64
@@ -37,11 +36,6 @@ aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count
 
 /* y += a x over count terms. */
 void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);
-
-/* Take off x (count values) what weight (count x n by rows) makes of v (n values), x_i -= row_i v, and move each row by
- * the error that is left, row_i += x_i gain'; a gain of 0 leaves weight as it is. */
-void aeo_linalg_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t n,
-                        const aeo_real_t *gain);
 
 /* y = a x over count terms. */
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);

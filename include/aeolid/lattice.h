@@ -75,13 +75,13 @@ extern "C" {
 #define AEO_LATTICE_TRIANGLE(m) ((size_t)(m) * ((size_t)(m) + 1u) / 2u)
 #define AEO_LATTICE_STATE(p, m, d, l)                                                                                  \
     ((size_t)(p) *                                                                                                     \
-         (2u * AEO_LATTICE_TRIANGLE(m) + (size_t)(m) * (2u * (size_t)(m) + (size_t)(l) + (size_t)(d) + 3u) + 1u) +     \
+         (2u * AEO_LATTICE_TRIANGLE(m) + (size_t)(m) * (2u * (size_t)(m) + (size_t)(l) + (size_t)(d) + 3u) + 2u) +     \
      AEO_LATTICE_TRIANGLE(d) + (size_t)(l) * (size_t)(d) + 2u * (size_t)(l)-AEO_LATTICE_TRIANGLE(m) -                  \
      2u * (size_t)(m) * (size_t)(m))
 #define AEO_LATTICE_WORDS(p, m, d, l)                                                                                  \
-    (AEO_LATTICE_STATE(p, m, d, l) + 6u * (size_t)(m) + (size_t)(l) + (size_t)(d) +                                    \
+    (AEO_LATTICE_STATE(p, m, d, l) + 3u * (size_t)(m) + (size_t)(l) + (size_t)(d) +                                    \
      (size_t)(p) * (2u * (size_t)(m) * (size_t)(m) + (size_t)(m)))
-#define AEO_LATTICE_SAVED_HEAD              32u
+#define AEO_LATTICE_SAVED_HEAD              36u
 #define AEO_LATTICE_SAVED_WORDS(p, m, d, l) (AEO_LATTICE_SAVED_HEAD + AEO_LATTICE_STATE(p, m, d, l))
 
 /* Version of the saved array. */
@@ -125,49 +125,51 @@ typedef struct {
     aeo_real_t *factor, *weight;
     const aeo_real_t *r;
     aeo_real_t *targets;
-    aeo_real_t *gain; /* written: that of r, 0 when r is only followed */
+    aeo_real_t *gain; /* written: P r, or anything when r is only followed */
     aeo_real_t alpha; /* inverse of the weight of r, before and after the news of r itself */
+    aeo_real_t step;  /* 1 / alpha, 0 when r is only followed */
     size_t m, count;
 } aeo_lattice_regression_t;
 
 /* Private but for reading. Pointers lead into the caller's memory; arrays of p or p - 1 stages, one after the other.
  * From factor to residual all is state, the rest scratch. */
 typedef struct {
-    aeo_real_t *factor;          /* 2 p - 1 triangles of m, packed as in linalg.h, diagonals above 0: of (E^b_j)^{-1},
+    aeo_real_t
+        *factor; /* 2 p - 1 triangles of m, each L D L' by columns with D in the diagonal, above 0: of (E^b_j)^{-1},
                                     then of (E^f_j)^{-1} */
     aeo_real_t *present_factor;  /* triangle of d: of the inverse covariance of u_k less its prediction */
-    aeo_real_t *present_weight;  /* l x d by rows */
-    aeo_real_t *target_weight;   /* p times (l + d) x m by rows: kappa_j */
-    aeo_real_t *forward_weight;  /* p - 1 times m x m by rows: Kf_j */
-    aeo_real_t *backward_weight; /* p - 1 times m x m by rows: Kb_j */
+    aeo_real_t *present_weight;  /* l x d by columns */
+    aeo_real_t *target_weight;   /* p times (l + d) x m by columns: kappa_j */
+    aeo_real_t *forward_weight;  /* p - 1 times m x m by columns: Kf_j */
+    aeo_real_t *backward_weight; /* p - 1 times m x m by columns: Kb_j */
     aeo_real_t *window;          /* p m: the last z without its present inputs */
-    aeo_real_t *error;           /* p times m: r_j of the last sample */
-    aeo_real_t *gain;            /* p times m: g_j of the last sample, 0 where it was followed */
+    aeo_real_t *error;           /* p times m: r_j of the last sample, going round */
+    aeo_real_t *gain;            /* p times m: P r_j of the last sample */
     aeo_real_t *alpha;           /* p: alpha_j of the last sample */
+    aeo_real_t *step;            /* p: 1 / alpha_{j+1} of the last sample, 0 where it was followed */
     aeo_real_t *innovation;      /* l */
     aeo_real_t *residual;        /* l */
     aeo_real_t *forward;         /* m: f_j of this sample */
-    aeo_real_t *next;            /* m: r_{j+1} */
     aeo_real_t *targets;         /* l + d: what is left of y and u */
-    aeo_real_t *backward;        /* m: r_j */
-    aeo_real_t *spare;           /* 3 m */
+    aeo_real_t *spare;           /* 2 m */
     aeo_real_t *reading;         /* p (2 m^2 + m): predictors of the order a read-out has come to */
     aeo_lattice_regression_t on; /* the regression at hand */
     aeo_real_t news;             /* lambda + z'Pz of the last sample */
-    aeo_real_t inverse_root_forgetting;
+    aeo_real_t inverse_forgetting;
     aeo_real_t gate;         /* excitation_min (1 - lambda) n */
     aeo_real_t variance_max; /* growth_max / rho */
     aeo_lattice_config_t config;
-    uint16_t orders;     /* stages filled since the window began, at most p */
-    uint16_t learning;   /* samples until the covariances start anew; 0: done */
     uint16_t read_order; /* stages a read-out in slices has behind it */
-    uint16_t scan_row;   /* row of every triangle to be checked next */
-    uint16_t scan_step;  /* rows checked a sample: all within the time in which P can double */
-    uint8_t begun;       /* 1 after the first sample */
-    uint8_t following;   /* 1 when the last sample was followed, not absorbed */
-    uint8_t quiet;       /* 1 when the last sample lay below the gate */
-    uint32_t health;
+    uint16_t scan_step;  /* variances checked a sample: all within the time in which P can double */
+    uint32_t following;  /* 1 when the last sample was followed, not absorbed */
+    uint32_t health;     /* from here on saved, word by word */
     aeo_lattice_count_t count;
+    uint32_t orders;   /* stages filled since the window began, at most p */
+    uint32_t learning; /* samples until the covariances start anew; 0: done */
+    uint32_t head;     /* place of r_0 in error; r_j is j places further round */
+    uint32_t scan;     /* variance to be checked next: of the triangles one after the other */
+    uint32_t begun;    /* 1 after the first sample */
+    uint32_t quiet;    /* 1 when the last sample lay below the gate */
 } aeo_lattice_t;
 
 /* Start self with theta = 0 in the memory given (words values, written, aligned as the type). The config is copied.
