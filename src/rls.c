@@ -14,6 +14,8 @@
 #define SAMPLE_MAX     AEO_REAL(1e6)
 #define INNOVATION_MAX AEO_REAL(1e12)
 #define VARIANCE_MAX   AEO_REAL(1e10)
+#define FACTOR_MAX     AEO_REAL(2e5) /* (4 VARIANCE_MAX)^(1/2) */
+#define THETA_MAX      AEO_REAL(1e29)
 
 static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
 {
@@ -259,27 +261,32 @@ void aeo_rls_clear_health(aeo_rls_t *self)
     }
 }
 
+/* A factor that the proofs above admit: finite, its diagonal above 0, no variance beyond four times the bound. */
+static int factor_holds(const aeo_real_t *factor, size_t n, aeo_real_t variance_max)
+{
+    if (!aeo_linalg_all_within(factor, n * (n + 1) / 2, FACTOR_MAX)) {
+        return 0;
+    }
+    const aeo_real_t *entry = factor;
+    for (size_t j = 0; j < n; j++) {
+        if (!(*entry > AEO_REAL(0)) ||
+            aeo_linalg_row_norm2(factor, n, j, NULL) > AEO_REAL(4) * variance_max) { /* below 1024 FACTOR_MAX^2 */
+            return 0;
+        }
+        entry += n - j;
+    }
+    return 1;
+}
+
 int aeo_rls_invariants_hold(const aeo_rls_t *self)
 {
     if (self == NULL || !settings_hold(&self->config)) {
         return 0;
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
-    if (self->theta != self->factor + n * (n + 1) / 2 || self->residual != self->theta + n * l + 2 * n + l ||
-        self->scan_row >= n || !aeo_linalg_all_finite(self->factor, AEO_RLS_WORDS(n, l))) {
-        return 0;
-    }
-    const aeo_real_t *entry = self->factor;
-    for (size_t j = 0; j < n; j++) {
-        if (!(*entry > AEO_REAL(0))) {
-            return 0;
-        }
-        entry += n - j;
-        if (aeo_linalg_row_norm2(self->factor, n, j, NULL) > AEO_REAL(4) * self->variance_max) {
-            return 0;
-        }
-    }
-    return 1;
+    return self->theta == self->factor + n * (n + 1) / 2 && self->residual == self->theta + n * l + 2 * n + l &&
+           self->scan_row < n && aeo_linalg_all_finite(self->theta, n * l + 2 * n + 2 * l) &&
+           factor_holds(self->factor, n, self->variance_max);
 }
 
 /* The saved array: version, bytes of a real, n, l, four settings, health, five counters, scan row (saved.h), factor,
@@ -319,19 +326,13 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
     return AEO_OK;
 }
 
-/* The numbers after the head: finite, and a factor whose diagonal is above 0. */
-static int body_holds(const aeo_real_t *body, size_t n, size_t l)
+/* The numbers after the head, finite: such as a filter can have, or the proofs would not hold from here on. */
+static int body_holds(const aeo_rls_t *self, const aeo_real_t *body)
 {
-    if (!aeo_linalg_all_within(body + n * (n + 1) / 2 + n * l, 2 * l, INNOVATION_MAX)) {
-        return 0;
-    }
-    for (size_t j = 0; j < n; j++) {
-        if (!(*body > AEO_REAL(0))) {
-            return 0;
-        }
-        body += n - j;
-    }
-    return 1;
+    const size_t n = self->config.regressors, l = self->config.outputs;
+    const aeo_real_t *const theta = body + n * (n + 1) / 2;
+    return factor_holds(body, n, self->variance_max) && aeo_linalg_all_within(theta, n * l, THETA_MAX) &&
+           aeo_linalg_all_within(theta + n * l, 2 * l, INNOVATION_MAX);
 }
 
 aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length)
@@ -358,7 +359,7 @@ aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t le
     for (int i = 0; i < 7; i++) {
         body = aeo_saved_get_u32(body, &numbers[i], &sound);
     }
-    if (!sound || numbers[6] >= n || !body_holds(body, n, l)) {
+    if (!sound || numbers[6] >= n || !body_holds(self, body)) {
         return AEO_E_DAMAGED;
     }
     self->health = numbers[0];

@@ -12,7 +12,9 @@
  *       [      0         S  ]  Theta = [ g a^(1/2)  S_new lambda^(1/2) ],   a = lambda + z'Pz,
  *   so P cannot lose symmetry or sign; all outputs share S. Deviations, both off when lambda = 1:
  *   1 excitation gate: a sample with z'Pz < excitation_min (1 - lambda) n carries almost no news and is absorbed with
- *     lambda = 1 (steady excitation gives z'Pz = (1 - lambda) n on average): a quiet turbine does not forget.
+ *     lambda = 1 (steady excitation gives z'Pz = (1 - lambda) n on average): a quiet turbine does not forget. What
+ *     follows a spell of numbers a hundred times too large looks quiet too, and is hardly learnt from: keep such
+ *     numbers out with the ranges of regressor.h, or switch the gate off.
  *   2 bound: when a parameter's variance P_ii exceeds growth_max / rho, its present value is absorbed as if it had been
  *     measured, which halves P_ii twice and leaves theta as it is: directions never excited cannot wind up while the
  *     excited ones go on forgetting.

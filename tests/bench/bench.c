@@ -49,7 +49,7 @@ static aeo_real_t *allocate(size_t count)
 
 static void start_filter(const family_filter_t *filter, family_size_t size)
 {
-    const family_settings_t settings = {LAMBDA, RHO};
+    const family_settings_t settings = {LAMBDA, RHO, AEO_REAL(0.05)};
     if (filter->init(&object, size, settings, memory, filter->words(size)) != AEO_OK) {
         fail("a filter refuses its size");
     }
@@ -60,7 +60,7 @@ static void record_samples(const family_filter_t *filter, family_size_t size)
 {
     aeo_regressor_t regressor;
     family_plant_t plant;
-    if (family_start_regressor(&regressor, filter, size, window, 4096) != AEO_OK) {
+    if (family_start_regressor(&regressor, filter, size, AEO_REAL(1e6), window, 4096) != AEO_OK) {
         fail("the regressor refuses a size");
     }
     start_filter(filter, size);

@@ -2,7 +2,9 @@
 #include "family.h"
 
 #include "aeolid/els.h"
+#include "aeolid/fast_rls.h"
 #include "aeolid/frame.h"
+#include "aeolid/lattice.h"
 #include "aeolid/rls.h"
 
 #include <string.h>
@@ -13,7 +15,7 @@
     {                                                                                                                  \
         return aeo_##x##_update(self, z, y);                                                                           \
     }                                                                                                                  \
-    static aeo_status_t x##_read(const void *self, aeo_real_t *theta, size_t length)                                   \
+    static aeo_status_t x##_read(void *self, aeo_real_t *theta, size_t length)                                         \
     {                                                                                                                  \
         return aeo_##x##_read(self, theta, length);                                                                    \
     }                                                                                                                  \
@@ -62,6 +64,12 @@ static size_t length_of(family_size_t size, unsigned varmax)
     return AEO_REGRESSOR_LENGTH(size.inputs, size.outputs, size.past, varmax, size.present);
 }
 
+/* The first inputs of the feedthrough mask. */
+static uint32_t find_mask(family_size_t size)
+{
+    return (UINT32_C(1) << size.present % 32u) - 1u; /* present <= 8 wherever a filter is to accept it */
+}
+
 /* ---- rls --------------------------------------------------------------------------------------------------------- */
 
 FACE(rls)
@@ -83,7 +91,7 @@ static aeo_status_t rls_init(void *self, family_size_t size, family_settings_t s
                                      .outputs = size.outputs,
                                      .forgetting = settings.forgetting,
                                      .regularisation = settings.regularisation,
-                                     .excitation_min = AEO_REAL(0.05),
+                                     .excitation_min = settings.excitation_min,
                                      .growth_max = AEO_REAL(10)};
     return aeo_rls_init(self, &config, memory, words);
 }
@@ -114,7 +122,7 @@ static aeo_status_t els_init(void *self, family_size_t size, family_settings_t s
                                      .forgetting_start = AEO_REAL(0.98),
                                      .forgetting_rate = AEO_REAL(0.99),
                                      .regularisation = settings.regularisation,
-                                     .excitation_min = AEO_REAL(0.05),
+                                     .excitation_min = settings.excitation_min,
                                      .growth_max = AEO_REAL(10),
                                      .guard_ratio = AEO_REAL(4)};
     return aeo_els_init(self, &config, memory, words);
@@ -125,9 +133,64 @@ static const aeo_real_t *els_feedback(const void *self)
     return aeo_els_feedback(self);
 }
 
+/* ---- fast_rls ---------------------------------------------------------------------------------------------------- */
+
+FACE(fast_rls)
+
+static size_t fast_rls_words(family_size_t size)
+{
+    return AEO_FAST_RLS_WORDS(size.past, size.inputs + size.outputs, size.present, size.outputs);
+}
+
+static size_t fast_rls_saved_words(family_size_t size)
+{
+    return AEO_FAST_RLS_SAVED_WORDS(size.past, size.inputs + size.outputs, size.present, size.outputs);
+}
+
+static aeo_status_t fast_rls_init(void *self, family_size_t size, family_settings_t settings, aeo_real_t *memory,
+                                  size_t words)
+{
+    const aeo_fast_rls_config_t config = {.past = size.past,
+                                          .block = (uint16_t)(size.inputs + size.outputs),
+                                          .outputs = size.outputs,
+                                          .feedthrough = find_mask(size),
+                                          .forgetting = settings.forgetting,
+                                          .regularisation = settings.regularisation,
+                                          .growth_max = AEO_REAL(10)};
+    return aeo_fast_rls_init(self, &config, memory, words);
+}
+
+/* ---- lattice ----------------------------------------------------------------------------------------------------- */
+
+FACE(lattice)
+
+static size_t lattice_words(family_size_t size)
+{
+    return AEO_LATTICE_WORDS(size.past, size.inputs + size.outputs, size.present, size.outputs);
+}
+
+static size_t lattice_saved_words(family_size_t size)
+{
+    return AEO_LATTICE_SAVED_WORDS(size.past, size.inputs + size.outputs, size.present, size.outputs);
+}
+
+static aeo_status_t lattice_init(void *self, family_size_t size, family_settings_t settings, aeo_real_t *memory,
+                                 size_t words)
+{
+    const aeo_lattice_config_t config = {.past = size.past,
+                                         .block = (uint16_t)(size.inputs + size.outputs),
+                                         .present = size.present,
+                                         .outputs = size.outputs,
+                                         .forgetting = settings.forgetting,
+                                         .regularisation = settings.regularisation,
+                                         .excitation_min = settings.excitation_min,
+                                         .growth_max = AEO_REAL(10)};
+    return aeo_lattice_init(self, &config, memory, words);
+}
+
 /* ---- the list ---------------------------------------------------------------------------------------------------- */
 
-const family_filter_t FAMILY[] = {ROW(rls, NULL), ROW(els, els_feedback)};
+const family_filter_t FAMILY[] = {ROW(rls, NULL), ROW(els, els_feedback), ROW(fast_rls, NULL), ROW(lattice, NULL)};
 const unsigned FAMILY_COUNT = sizeof FAMILY / sizeof FAMILY[0];
 
 size_t family_regressors(const family_filter_t *filter, family_size_t size)
@@ -136,16 +199,23 @@ size_t family_regressors(const family_filter_t *filter, family_size_t size)
 }
 
 aeo_status_t family_start_regressor(aeo_regressor_t *self, const family_filter_t *filter, family_size_t size,
-                                    aeo_real_t *memory, size_t words)
+                                    aeo_real_t limit, aeo_real_t *memory, size_t words)
 {
     aeo_regressor_config_t config;
+    aeo_real_t minimum[2 * FAMILY_CHANNELS_MAX], maximum[2 * FAMILY_CHANNELS_MAX];
+    for (unsigned i = 0; i < 2u * FAMILY_CHANNELS_MAX; i++) {
+        minimum[i] = -limit;
+        maximum[i] = limit;
+    }
     memset(&config, 0, sizeof config);
     config.inputs = size.inputs;
     config.outputs = size.outputs;
     config.past = size.past;
     config.model_set = filter->feedback != NULL ? AEO_VARMAX : AEO_VARX;
-    config.feedthrough = (UINT32_C(1) << size.present) - 1u; /* present <= inputs <= 8 */
+    config.feedthrough = find_mask(size);
     config.period_us = 1000;
+    config.minimum = minimum;
+    config.maximum = maximum;
     return aeo_regressor_init(self, &config, memory, words);
 }
 

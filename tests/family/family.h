@@ -19,6 +19,7 @@ typedef struct {
 
 typedef struct {
     aeo_real_t forgetting, regularisation;
+    aeo_real_t excitation_min; /* of filters that have such a gate */
 } family_settings_t;
 
 typedef struct {
@@ -28,7 +29,7 @@ typedef struct {
     size_t (*saved_words)(family_size_t size);
     aeo_status_t (*init)(void *self, family_size_t size, family_settings_t settings, aeo_real_t *memory, size_t words);
     aeo_status_t (*update)(void *self, const aeo_real_t *z, const aeo_real_t *y);
-    aeo_status_t (*read)(const void *self, aeo_real_t *theta, size_t length);
+    aeo_status_t (*read)(void *self, aeo_real_t *theta, size_t length);
     const aeo_real_t *(*innovation)(const void *self);
     const aeo_real_t *(*residual)(const void *self);
     const aeo_real_t *(*feedback)(const void *self); /* what goes into the next VARMAX regressor; null: nothing */
@@ -53,9 +54,9 @@ typedef union {
 /* Return n, the regressors of a filter of this size. */
 size_t family_regressors(const family_filter_t *filter, family_size_t size);
 
-/* Start a regressor for this filter and size, all scales 1. */
+/* Start a regressor for this filter and size, all scales 1, channels within -limit ... limit. */
 aeo_status_t family_start_regressor(aeo_regressor_t *self, const family_filter_t *filter, family_size_t size,
-                                    aeo_real_t *memory, size_t words);
+                                    aeo_real_t limit, aeo_real_t *memory, size_t words);
 
 /* A stable system with noise, in a loop that its outputs close: y_k = A y_{k-1} + B u_{k-1} + 0.1 e_k with a ring of
  * outputs, u_k = excitation - 0.2 y. */

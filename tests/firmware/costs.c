@@ -29,11 +29,12 @@ aeo_status_t measure_update(const family_filter_t *filter, const aeo_real_t *z, 
 /* Return ticks over MEASURED updates, after the window has filled and WARM updates have passed. */
 static uint32_t measure(const family_filter_t *filter, family_size_t size, int *sound)
 {
-    const family_settings_t settings = {AEO_REAL(0.999), AEO_REAL(0.1)};
+    const family_settings_t settings = {AEO_REAL(0.999), AEO_REAL(0.1), AEO_REAL(0.05)};
     family_plant_t plant;
     uint32_t ticks = 0;
     family_plant_start(&plant, size, 1u);
-    if (filter->words(size) > WORDS_MAX || family_start_regressor(&regressor, filter, size, window, 2048) != AEO_OK ||
+    if (filter->words(size) > WORDS_MAX ||
+        family_start_regressor(&regressor, filter, size, AEO_REAL(1e6), window, 2048) != AEO_OK ||
         filter->init(&object, size, settings, memory, filter->words(size)) != AEO_OK) {
         *sound = 0;
         return 0;

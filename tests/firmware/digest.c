@@ -55,13 +55,14 @@ static int feed(const family_filter_t *filter, family_plant_t *plant, uint32_t k
 /* Return the digest; *sound is lowered when anything failed. */
 static uint32_t digest(const family_filter_t *filter, family_size_t size, int *sound)
 {
-    const family_settings_t settings = {AEO_REAL(0.9921875), AEO_REAL(0.125)};
+    const family_settings_t settings = {AEO_REAL(0.9921875), AEO_REAL(0.125), AEO_REAL(0.05)};
     const size_t count = family_regressors(filter, size) * size.outputs;
     family_plant_t plant;
     uint32_t crc = UINT32_C(0xFFFFFFFF);
     family_plant_start(&plant, size, 20091130u);
     if (count > THETA_MAX || filter->words(size) > WORDS_MAX ||
-        family_start_regressor(&regressor, filter, size, window, sizeof window / sizeof *window) != AEO_OK ||
+        family_start_regressor(&regressor, filter, size, AEO_REAL(1e6), window, sizeof window / sizeof *window) !=
+            AEO_OK ||
         filter->init(&object, size, settings, memory, filter->words(size)) != AEO_OK) {
         *sound = 0;
         return 0;
