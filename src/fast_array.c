@@ -18,16 +18,18 @@
 /* 1 + w'kappa is at least 1; rounding in an array that is well lies far below this. */
 #define NEWS_LEAST AEO_REAL(-0.1)
 
-/* Square disagreement of the backward errors relative to their mean size, as a mean over some MEAN samples. The relative
- * error of theta is about a third of its root (turbine data, both precisions). In float, arrays that are well show 1e-9 ...
- * 1e-6 on turbine data with 1 % of measurement noise and up to 1e-2 where channels are collinear. Beyond LATE a follower
- * should warm up; beyond LOST, or when one sample disagrees by more than the mean size, the gain is not fit for use. */
+/* Square disagreement of the backward errors relative to their mean size, as a mean over some MEAN samples. The
+ * relative error of theta is about a third of its root (turbine data, both precisions). Arrays that are well show
+ * 1e-9 ... 1e-5 in float and 1e-27 ... 1e-20 in double on turbine data with measurement noise, up to 1e-2 and 1e-17
+ * where channels are collinear. When errors grow they need some five memories from LATE, where a follower begins, to
+ * LOST, where the gain is no longer fit for use, nor is it after one sample that disagrees by more than the mean
+ * size. */
 #if AEO_REAL_BYTES == 8
-#define LATE AEO_REAL(1e-8)
-#define LOST AEO_REAL(1e-3)
+#define LATE AEO_REAL(1e-10)
+#define LOST AEO_REAL(1e-4)
 #else
-#define LATE AEO_REAL(3e-3)
-#define LOST AEO_REAL(0.1)
+#define LATE AEO_REAL(1e-4)
+#define LOST AEO_REAL(0.05)
 #endif
 #define MEAN AEO_REAL(64)
 

@@ -17,8 +17,8 @@ static const uint16_t NUMBER[NUMBERS] = {
     AT(array[1].age),    AT(random),        AT(filled),         AT(active)};
 enum { RANDOM = 11, FILLED = 12, ACTIVE = 13 };
 
-/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; health, counters, hold, ages, random,
- * filled, active (saved.h); then arrays, theta, window, innovation and residual as they lie in memory. */
+/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; health, counters, hold, ages,
+ * random, filled, active (saved.h); then arrays, theta, window, innovation and residual as they lie in memory. */
 static void fill_head(const aeo_fast_rls_t *self, aeo_real_t head[HEAD])
 {
     head[0] = AEO_REAL(AEO_FAST_RLS_SAVED_VERSION);

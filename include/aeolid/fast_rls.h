@@ -22,24 +22,27 @@
  *     backward predictor B. Each is a least-squares estimate that forgets its own errors, as long as the gain is built
  *     from t alone, B learns from the error r it really makes, and c > 0 feeds back by how much that differs from the
  *     error lambda E t that the gain foretells (Slock and Kailath, 1991, use the same redundancy for one channel).
- *     With c = 1 / (1 + 4 q), q = n (1 - lambda), errors die out up to q = 0.25; DESIGN.md has what else was tried.
- *   2 Renewal: above q = 0.1 errors may grow again, by a factor e in one to five memories. A second array then starts
- *     afresh before the first one's life ends, and takes over once it is warm; so it does when the first one's two
- *     errors disagree. theta is never touched: only the gain changes hands.
+ *     With c = 3/4, and 0.07 / q^2 where that is less, q = n (1 - lambda), errors die out up to q = 0.2 or more;
+ *     DESIGN.md has what else was tried.
+ *   2 Renewal: above q = 0.2 errors may grow again, by a factor e in one to ten memories. A second array then starts
+ *     afresh before the first one's life ends, and takes over once it is warm; so it does at any q when the first one's
+ *     two errors disagree. theta is never touched: only the gain changes hands.
  *   3 Bound: a channel whose newest entry the past foretells so well that its variance passes growth_max / rho enters
  *     with a disturbance of +-((1 - lambda) rho / growth_max)^(1/2) of its own. The innovation is formed without it, so
- *     it biases nothing: it is the bound of rls.h in a form that keeps the shift. No excitation gate: with a lambda that
- *     changes, P_k and P_{k-1} are no longer shifts of each other.
+ *     it biases nothing: it is the bound of rls.h in a form that keeps the shift. No excitation gate: with a lambda
+ *     that changes, P_k and P_{k-1} are no longer shifts of each other.
  *   4 Start within a record: blocks before the first window are unknown, taken as zeros by the arrays, and theta waits
- *     until the window is whole, unless they are zeros.
+ *     until the window is whole, unless they are zeros. In directions that the data excite little, theta comes to that
+ *     of rls.h only as the arrays forget this start (turbine data of condition 1e4: 1e-2 after 8 memories, 1e-4 after
+ *     12).
  *
  * CONTRACT
  *   Memory: AEO_FAST_RLS_WORDS(p, m, d, l) words of aeo_real_t from the caller:
  *   n (4m + l + 5) + 3m^2 + 7m + 2l + 6.
  *   p=10, m=5, d=0, l=3: 1,522 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,122 words (28.5 kB).
- *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample, 6 m n more while a second array warms
- *   up. Worst stack: 200 bytes. Determinism: no branch depends on anything but the data; the same calls give the same
- *   bits in the same build.
+ *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample, 6 m n more while a second array
+ *   warms up. Worst stack: 256 bytes. Determinism: no branch depends on anything but the data; the same calls give
+ *   the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.
  */
@@ -100,14 +103,15 @@ typedef struct {
     uint16_t outputs;      /* l, 1 ... 32 */
     uint32_t feedthrough;  /* bit i: entry i of the present block ends z; bits below m only. As in regressor.h */
     aeo_real_t forgetting; /* lambda, 0.5 ... 1 and lambda^p at least 1/1000; memory is 1 / (1 - lambda) samples. Below
-                               1 - 1 / (10 n) the filter costs up to twice as much (renewal). 1 is for records up to 1e5
-                               samples. Start: 1 - 1 / (10 n) */
-    aeo_real_t
-        regularisation;    /* rho, 1e-8 ... 1e8, as in rls.h, of the newest block. Start: 0.1 with scaled channels */
-    aeo_real_t growth_max; /* bound on the variance of a newest entry relative to 1 / rho, 4 ... 1e6 and growth_max /
-                                  rho <= 1e10. In float at most 100 / rho where channels may be exactly collinear. Too
-                                  small: disturbs weakly excited directions; too large: float loses them in rounding, and
-                                  renewals follow. Start: 10 */
+                                  1 - 1 / (5 n) a sample costs up to twice as much (renewal); with memories shorter than
+                                  n, float is only roughly the RLS of rls.h. 1 is for records up to 1e5 samples.
+                                  Start: 1 - 1 / (10 n) */
+    aeo_real_t regularisation; /* rho, 1e-8 ... 1e8, as in rls.h, of the newest block. Too small: in float arrays lose
+                                  their way at the start, and start again with 16 times as much; too large: bias.
+                                  Start: 1 with scaled channels */
+    aeo_real_t growth_max;     /* bound on the variance of a newest entry relative to 1 / rho, 4 ... 1e6 and
+                                  growth_max / rho <= 1e10. Too small: disturbs weakly excited directions; too large:
+                                  float loses directions not excited at all, and renewals follow. Start: 100 */
 } aeo_fast_rls_config_t;
 
 /* Counters never decrease; at 4,294,967,295 they stay. */
@@ -149,7 +153,7 @@ typedef struct {
     aeo_real_t disturbance;
     uint32_t life;   /* samples after which an array's follower starts; UINT32_MAX: only when needed */
     uint32_t warm;   /* samples an array absorbs before it takes over */
-    uint32_t half;   /* most samples theta waits after a break */
+    uint32_t wait;   /* most samples theta waits after a break */
     uint32_t hold;   /* samples theta waits still */
     uint32_t random; /* state of the disturbance's signs, never 0 */
     uint32_t filled; /* samples the window holds, up to p + 1 */
@@ -170,7 +174,8 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
 
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory. Each z is the
  * one before moved by one block; one that is not starts window and arrays afresh (AEO_FAST_RLS_RESTARTED), keeps theta,
- * and lets it wait until the arrays have absorbed half as many samples as before the break, at most half a memory.
+ * and lets it wait until the arrays have absorbed half as many samples as before the break, at most a tenth of a
+ * memory.
  * AEO_OK: theta, innovation and residual are those of this sample. AEO_E_NOT_FINITE, AEO_E_RANGE (a value beyond 1e6):
  * nothing changed but count.rejected. AEO_E_ARG: null pointer, nothing changed. */
 aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y);

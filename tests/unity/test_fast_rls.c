@@ -225,7 +225,7 @@ static void break_keeps_theta_and_waits(void)
     TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_RESTARTED, aeo_fast_rls_health(&fast));
     TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
     const uint32_t wait = fast.hold + 1u;
-    TEST_ASSERT_UINT32_WITHIN(2, 250, wait); /* half a memory */
+    TEST_ASSERT_UINT32_WITHIN(2, 50, wait); /* a tenth of a memory */
     feed(wait - 1u);
     TEST_ASSERT_EQUAL_MEMORY(before, aeo_fast_rls_theta(&fast), bytes);
     TEST_ASSERT_EQUAL_UINT32(held + wait, fast.count.held);
@@ -280,7 +280,7 @@ static void follower_takes_over_when_errors_disagree(void)
     feed(6000);
     TEST_ASSERT_EQUAL_UINT32(0, fast.array[1].age);
     /* beyond LATE, short of LOST */
-    fast.array[0].scalar[1] = (sizeof(aeo_real_t) == 4 ? AEO_REAL(0.05) : AEO_REAL(1e-5)) * fast.array[0].scalar[2];
+    fast.array[0].scalar[1] = (sizeof(aeo_real_t) == 4 ? AEO_REAL(0.02) : AEO_REAL(1e-5)) * fast.array[0].scalar[2];
     feed(1);
     TEST_ASSERT_EQUAL_UINT32(1, fast.array[1].age);
     feed(fast.warm);
