@@ -13,16 +13,20 @@ BUILDS = {
 }
 
 
+def compile_all(name: str, command: list[str]) -> str:
+    """Return what the first build of a compiler that has something to say, says."""
+    for build in BUILDS[name]:
+        for precision, flags in gate.PRECISIONS.items():
+            messages = gate.compile_sources(command, [*build, *flags, *gate.WARNINGS], gate.scratch())
+            if messages:
+                return f"{name} {' '.join(build)} {precision}:\n{messages}"
+    return ""
+
+
 def main() -> None:
-    findings, done = [], []
-    for name, command in gate.compilers().items():
-        for build in BUILDS[name]:
-            for precision, flags in gate.PRECISIONS.items():
-                messages = gate.compile_sources(command, [*build, *flags, *gate.WARNINGS], gate.scratch())
-                if messages:
-                    findings.append(f"{name} {' '.join(build)} {precision}:\n{messages}")
-        done.append(f"{name} ({2 * len(BUILDS[name])} builds)")
-    gate.finish(findings, "no warning: " + ", ".join(done))
+    told = {name: compile_all(name, command) for name, command in gate.compilers().items()}
+    done = [f"{name} ({2 * len(BUILDS[name])} builds)" for name in told]
+    gate.finish([messages for messages in told.values() if messages], "no warning: " + ", ".join(done))
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ python selftest.py UNITY_DIR; UNITY_DIR holds unity.c. Exit code 0 when every de
 That gates and tests are content with the unharmed sources is for themselves to show, in the same run of ctest.
 """
 
+import hashlib
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Lock
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GATES = Path(__file__).resolve().parent
@@ -225,43 +227,62 @@ def run_gate(name: str, root: Path) -> tuple[bool, str]:
     return done.returncode in (0, SKIPPED), done.stdout + done.stderr
 
 
-def run_soak(root: Path) -> tuple[bool, str]:
-    """Build the rough life over the sources in `root`; return whether the filters outlived it, and what it said."""
-    sources = [REPOSITORY / "tests/soak/soak.c", REPOSITORY / "tests/family/family.c", *(root / "src").glob("*.c")]
-    include = [f"-I{d}" for d in (root / "include", REPOSITORY / "tests/family")]
-    command = ["gcc", "-std=c99", "-O2", *include, *map(str, sources), "-lm", "-o", str(root / "soak")]
-    built = subprocess.run(command, capture_output=True, text=True, check=False)
-    if built.returncode:
-        return True, "does not even compile: " + built.stderr
-    done = subprocess.run([root / "soak", "4e5"], capture_output=True, text=True, check=False, timeout=120)
-    return done.returncode == 0, done.stdout
+class Objects:
+    """Compiled objects, each made once for the same text, headers and flags: most defects change one file of many."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.made: dict[str, Lock] = {}
+        self.lock = Lock()
+
+    def compile(self, source: Path, flags: list[str], include: list[Path]) -> tuple[Path, str]:
+        """Return the object of a source, and the compiler's messages, empty when it compiled."""
+        headers = [h.read_bytes() for folder in include for h in sorted(folder.rglob("*.h"))]
+        text = b"\0".join([source.name.encode(), source.read_bytes(), " ".join(flags).encode(), *headers])
+        key = hashlib.sha256(text).hexdigest()
+        with self.lock:
+            own = self.made.setdefault(key, Lock())
+        path = self.directory / f"{source.stem}-{key[:16]}.o"
+        with own:  # the other worker may be making it
+            if path.exists():
+                return path, ""
+            command = ["gcc", "-std=c99", *flags, *(f"-I{d}" for d in include), "-c", str(source), "-o", str(path)]
+            done = subprocess.run(command, capture_output=True, text=True, check=False)
+            return path, "" if done.returncode == 0 else done.stderr or "compiler failed"
+
+    def link(self, sources: list[Path], flags: list[str], include: list[Path], program: Path) -> str:
+        """Compile and link a program; returns the messages, empty when it could be built."""
+        made = [self.compile(source, flags, include) for source in sources]
+        messages = "".join(told for _, told in made)
+        if messages:
+            return messages
+        command = ["gcc", *flags, *(str(path) for path, _ in made), "-lm", "-o", str(program)]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        return "" if done.returncode == 0 else done.stderr or "linker failed"
 
 
-def run_test(name: str, root: Path, unity: Path, flags: tuple[str, ...]) -> tuple[bool, str]:
-    """Build one unit test over the sources in `root`; return whether it passed, and what it said."""
-    unit = REPOSITORY / "tests/unity"
-    sources = [*(root / "src").glob("*.c"), *(unit / "support").glob("*.c"), unit / f"test_{name}.c", unity / "unity.c"]
-    include = [f"-I{d}" for d in (root / "include", root / "src", unit / "support", unity)]
-    command = [
-        "gcc",
-        "-std=c99",
-        "-DUNITY_INCLUDE_DOUBLE",
-        *(flags or ("-O1",)),
-        *include,
-        *sources,
-        "-lm",
-        "-o",
-        root / "t",
-    ]
-    built = subprocess.run([str(c) for c in command], capture_output=True, text=True, check=False)
-    if built.returncode:
-        return True, "does not even compile: " + built.stderr  # a defect that cannot be built proves nothing
-    done = subprocess.run([root / "t"], capture_output=True, text=True, check=False, timeout=60)
+def run_program(defect: Defect, root: Path, unity: Path, objects: Objects) -> tuple[bool, str]:
+    """Build a unit test, or the soak, over the sources in `root`; return whether it passed, and what it said."""
+    unit, family = REPOSITORY / "tests/unity", REPOSITORY / "tests/family"
+    include = [root / "include", root / "src"]
+    sources = sorted((root / "src").glob("*.c"))
+    if defect.finder == "soak":
+        sources += [REPOSITORY / "tests/soak/soak.c", family / "family.c"]
+        flags, arguments = ["-O2"], ["4e5"]
+        include.append(family)
+    else:
+        sources += [*sorted((unit / "support").glob("*.c")), unit / f"test_{defect.finder}.c", unity / "unity.c"]
+        flags, arguments = ["-DUNITY_INCLUDE_DOUBLE", *(defect.flags or ("-O1",))], []
+        include += [unit / "support", unity]
+    messages = objects.link(sources, flags, include, root / "t")
+    if messages:
+        return True, "does not even compile: " + messages  # a defect that cannot be built proves nothing
+    done = subprocess.run([root / "t", *arguments], capture_output=True, text=True, check=False, timeout=200)
     failed = [line for line in done.stdout.splitlines() if ":FAIL" in line]
     return done.returncode == 0, "\n".join(failed) or done.stdout
 
 
-def seed_defect(defect: Defect, unity: Path) -> str:
+def seed_defect(defect: Defect, unity: Path, objects: Objects) -> str:
     """Return what is wrong with the proof of one defect, empty when it was found."""
     root = copy_sources()
     try:
@@ -274,10 +295,8 @@ def seed_defect(defect: Defect, unity: Path) -> str:
             content, said = run_gate(defect.finder, root)
             if content and "skipped" in said:
                 return ""  # no tool, no proof: the gate's own test is skipped by name too
-        elif defect.finder == "soak":
-            content, said = run_soak(root)
         else:
-            content, said = run_test(defect.finder, root, unity, defect.flags)
+            content, said = run_program(defect, root, unity, objects)
         if content:
             return f"{defect.finder} did not object to {defect.new.strip()[:60]!r} in {defect.file}: {said[:300]}"
         if defect.objection not in said:
@@ -290,8 +309,9 @@ def seed_defect(defect: Defect, unity: Path) -> str:
 def main() -> None:
     unity = Path(sys.argv[1])
     defects = GATE_DEFECTS + TEST_DEFECTS
-    with ThreadPoolExecutor(2) as pool:
-        findings = [f for f in pool.map(lambda d: seed_defect(d, unity), defects) if f]
+    with tempfile.TemporaryDirectory(prefix="aeolid-objects-") as folder, ThreadPoolExecutor(2) as pool:
+        objects = Objects(Path(folder))
+        findings = [f for f in pool.map(lambda d: seed_defect(d, unity, objects), defects) if f]
     print("\n".join(findings) if findings else f"{len(defects)} seeded defects, every one found")
     sys.exit(1 if findings else 0)
 
