@@ -25,7 +25,7 @@
  *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 5 l.
  *   r=2, l=3, p=10 (n=80): 3,661 words (14.6 kB in float); p=30 (n=240): 30,141 words (120.6 kB).
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
- *   stack: 232 bytes. Determinism, threads, interrupts: as rls.h.
+ *   stack: 248 bytes (restore; a step 232). Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
  *   aeo_regressor_set_innovation before the next push; whoever forgets gets a VARX filter and AEO_ELS_UNFED.
  */
