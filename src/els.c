@@ -7,7 +7,7 @@
 
 #include <string.h>
 
-/* A guard needs a mean over at least 8 samples; starts lengthen up to 2^6 times; a run this many waits long was sound. */
+/* A guard needs a mean over at least 8 samples; starts lengthen up to 2^6 times; a run of so many waits was sound. */
 #define VARX_MIN    16u
 #define BACKOFF_MAX 6u
 #define SOUND_WAITS 16u

@@ -7,13 +7,13 @@
  *   into the regressors that follow. Deviations:
  *   1 square-root form (rls.h). The conventional form as printed, lambda = 0.99, loses the sign of P on the paper's
  *     turbine (three outputs, innovations of rank two); its innovations pass 1e4 standard deviations of the output.
- *   2 forgetting schedule: lambda_{k+1} = rate lambda_k + (1 - rate) lambda_end from lambda_start. Early regressors hold
- *     poor residuals and are worth forgetting; a lambda kept at 0.99 leaves parameters with noise of their own.
+ *   2 forgetting schedule: lambda_{k+1} = rate lambda_k + (1 - rate) lambda_end from lambda_start. Early regressors
+ *     hold poor residuals and are worth forgetting; a lambda kept at 0.99 leaves parameters with noise of their own.
  *   3 start from VARX, eq. (23): for the first varx_samples the residual fed back is 0, so that the columns of e stay
  *     at 0 and the rest is a VARX estimate. Its mean innovation power, in the second half, is the guard's yardstick.
- *   4 growth guard for the positive-real condition (25), Re 1/H > 1/2. Where it fails the zeros of H pass the unit circle
- *     time and again, and the residual e = w / H, w what is left without the terms in e, bursts. It is a burst when over
- *     the last 64 samples, for one output,
+ *   4 growth guard for the positive-real condition (25), Re 1/H > 1/2. Where it fails the zeros of H pass the unit
+ *     circle time and again, and the residual e = w / H, w what is left without the terms in e, bursts. It is a burst
+ *     when over the last 64 samples, for one output,
  *         mean |innovation|^2 > guard_ratio * max(VARX level, usual share * mean |w|^2),
  *     the share being mean |innovation|^2 / mean |w|^2 of late: wind that makes everything livelier is none. Then the
  *     columns of e become 0, P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it
@@ -119,8 +119,8 @@ typedef struct {
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The
  * config is copied. Memory must outlive self and serve nothing else.
  * AEO_E_ARG: null pointer, a size or setting out of its range, sizes that do not make p blocks of at least 2 l + 1
- * entries; AEO_E_NOT_FINITE: a setting is NaN or infinite; AEO_E_MEMORY: words < AEO_ELS_WORDS(n, l). On failure neither
- * self nor memory is written. */
+ * entries; AEO_E_NOT_FINITE: a setting is NaN or infinite; AEO_E_MEMORY: words < AEO_ELS_WORDS(n, l). On failure
+ * neither self nor memory is written. */
 aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_real_t *memory, size_t words);
 
 /* Push a sample into the regressor, absorb it once the window is full, and feed the residual back: all there is to do.
@@ -131,7 +131,8 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
 
 /* Absorb one sample: z (n values, read) and y (l values, read), scaled; neither may lie in self's memory.
  * AEO_OK: theta, innovation and residual are those of this sample, and aeo_els_feedback is due. AEO_E_NOT_FINITE,
- * AEO_E_RANGE (a value beyond 1e6): nothing changed but rls.count.rejected. AEO_E_ARG: null pointer, nothing changed. */
+ * AEO_E_RANGE (a value beyond 1e6): nothing changed but rls.count.rejected. AEO_E_ARG: null pointer, nothing changed.
+ */
 aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y);
 
 /* Start from a VARX estimate, eq. (23): theta (l x n by rows, scaled, read), whose columns of e are taken as 0, and P =

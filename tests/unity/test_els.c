@@ -14,7 +14,7 @@ static aeo_regressor_t regressor;
 static aeo_real_t memory[WORDS], window[WINDOW], saved[SAVED];
 static uint64_t seed, time_us;
 
-/* A simulated system y_k = sum_i ar_i y_{k-i} + x_i u_{k-i} + ma_i e_{k-i} + e_k, scaled to about unit variance of y. */
+/* A simulated plant y_k = sum_i ar_i y_{k-i} + x_i u_{k-i} + ma_i e_{k-i} + e_k, scaled to about unit variance of y. */
 static struct {
     double ar[P_MAX], x[P_MAX], ma[P_MAX], y[P_MAX], u[P_MAX], e[P_MAX], scale, noise;
 } plant;
@@ -410,7 +410,7 @@ static void forgotten_feedback_is_told(void)
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_push(&regressor, &u, &y, time_us));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_update(&els, aeo_regressor_z(&regressor), aeo_regressor_y(&regressor)));
     }
-    /* the first of these found the e of the step before; the next nine found nothing, the first of which might be a gap */
+    /* the first of these found the e of the step before; the next nine nothing, which for the first might be a gap */
     TEST_ASSERT_EQUAL_UINT32(8, els.count.unfed);
     TEST_ASSERT_TRUE((aeo_els_health(&els) & AEO_ELS_UNFED) != 0u);
 }
