@@ -188,7 +188,7 @@ static void runaway_starts_afresh(void)
 
 static void lambda_can_change_between_samples(void)
 {
-    /* weight of sample i: the product of the lambdas of all later ones; the batch solution knows nothing of recursion */
+    /* weight of sample i: the product of the lambdas of all later ones; the batch solution knows no recursion */
     enum { SAMPLES = 60 };
     static aeo_real_t all_z[SAMPLES * N], all_y[SAMPLES * L];
     static double weight[SAMPLES], ridge[N], batch[L * N];
