@@ -34,6 +34,23 @@ static void correct_four(aeo_real_t *restrict weight, const aeo_real_t *restrict
     }
 }
 
+/* One row. Its sum grows in memory, term after term as above: a compiler that may reorder sums must not find another
+ * answer for the same row in another place. */
+static void correct_one(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t m,
+                        const aeo_real_t *gain, aeo_real_t step)
+{
+    const aeo_real_t *entry = weight;
+    for (size_t c = 0; c < m; c++) {
+        *x -= *entry * v[c];
+        entry += count;
+    }
+    const aeo_real_t left = *x * step;
+    for (size_t c = 0; gain != NULL && c < m; c++) {
+        *weight += left * gain[c];
+        weight += count;
+    }
+}
+
 void aeo_lattice_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t m,
                          const aeo_real_t *gain, aeo_real_t step)
 {
@@ -42,18 +59,7 @@ void aeo_lattice_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x,
         correct_four(weight + i, v, x + i, count, m, gain, step);
     }
     for (; i < count; i++) {
-        aeo_real_t left = x[i], *entry = weight + i;
-        for (size_t c = 0; c < m; c++) {
-            left -= *entry * v[c];
-            entry += count;
-        }
-        x[i] = left;
-        left *= step;
-        entry = weight + i;
-        for (size_t c = 0; gain != NULL && c < m; c++) {
-            *entry += left * gain[c];
-            entry += count;
-        }
+        correct_one(weight + i, v, x + i, count, m, gain, step);
     }
 }
 
