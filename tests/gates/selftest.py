@@ -121,6 +121,13 @@ GATE_DEFECTS = [
     Defect("costs", "README.md", "1,262 words", "1,162 words", "README's table"),
     Defect("fuzz", "src/rls.c", " || !body_holds(self, body)", "", "breaks the invariants"),
     Defect(
+        "proof rls restore",
+        "src/rls.c",
+        "memcpy(self->innovation, body + kept, 2 * l",
+        "memcpy(self->innovation, body + kept, (2 * l + 1)",
+        "FAILURE",
+    ),
+    Defect(
         "soak",
         "src/rls.c",
         "    if (news < self->gate) {",
