@@ -198,9 +198,15 @@ static void a_new_window_is_followed_until_filled(void)
         feed(1.0, 0.01);
     }
     TEST_ASSERT_EQUAL_UINT32(0, aeo_lattice_health(&lattice));
+    const size_t kept = (size_t)(lattice.window - lattice.factor); /* covariances and weights */
+    aeo_real_t before[WORDS];
+    memcpy(before, lattice.factor, kept * sizeof *before);
     fill(z, P * M, &seed); /* samples were lost: a window of others */
     for (unsigned k = 0; k < P - 1; k++) {
         feed(1.0, 0.01);
+        TEST_ASSERT_EQUAL_MEMORY(before, lattice.factor, kept * sizeof *before);
+        /* the errors of a followed sample are as good a priori as a posteriori */
+        TEST_ASSERT_EQUAL_MEMORY(&lattice.config.forgetting, &lattice.alpha[k], sizeof *lattice.alpha);
         TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_RESTARTED, aeo_lattice_health(&lattice));
         TEST_ASSERT_EQUAL_UINT32(k + 1u, lattice.orders);
         TEST_ASSERT_TRUE(lattice.following);
