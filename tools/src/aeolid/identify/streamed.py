@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import zipfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.identify.markov import MarkovEstimate
+from aeolid.identify.markov import MarkovEstimate, with_theta
 from aeolid.identify.windows import Scaling, WindowFactor
 
 Array = NDArray[np.float64]
@@ -53,11 +53,7 @@ class StreamedMarkov:
         self, estimate: MarkovEstimate, factor: WindowFactor, scaling: Scaling, past: int, through: tuple[bool, ...]
     ) -> MarkovEstimate:
         """Return the estimate with Ξ from the stream, scaled as the samples; the residuals are computed anew."""
-        m, r = factor.channels, factor.inputs
-        theta = self.scaled(scaling, past, through)
-        error = (factor.y_now - factor.R[:, : past * m + r] @ theta.T).T
-        covariance = error @ error.T / max(factor.windows - estimate.rank, 1)
-        return replace(estimate, theta=theta, residual_covariance=covariance)
+        return with_theta(estimate, self.scaled(scaling, past, through), factor)
 
     def scaled(self, scaling: Scaling, past: int, through: tuple[bool, ...]) -> Array:
         """Return Ξ (l, p m + r) in the scaled units of the windows; raises DataError when its size does not fit."""

@@ -11,7 +11,7 @@ from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress, make_settings
 from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import collect
-from aeolid.identify.markov import estimate_markov, require_excitation
+from aeolid.identify.markov import estimate_markov, require_excitation, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.result import Identification
 from aeolid.identify.streamed import StreamedMarkov
@@ -19,7 +19,7 @@ from aeolid.identify.whitening import Whitening, extend, follow, start_again, wh
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
 from aeolid.record import Record
 
-PASSES, FORGETTING = 4, 0.999
+PASSES, FORGETTING = 3, 1.0
 MOST_PASSES = 1000
 
 
@@ -42,11 +42,14 @@ def identify_varmax(
     The predictor y_k = Ξ z_k + e_k, z of blocks [u; y; e], eq. (12)–(14), needs p ≥ n/l samples of past and not the
     memory of A − K C: a window of 10 does the work of a VARX window of 30. e is found from VARX (23) of the same
     window, then by `passes` passes of extended least squares (24), each started from the solution of the one before,
-    then by residual whitening until it rests. All follows from the last e: Ξ by least squares, (17)–(22), (26), (27).
+    then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
-    records … stable: as in `identify_varx`; markov: Ξ of a VARMAX filter, with its innovations.
-    passes: 0 … 1000, default 4; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1,
-    default 0.999; pass i uses λ^{1/i}, so that the wrong e of the start is forgotten and the end is near 1.
+    records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
+    weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
+    take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations.
+    passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
+    pass i uses λ^{1/i}, the last one 1. Default 1: less forgets the wrong e of the start sooner, but where data leave
+    directions open (fewer noise sources than outputs) Ξ wanders there and singular values grow tenfold.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
@@ -77,6 +80,8 @@ def identify_varmax(
             found = again
             windows, verdict = _judge(records, found, plain, extended, through)
     estimate = estimate_markov(windows.whole, through, regularization)
+    if found.theta is not None and regularization == "gcv":
+        estimate = with_theta(estimate, found.theta, windows.whole)
     if markov is not None:
         estimate = markov.replace_in(estimate, windows.whole, extended, past, through)
     notes = [*found.notes, verdict.text]

@@ -1,8 +1,10 @@
-"""Find the innovations of a VARMAX predictor: extended least squares, then residual whitening.
+"""Find the innovations of a VARMAX predictor: extended least squares, then residual whitening where that helps.
 
-Residual whitening (reference [9] of paper 000) repeats: Ξ by least squares on windows of [u; y; e], new e from Ξ. Each
-step is judged by what the predictor (13) makes of the samples with its own e fed back: the mean log error power must
-fall, else the step is halved; a predictor that diverges has infinite power.
+Residual whitening (reference [9] of paper 000) repeats: Ξ by least squares on windows of [u; y; e], new e from Ξ. A
+step is taken when the predictor (13), with its own e fed back, leaves a mean log error power lower by more than n/N,
+which n parameters without meaning would gain, than Ξ leaves with the e before in the regressor; else it is halved. A
+predictor that diverges has infinite power. Where extended least squares has converged no step passes, and its own e and
+Ξ stay: on the turbine those predict better than an e fed back through H̄, whose zeros lie near the unit circle.
 """
 
 from __future__ import annotations
@@ -24,7 +26,6 @@ from aeolid.record import Channel, Record
 Array = NDArray[np.float64]
 RHO = 0.1  # regularisation of a pass in scaled units, as on the target
 ITERATIONS = 30
-GAIN = 1e-4  # of the mean log error power; a step must lower it by more than this
 HALVINGS = 3
 LONGEST_START = 4  # past windows of the VARX predictor that starts where the positive-real condition fails
 
@@ -34,12 +35,14 @@ class Whitening:
     """Hold the innovations found and how.
 
     records: the recordings with channels of e (NaN where it is not known); e (N, l): the same in scaled units, zero
-    there; start: past window of the VARX predictor at the beginning, 0 for a streamed Ξ; power: mean log error power
-    of the outputs after the start, the passes and each accepted iteration; stopped: why the iteration ended.
+    there; theta (l, p m + r): Ξ of the last pass where e is that of the pass; start: past window of the VARX predictor
+    at the beginning, 0 for a streamed Ξ; power: mean log error power of the outputs at the start, after the passes and
+    after each accepted iteration; stopped: why the iteration ended.
     """
 
     records: tuple[Record, ...]
     e: Array
+    theta: Array | None
     start: int
     forgetting: tuple[float, ...]
     power: tuple[float, ...]
@@ -52,7 +55,7 @@ class Whitening:
             "start": f"varx, past window {self.start}" if self.start else "streamed",
             "forgetting": list(self.forgetting),
             "log_error_power": [p if np.isfinite(p) else None for p in self.power],
-            "iterations": max(len(self.power) - 1 - bool(self.forgetting), 0),
+            "iterations": max(len(self.power) - 2, 0),
             "stopped": self.stopped,
         }
 
@@ -67,6 +70,12 @@ class _Problem:
     past: int
     through: tuple[bool, ...]
     regularization: str | float
+    windows: int
+
+    @property
+    def gain(self) -> float:
+        """Return by how much a step must lower the mean log error power."""
+        return (self.past * self.scaling.channels + sum(self.through)) / max(self.windows, 1)
 
     def fill(self, e: Array) -> tuple[Record, ...]:
         """Return the recordings with channels of e (N, l)."""
@@ -77,6 +86,12 @@ class _Problem:
         factor = factorise(self.fill(e), self.scaling, self.past)
         theta = estimate_markov(factor, self.through, self.regularization).theta
         return theta, constant_of(factor, theta)
+
+    def leave(self, e: Array) -> float:
+        """Return the mean log power of what least squares leaves with e in the regressor."""
+        theta, constant = self.solve(e)
+        left = innovations(self.samples, self.past, theta, constant, e, feed_back=False, limit=np.inf)
+        return log_power(self.samples, left, self.past)
 
     def follow(self, theta: Array, constant: Array, e: Array) -> tuple[Array, float]:
         """Return the innovations of a predictor run over the samples, and their mean log power."""
@@ -133,26 +148,16 @@ def whiten(
     scaling: that of VARMAX windows; plain, start: window factor and estimate of VARX with the same past window. Where
     the passes diverge the residuals of VARX take their place, and a note says so.
     """
-    problem = _Problem(records, samples, scaling, plain.past, through, regularization)
+    problem = _Problem(records, samples, scaling, plain.past, through, regularization, plain.windows)
     _require(problem)
     first = _varx_residuals(samples, plain, start.theta)
-    annealed = tuple(forgetting ** (1.0 / i) for i in range(1, passes + 1))
+    annealed = tuple(1.0 if i == passes else forgetting ** (1.0 / i) for i in range(1, passes + 1))
     theta, e, notes = _run_passes(problem, plain, start.theta, annealed, first)
-    constant = np.zeros(len(theta))
-    candidates = [(*problem.follow(theta, constant, e), theta, constant)] if annealed and not notes else []
-    theta, constant = problem.solve(e)
-    candidates.append((*problem.follow(theta, constant, e), theta, constant))
-    new, power, theta, constant = min(candidates, key=lambda c: c[1])
-    powers = [log_power(samples, first, plain.past), *([power] if annealed else [])]
-    if not np.isfinite(power):
-        notes.append(
-            "the VARMAX predictor does not forget its start, residual whitening was left out: e is that of "
-            + ("VARX" if notes or not annealed else "the last pass")
-        )
-        powers[1:] = []
-        return _result(problem, e, plain.past, annealed, powers, "the predictor does not forget", notes)
-    e, more, stopped = _iterate(problem, theta, constant, new, power)
-    return _result(problem, e, plain.past, annealed, [*powers, *more], stopped, notes)
+    power = problem.leave(e)
+    powers = [log_power(samples, first, plain.past), power]
+    better, more, stopped = _iterate(problem, theta, constant_of(plain, start.theta), e, power)
+    sound = bool(annealed) and not notes and not more
+    return _result(problem, better, theta if sound else None, plain.past, annealed, [*powers, *more], stopped, notes)
 
 
 def start_again(
@@ -172,27 +177,27 @@ def start_again(
     factor = factorise(records, plain, longer)
     theta = estimate_markov(factor, through, regularization).theta
     first = _varx_residuals(samples, factor, theta, found.e)
-    problem = _Problem(records, samples, scaling, past, through, regularization)
+    problem = _Problem(records, samples, scaling, past, through, regularization, factor.windows)
     theta, constant = problem.solve(first)
     e, power = problem.follow(theta, constant, first)
-    if not power < found.power[-1] - GAIN:
+    if not power < found.power[-1] - problem.gain:
         return None
     e, more, stopped = _iterate(problem, theta, constant, e, power)
     note = f"the start from VARX of past window {past} led astray; that of past window {longer} was taken"
-    return _result(problem, e, longer, (), [log_power(samples, first, past), power, *more], stopped, [note])
+    return _result(problem, e, None, longer, (), [log_power(samples, first, past), power, *more], stopped, [note])
 
 
 def _result(
-    problem: _Problem, e: Array, start: int, forgetting: tuple[float, ...], powers: Sequence[float], stopped: str,
-    notes: Sequence[str],
+    problem: _Problem, e: Array, theta: Array | None, start: int, forgetting: tuple[float, ...],
+    powers: Sequence[float], stopped: str, notes: Sequence[str],
 ) -> Whitening:  # fmt: skip
-    return Whitening(problem.fill(e), e, start, forgetting, tuple(powers), stopped, tuple(notes))
+    return Whitening(problem.fill(e), e, theta, start, forgetting, tuple(powers), stopped, tuple(notes))
 
 
 def _iterate(
     problem: _Problem, theta: Array, constant: Array, e: Array, power: float
 ) -> tuple[Array, list[float], str]:
-    """Repeat least squares and prediction until no step lowers the log error power by more than GAIN."""
+    """Repeat least squares and prediction until no step lowers the log error power enough."""
     powers: list[float] = []
     for _ in range(ITERATIONS):
         target, target_constant = problem.solve(e)
@@ -201,10 +206,10 @@ def _iterate(
             tried = theta + step * (target - theta)
             tried_constant = constant + step * (target_constant - constant)
             new, reached = problem.follow(tried, tried_constant, e)
-            if reached < power - GAIN:
+            if reached < power - problem.gain:
                 break
         else:
-            return e, powers, f"no step lowers the log error power by more than {GAIN:g}"
+            return e, powers, f"no step lowers the log error power by more than {problem.gain:.2g}"
         theta, constant, e, power = tried, tried_constant, new, reached
         powers.append(power)
     return e, powers, f"{ITERATIONS} iterations"
@@ -219,12 +224,12 @@ def follow(
     It is what the predictor makes of the samples; where that diverges, the innovations of the filter themselves, and
     where the file has none for a sample, the residual of VARX.
     """
-    problem = _Problem(records, samples, scaling, plain.past, (), "none")
+    problem = _Problem(records, samples, scaling, plain.past, (), "none", plain.windows)
     _require(problem)
     first = _varx_residuals(samples, plain, start.theta)
     e, power = problem.follow(theta, np.zeros(len(theta)), first)
     if np.isfinite(power):
-        return _result(problem, e, 0, (), [power], "Ξ as streamed", ())
+        return _result(problem, e, None, 0, (), [power], "Ξ as streamed", ())
     given = markov.innovation
     if given is None or given.shape != first.shape:
         raise DataError(
@@ -234,7 +239,7 @@ def follow(
     scaled = given / scaling.scale[-first.shape[1] :]
     e = np.where(np.isfinite(scaled), scaled, first)
     note = "the streamed predictor does not forget its start; e is that of the filter"
-    return _result(problem, e, 0, (), [log_power(samples, e, plain.past)], "Ξ as streamed", (note,))
+    return _result(problem, e, None, 0, (), [log_power(samples, e, plain.past)], "Ξ as streamed", (note,))
 
 
 def _require(problem: _Problem) -> None:
