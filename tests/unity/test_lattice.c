@@ -199,7 +199,7 @@ static void a_new_window_is_followed_until_filled(void)
     }
     TEST_ASSERT_EQUAL_UINT32(0, aeo_lattice_health(&lattice));
     const size_t kept = (size_t)(lattice.window - lattice.factor); /* covariances and weights */
-    aeo_real_t before[WORDS];
+    aeo_real_t before[WORDS], theta[2][L * N];
     memcpy(before, lattice.factor, kept * sizeof *before);
     fill(z, P * M, &seed); /* samples were lost: a window of others */
     for (unsigned k = 0; k < P - 1; k++) {
@@ -207,6 +207,9 @@ static void a_new_window_is_followed_until_filled(void)
         TEST_ASSERT_EQUAL_MEMORY(before, lattice.factor, kept * sizeof *before);
         /* the errors of a followed sample are as good a priori as a posteriori */
         TEST_ASSERT_EQUAL_MEMORY(&lattice.config.forgetting, &lattice.alpha[k], sizeof *lattice.alpha);
+        /* nor does theta move, though most stages hold errors of the window before */
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, theta[k == 0 ? 0 : 1], L * N));
+        TEST_ASSERT_EQUAL_MEMORY(theta[0], theta[k == 0 ? 0 : 1], sizeof theta[0]);
         TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_RESTARTED, aeo_lattice_health(&lattice));
         TEST_ASSERT_EQUAL_UINT32(k + 1u, lattice.orders);
         TEST_ASSERT_TRUE(lattice.following);
