@@ -229,6 +229,23 @@ def test_els_finds_the_moving_average(precision: str) -> None:
     assert np.nanvar(result.innovation) == pytest.approx(0.25, rel=0.03) and np.nanvar(plain.innovation) > 0.3
 
 
+def test_els_starts_as_varx_with_the_recorded_schedule() -> None:
+    """During its VARX start e is not fed back: the printed recursion with λ moving from 0.99 to 1 gives the same."""
+    u, y = simulate(1200)
+    result = replay_filter(u, y, past=2, method="els", precision="f64", excitation_min=0.0)
+    told = result.settings
+    assert (told.varx_samples, told.forgetting_start, told.forgetting_rate) == (120, 0.99, 0.99)
+    z, outputs = window_of(*scaled(result, u, y), 2), scaled(result, u, y)[1][2:]
+    theta, P, forgetting, expected = np.zeros((2, 8)), np.eye(8) / 0.1, 0.99, []
+    for k in range(120):
+        expected.append(outputs[k] - theta @ z[k])
+        gain = P @ z[k] / (forgetting + z[k] @ P @ z[k])
+        theta, P = theta + np.outer(expected[-1], gain), (P - np.outer(gain, z[k] @ P)) / forgetting
+        forgetting = 0.99 * forgetting + 0.01
+    innovation = result.innovation[2:122] / np.array(told.scale)[2:]
+    np.testing.assert_allclose(innovation, expected, atol=1e-9)
+
+
 @pytest.mark.parametrize("method", ["fast-rls", "lattice"])
 def test_a_hole_restarts_the_window_and_says_so(method: str) -> None:
     u, y = simulate(2000)
