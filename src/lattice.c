@@ -58,18 +58,6 @@ int aeo_lattice_settings_hold(const aeo_lattice_config_t *config)
     return faded >= FADED_MIN;
 }
 
-/* How many of count variances to check a sample so that each comes round before forgetting can double it. */
-static uint16_t find_scan_step(unsigned count, aeo_real_t lambda)
-{
-    aeo_real_t shrink = lambda;
-    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
-    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
-        shrink *= lambda;
-        samples++;
-    }
-    return (uint16_t)((count + samples - 1u) / samples);
-}
-
 static size_t count_words(const aeo_lattice_config_t *config)
 {
     return AEO_LATTICE_WORDS(config->past, config->block, config->present, config->outputs);
@@ -120,7 +108,9 @@ aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *c
     self->inverse_forgetting = AEO_REAL(1) / config->forgetting; /* forgetting >= 1/2 */
     self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)n;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
-    self->scan_step = find_scan_step(aeo_lattice_count_variances(config), config->forgetting);
+    /* each comes round within 1 / (2 (1 - lambda)) samples, in which forgetting makes it grow by at most 2 */
+    const aeo_real_t share = AEO_REAL(2) * (AEO_REAL(1) - config->forgetting);
+    self->scan_step = (uint16_t)(share * (aeo_real_t)aeo_lattice_count_variances(config) + AEO_REAL(1));
     aeo_lattice_reset(self);
     return AEO_OK;
 }
