@@ -7,11 +7,13 @@
 #include <string.h>
 
 /* Bounds from which nothing below overflows in float. Samples are at most 1e6 (checked), variances at most
- * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances). An error beyond ERROR_MAX forces a fresh start,
- * so with m <= 96 errors r or f
- *   |S'r|^2 <= tr(P) |r|^2 <= 96 2e10 96 1e20 < 2e34, alpha <= 1 + 1024 of them < 1e38 (p m <= 1024 makes it 1024 / 96),
- *   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5, a weight moves by less than 1.1e15 an update, stays below 1.1e26 for
- *   1e11 updates, and the next error below 1e10 + 96 1.1e26 1e10 < 1.1e38 < FLT_MAX, where it is judged. */
+ * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances). An error r or f beyond ERROR_MAX forces a fresh
+ * start before it is used, so with m <= 96 and p m <= 1024
+ *   r'Pr <= tr(P) |r|^2 <= 96 2e10 96 1e20 < 2e34, which bounds each D_j v_j^2 too, alpha <= 1 + 1024 / 96 of it < 3e35,
+ *   |P r|_i <= (P_ii r'Pr)^(1/2) < 2e22, g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5,
+ * a weight moves by less than 1.1e15 an update and stays below 1.1e26 for 1e11 updates, and the next error lies below
+ * 1e10 + 96 1.1e26 1e10 < 1.1e38 < FLT_MAX, where it is judged. Targets are judged at the end of the stages only: what
+ * they may do to their weights until then, infinities included, goes with the fresh start. */
 #define SAMPLE_MAX   AEO_REAL(1e6)
 #define VARIANCE_MAX AEO_REAL(1e10)
 
