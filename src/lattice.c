@@ -7,9 +7,9 @@
 #include <string.h>
 
 /* Bounds from which nothing below overflows in float. Samples are at most 1e6 (checked), variances at most
- * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances). An error r or f beyond ERROR_MAX forces a fresh
- * start before it is used, so with m <= 96 and p m <= 1024
- *   r'Pr <= tr(P) |r|^2 <= 96 2e10 96 1e20 < 2e34, which bounds each D_j v_j^2 too, alpha <= 1 + 1024 / 96 of it < 3e35,
+ * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances). An error r or f beyond ERROR_MAX forces a
+ * fresh start before it is used, so with m <= 96 and p m <= 1024
+ *   r'Pr <= tr(P) |r|^2 <= 96 2e10 96 1e20 < 2e34, which bounds each D_j v_j^2 too; alpha < 3e35, 1024 / 96 of it;
  *   |P r|_i <= (P_ii r'Pr)^(1/2) < 2e22, g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5,
  * a weight moves by less than 1.1e15 an update and stays below 1.1e26 for 1e11 updates, and the next error lies below
  * 1e10 + 96 1.1e26 1e10 < 1.1e38 < FLT_MAX, where it is judged. Targets are judged at the end of the stages only: what
@@ -141,8 +141,8 @@ static void reset_triangle(aeo_real_t *factor, size_t m, aeo_real_t diagonal)
     }
 }
 
-/* P = 1 / prior everywhere: with x_{k-i} worth rho lambda^{-i}, E^b_j = rho lambda^{-j} and E^f_j = rho. Any other prior
- * is no older self of itself moved by one block, and the order recursions would not be exact. */
+/* P = 1 / prior everywhere: with x_{k-i} worth rho lambda^{-i}, E^b_j = rho lambda^{-j} and E^f_j = rho. Any other
+ * prior is no older self of itself moved by one block, and the order recursions would not be exact. */
 static void reset_factors(aeo_lattice_t *self)
 {
     const size_t p = self->config.past, m = self->config.block;
@@ -175,8 +175,8 @@ void aeo_lattice_reset(aeo_lattice_t *self)
     self->quiet = 0;
 }
 
-/* Keep z without its present inputs; returns 1 when it is the window kept before, moved by one block. Compared are bits,
- * as blocks are handed on, not worked out anew. */
+/* Keep z without its present inputs; returns 1 when it is the window kept before, moved by one block. Compared are
+ * bits, as blocks are handed on, not worked out anew. */
 static int take_window(aeo_lattice_t *self, const aeo_real_t *z)
 {
     const size_t m = self->config.block, older = m * (self->config.past - 1u);

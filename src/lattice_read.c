@@ -44,7 +44,7 @@ static void add_order(const aeo_lattice_t *self, size_t j, aeo_real_t *theta)
         memset(left, 0, (l + d) * sizeof *left);
         aeo_lattice_correct(self->target_weight + j * m * (l + d), b, left, l + d, m, NULL, AEO_REAL(0));
         aeo_lattice_correct(self->present_weight, left + l, left, l, d, NULL, AEO_REAL(0));
-        /* z has the oldest block first: block i of B_j, counted from the newest, is block j - i behind the older ones */
+        /* z has the oldest block first: block i of B_j, newest first, is block j - i behind the older ones */
         aeo_real_t *const column = theta + older + (j - c / m) * m + c % m;
         for (size_t i = 0; i < l; i++) {
             column[i * (columns + d)] -= left[i];

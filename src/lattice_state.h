@@ -1,6 +1,7 @@
 /* lattice_state.h: what the sources of the lattice share; internal, not installed.
  *
- * A matrix P = L D L' (m x m) is packed by columns: column j holds D_j, then rows j+1 ... m-1 of L, whose diagonal is 1.
+ * A matrix P = L D L' (m x m) is packed by columns: column j holds D_j, then rows j+1 ... m-1 of L, whose diagonal
+ * is 1.
  */
 #ifndef AEOLID_LATTICE_STATE_H
 #define AEOLID_LATTICE_STATE_H

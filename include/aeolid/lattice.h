@@ -1,41 +1,42 @@
 /* lattice.h: estimates a VARX or VARMAX predictor with several outputs from one sample a time, at a cost linear in p.
  *
  * MODEL
- *   y_k = theta z_k + e_k,   z_k = [ b_{k-p}; ...; b_{k-1}; u_k ] as regressor.h makes it, minimises, over theta (l x n),
+ *   y_k = theta z_k + e_k,   z_k = [ b_{k-p}; ...; b_{k-1}; u_k ] as regressor.h makes it, minimises over theta (l x n)
  *       sum_{i<=k} lambda^{k-i} |y_i - theta z_i|^2 + lambda^{k+1} rho sum_j pi_j |theta_j|^2,
  *       pi_j = lambda^{-i} for the columns of b_{k-1-i}, 1 for those of u_k: the weights that a shift allows
  *   Houtzager, "Markov Parameter Estimation using Least Squares Lattice Recursions", 2009, after Friedlander, "Lattice
- *   Filters for Adaptive Processing", 1982. Of the note: the forward errors f_j of x_k = b_{k-1} and the backward errors
- *   r_j of b_{k-1-j} are both of all m channels (its 0 1 in front of z_k does not close (13) and (16)), outputs are
- *   regressed on r_0 ... r_{p-1} (joint process), the present inputs u_k too, and y on what is left of u_k last. Stage j,
- *   errors a priori, P the inverse of the covariance named below it:
+ *   Filters for Adaptive Processing", 1982. Of the note: the forward errors f_j of x_k = b_{k-1} and the backward
+ *   errors r_j of b_{k-1-j} are both of all m channels (its 0 1 in front of z_k does not close (13) and (16)), outputs
+ *   are regressed on r_0 ... r_{p-1} (joint process), the present inputs u_k too, and y on what is left of u_k last.
+ *   Stage j, errors a priori, P the inverse of the covariance named below it:
  *       f_{j+1}(k) = f_j(k) - Kf_j r_j(k-1),   Kf_j += f_{j+1}(k) g_j(k-1)',   g_j = P r_j(k) / alpha_{j+1}     E^b_j
  *       r_{j+1}(k) = r_j(k-1) - Kb_j f_j(k),   Kb_j += r_{j+1}(k) h_j',        h_j = P f_j(k) / alpha^f         E^f_j
  *       t_{j+1}(k) = t_j(k) - kappa_j r_j(k),  kappa_j += t_{j+1}(k) g_j(k)',  t_0 = [y_k; u_k]
  *       alpha_0 = lambda, alpha_{j+1}(k) = alpha_j(k) + r_j'P r_j, alpha^f = alpha_j(k-1) + f_j'P f_j
- *   Each is a small least-squares recursion with P = L D L' updated as Bierman's: nothing is inverted, P cannot lose its
- *   sign, and weights are corrected by the error they leave. theta is worked out when asked for, by the Levinson recursion
- *   (20) made exact: B_j(k-1) = B_j(k) + r_j(k) G_j(k)', G_{j+1} = G_j + B_j' g_j, for the predictors A_j, B_j of all
- *   orders. Deviations from the sum, the gate and the bound being off when lambda = 1:
- *   1 gate: after a sample with z'Pz < excitation_min (1 - lambda) n the next one is followed, not absorbed: every weight
- *     and covariance stays. So a quiet turbine forgets nothing; the sample that ends the quiet is lost.
+ *   Each is a small least-squares recursion with P = L D L' updated as Bierman's: nothing is inverted, P cannot lose
+ *   its sign, and weights are corrected by the error they leave. theta is worked out when asked for, by the Levinson
+ *   recursion (20) made exact: B_j(k-1) = B_j(k) + r_j(k) G_j(k)', G_{j+1} = G_j + B_j' g_j, for the predictors A_j,
+ *   B_j of all orders. Deviations from the sum, the gate and the bound being off when lambda = 1:
+ *   1 gate: after a sample with z'Pz < excitation_min (1 - lambda) n the next one is followed, not absorbed: every
+ *     weight and covariance stays. So a quiet turbine forgets nothing; the sample that ends the quiet is lost.
  *   2 bound: when a variance of P passes growth_max / rho it is quartered, as in rls.h, with all weights left alone.
- *   3 new window: when z is not the z before moved by one block (a gap), weights stay until the p - 1 samples that follow
- *     have filled the stages, and innovations come from as many orders as are filled; then absorbing goes on. The sums of
- *     different orders then differ by a row at each edge: an error of about n^(1/2) / memory of the signal, forgotten as
- *     all else is.
- *   4 start: the blocks before the first z count as 0. When that z shows they were not, the error of it is swamped: after
- *     4 n samples the covariances start anew at rho while all weights stay. The same after a runaway. With lambda = 1 the
- *     mark of the start fades as 1 / samples only; a turbine's predictions lose 0.1 % after 10,000 (p = 10, 30).
- *   Why this form: DESIGN.md has the rivals. Float innovations of a turbine's loop with 1 % noise, lambda from 0.98 to 1,
- *   lie 2e-5 to 1.3e-4 from the double ones, theta 3e-5 to 5e-5 (20,000 samples); where outputs are singular to rounding,
- *   10^7 samples leave the innovations as they were.
+ *   3 new window: when z is not the z before moved by one block (a gap), weights stay until the p - 1 samples that
+ *     follow have filled the stages, and innovations come from as many orders as are filled; then absorbing goes on.
+ *     The sums of different orders then differ by a row at each edge: an error of about n^(1/2) / memory of the signal,
+ *     forgotten as all else is.
+ *   4 start: the blocks before the first z count as 0. When that z shows they were not, the error of it is swamped:
+ *     after 4 n samples the covariances start anew at rho while all weights stay. The same after a runaway. With lambda
+ *     = 1 the mark of the start fades as 1 / samples only; a turbine's predictions lose 0.1 % after 10,000 (p = 10,
+ *     30).
+ *   Why this form: DESIGN.md has the rivals. Float innovations of a turbine's loop with 1 % noise, lambda from 0.98 to
+ *   1, lie 2e-5 to 1.3e-4 from the double ones, theta 3e-5 to 5e-5 (20,000 samples); where outputs are singular to
+ *   rounding, 10^7 samples leave the innovations as they were.
  *
  * CONTRACT
  *   Memory: AEO_LATTICE_WORDS(p, m, d, l) words of aeo_real_t from the caller, linear in p.
  *   p=10, m=5, d=0, l=3: 1,629 words (6.5 kB in float); p=50: 8,309 words (33.2 kB).
- *   Operations: 7 m^2 + 2 m (l + d) multiplications and as many additions, 4 m divisions a stage, of which there are p; n
- *   comparisons. A read-out takes p^2 m^2 (m + l / 2). Worst stack: 208 bytes.
+ *   Operations: 7 m^2 + 2 m (l + d) multiplications and as many additions, 4 m divisions a stage, of which there are p;
+ *   n comparisons. A read-out takes p^2 m^2 (m + l / 2). Worst stack: 208 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. A read-out
  *   may be long: a task of low priority copies the filter (aeo_lattice_copy, one memcpy) between two updates and reads
@@ -220,7 +221,8 @@ void aeo_lattice_clear_health(aeo_lattice_t *self);
 void aeo_lattice_reset(aeo_lattice_t *self);
 
 /* Write everything needed to go on later into saved (length values, written; must not lie in self's memory).
- * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_LATTICE_SAVED_WORDS(p, m, d, l). On failure saved is not written. */
+ * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_LATTICE_SAVED_WORDS(p, m, d, l). On failure saved is not
+ * written. */
 aeo_status_t aeo_lattice_save(const aeo_lattice_t *self, aeo_real_t *saved, size_t length);
 
 /* Go on where saved (length values, read) was written; self was initialised with the same sizes and settings. The next
@@ -230,8 +232,8 @@ aeo_status_t aeo_lattice_save(const aeo_lattice_t *self, aeo_real_t *saved, size
  * from a filter. On failure self is unchanged. */
 aeo_status_t aeo_lattice_restore(aeo_lattice_t *self, const aeo_real_t *saved, size_t length);
 
-/* Return 1 when every number is finite, every diagonal is above 0, every variance is at most four times its bound, every
- * alpha at least 1/2 and the sizes agree, else 0; for tests and debugging. A null pointer answers 0. */
+/* Return 1 when every number is finite, every diagonal is above 0, every variance is at most four times its bound,
+ * every alpha at least 1/2 and the sizes agree, else 0; for tests and debugging. A null pointer answers 0. */
 int aeo_lattice_invariants_hold(const aeo_lattice_t *self);
 
 #ifdef __cplusplus

@@ -300,7 +300,7 @@ static void quiet_samples_are_followed(void)
 
 static void without_the_gate_variances_stay_bounded(void)
 {
-    /* one channel moves, the others never do: their variances must not grow for ever, the moving one goes on learning */
+    /* one channel moves, the others never do: their variances must not grow for ever, the moving one must learn on */
     start(0.99, 0, 100);
     double largest = 0.0;
     for (int k = 0; k < 30000; k++) {
