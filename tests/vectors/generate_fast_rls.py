@@ -21,7 +21,7 @@ CASES = [  # past, block, mask of present entries, outputs, samples, forgetting,
 
 
 def slide(blocks: np.ndarray, past: int, mask: int) -> np.ndarray:
-    """Return the windows (samples, n): past blocks, oldest first, zeros before the first; present entries of the mask."""
+    """Return the windows (samples, n): past blocks, oldest first, zeros before the first; then the mask's entries."""
     count, m = blocks.shape
     present = [c for c in range(m) if mask >> c & 1]
     z = np.zeros((count, past * m + len(present)))
@@ -32,20 +32,14 @@ def slide(blocks: np.ndarray, past: int, mask: int) -> np.ndarray:
     return z
 
 
-def prior(
-    past: int, block: int, mask: int, forgetting: float, rho: float
-) -> np.ndarray:
-    """Return 1 / P_-1 (n,) as the header has it: in a block, entries of the mask come first and the window counts on."""
+def prior(past: int, block: int, mask: int, forgetting: float, rho: float) -> np.ndarray:
+    """Return 1 / P_-1 (n,) as the header has it: entries of the mask come first in a block, the window counts on."""
     present = mask.bit_count()
-    newest = [
-        rho / forgetting ** (past - 1 - i) for i in range(past) for _ in range(block)
-    ]
+    newest = [rho / forgetting ** (past - 1 - i) for i in range(past) for _ in range(block)]
     return np.array(newest + [rho * forgetting] * present)
 
 
-def solve(
-    z: np.ndarray, y: np.ndarray, forgetting: float, ridge: np.ndarray
-) -> np.ndarray:
+def solve(z: np.ndarray, y: np.ndarray, forgetting: float, ridge: np.ndarray) -> np.ndarray:
     """Return theta (l, n) minimising sum lambda^(k-i) |y_i - theta z_i|^2 + lambda^(k+1) |theta ridge^(1/2)|^2."""
     count = len(z)
     weight = np.sqrt(forgetting ** np.arange(count - 1, -1, -1.0))[:, None]
@@ -64,17 +58,10 @@ def generate() -> str:
         # multiples of 1/1024: exact in float, so float and double see the same data
         blocks = np.round(bits.uniform(-2.0, 2.0, (count, block)) * 1024.0) / 1024.0
         z = slide(blocks, past, mask)
-        y = z @ bits.uniform(-1.0, 1.0, (z.shape[1], outputs)) + bits.uniform(
-            -0.1, 0.1, (count, outputs)
-        )
+        y = z @ bits.uniform(-1.0, 1.0, (z.shape[1], outputs)) + bits.uniform(-0.1, 0.1, (count, outputs))
         y = np.round(y * 1024.0) / 1024.0
         theta = solve(z, y, forgetting, prior(past, block, mask, forgetting, rho))
-        text += (
-            array(f"BLOCKS{c}", blocks)
-            + array(f"OUTPUTS{c}", y)
-            + array(f"ANSWER{c}", theta)
-            + "\n"
-        )
+        text += array(f"BLOCKS{c}", blocks) + array(f"OUTPUTS{c}", y) + array(f"ANSWER{c}", theta) + "\n"
         sizes = f"{past}, {block}, {mask}, {outputs}, {count}, {forgetting!r}, {rho!r}"
         table.append(f"    {{{sizes}, BLOCKS{c}, OUTPUTS{c}, ANSWER{c}}},")
     text += "static const struct {\n    unsigned past, block, mask, outputs, count;\n"
@@ -85,9 +72,5 @@ def generate() -> str:
 if __name__ == "__main__":
     if "--check" in sys.argv:
         problem = differs(TARGET.read_text(), generate())
-        sys.exit(
-            f"{TARGET.name} is not what generate_fast_rls.py makes: {problem}"
-            if problem
-            else 0
-        )
+        sys.exit(f"{TARGET.name} is not what generate_fast_rls.py makes: {problem}" if problem else 0)
     TARGET.write_text(generate())
