@@ -4,6 +4,7 @@
 #include "guard.h"
 #include "linalg.h"
 #include "saved.h"
+#include "settings.h"
 
 #include <string.h>
 
@@ -11,15 +12,6 @@
 #define VARX_MIN    16u
 #define BACKOFF_MAX 6u
 #define SOUND_WAITS 16u
-#define HEAD_WORDS  9
-/* What is saved as whole numbers lies side by side in the object: count, health, since, backoff, missed. */
-#define NUMBERS    7
-#define NUMBERS_AT offsetof(aeo_els_t, count)
-
-static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
-{
-    return x >= low && x <= high;
-}
 
 static int guard_is_on(const aeo_els_config_t *config)
 {
@@ -36,14 +28,25 @@ static int layout_holds(const aeo_els_config_t *config)
     return n > d && (n - d) % p == 0u && (n - d) / p >= 2u * config->outputs + 1u;
 }
 
-static int settings_hold(const aeo_els_config_t *config)
+/* What is not the inner filter's to judge. */
+static aeo_status_t judge_config(const aeo_els_config_t *config)
 {
-    return layout_holds(config) && is_between(config->forgetting_start, AEO_REAL(0.5), config->forgetting) &&
-           is_between(config->forgetting_rate, AEO_REAL(0), AEO_REAL(0.999999)) &&
-           config->varx_samples <= AEO_ELS_VARX_SAMPLES_MAX &&
-           (!guard_is_on(config) || config->varx_samples >= VARX_MIN) &&
-           (is_between(config->guard_ratio, AEO_REAL(1.5), AEO_REAL(100)) ||
-            is_between(config->guard_ratio, AEO_REAL(0), AEO_REAL(0)));
+    static const aeo_real_t RANGES[4][2] = {{AEO_REAL(0.5), AEO_REAL(1)},
+                                            {AEO_REAL(0.5), AEO_REAL(1)},
+                                            {AEO_REAL(0), AEO_REAL(0.999999)},
+                                            {AEO_REAL(0), AEO_REAL(100)}};
+    const aeo_real_t settings[4] = {config->forgetting, config->forgetting_start, config->forgetting_rate,
+                                    config->guard_ratio};
+    const aeo_status_t status = aeo_settings_judge(settings, RANGES, 4);
+    if (status != AEO_OK) {
+        return status;
+    }
+    const int guard_holds =
+        !guard_is_on(config) || (config->guard_ratio >= AEO_REAL(1.5) && config->varx_samples >= VARX_MIN);
+    return layout_holds(config) && config->forgetting_start <= config->forgetting &&
+                   config->varx_samples <= AEO_ELS_VARX_SAMPLES_MAX && guard_holds
+               ? AEO_OK
+               : AEO_E_ARG;
 }
 
 aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_real_t *memory, size_t words)
@@ -51,18 +54,15 @@ aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_r
     if (self == NULL || config == NULL || memory == NULL) {
         return AEO_E_ARG;
     }
-    const aeo_real_t settings[3] = {config->forgetting_start, config->forgetting_rate, config->guard_ratio};
-    if (!aeo_linalg_all_finite(settings, 3) || !aeo_linalg_all_finite(&config->forgetting, 1)) {
-        return AEO_E_NOT_FINITE;
-    }
-    if (!settings_hold(config)) {
-        return AEO_E_ARG;
+    aeo_status_t status = judge_config(config);
+    if (status != AEO_OK) {
+        return status;
     }
     const size_t own = AEO_ELS_OWN(config->outputs);
     const aeo_rls_config_t inner = {config->regressors,     config->outputs,        config->forgetting,
                                     config->regularisation, config->excitation_min, config->growth_max};
     /* rls checks its settings first and its memory last, so too few words for both are too few for it alone */
-    const aeo_status_t status = aeo_rls_init(&self->rls, &inner, memory, words < own ? 0u : words - own);
+    status = aeo_rls_init(&self->rls, &inner, memory, words < own ? 0u : words - own);
     if (status != AEO_OK) {
         return status;
     }
@@ -206,7 +206,7 @@ static void set_feedback(aeo_els_t *self)
             guard_is_on(&self->config) ? aeo_guard_limit(self->levels + i * AEO_GUARD_WORDS) : AEO_SCALED_MAX;
         const aeo_real_t e = self->rls.residual[i];
         self->feedback[i] = e;
-        if (!is_between(e, -limit, limit)) {
+        if (!aeo_is_between(e, -limit, limit)) {
             self->feedback[i] = e > limit ? limit : -limit;
             aeo_count_up(&self->count.limited);
             self->health |= AEO_ELS_LIMITED;
@@ -310,7 +310,7 @@ static int memory_holds(const aeo_real_t *feedback, size_t l)
 
 int aeo_els_invariants_hold(const aeo_els_t *self)
 {
-    if (self == NULL || !settings_hold(&self->config) || !aeo_rls_invariants_hold(&self->rls)) {
+    if (self == NULL || judge_config(&self->config) != AEO_OK || !aeo_rls_invariants_hold(&self->rls)) {
         return 0;
     }
     const size_t l = self->config.outputs;
@@ -318,45 +318,47 @@ int aeo_els_invariants_hold(const aeo_els_t *self)
     return self->config.regressors == self->rls.config.regressors && l == self->rls.config.outputs &&
            self->feedback == self->rls.factor + AEO_RLS_WORDS(self->config.regressors, l) &&
            self->levels == self->feedback + l && aeo_linalg_all_finite(self->feedback, AEO_ELS_OWN(l)) &&
-           memory_holds(self->feedback, l) && is_between(lambda, expected, expected) && self->backoff <= BACKOFF_MAX &&
-           self->wait == self->config.varx_samples << self->backoff;
+           memory_holds(self->feedback, l) && aeo_is_between(lambda, expected, expected) &&
+           self->backoff <= BACKOFF_MAX && self->wait == self->config.varx_samples << self->backoff;
 }
 
 /* The saved array: version, bytes of a real, p, d, lambda_end, lambda_start, rate, guard ratio, VARX samples (at most
- * 1e6, exact in a float); three counters, health, since, backoff, missed (saved.h); lambda_end - lambda;
- * feedback and levels; then the saved array of rls.h. */
-static void fill_head(const aeo_els_t *self, aeo_real_t head[HEAD_WORDS])
+ * 1e6, exact in a float); three counters, health, since, backoff, missed; lambda_end - lambda; feedback and levels
+ * (saved.h); then the saved array of rls.h. */
+enum { BACKOFF = 5, MISSED, NUMBERS, SETTINGS = 5 };
+
+static void describe(const aeo_els_t *self, aeo_real_t settings[SETTINGS], aeo_saved_form_t *form)
 {
-    head[0] = AEO_REAL(AEO_ELS_SAVED_VERSION);
-    head[1] = AEO_REAL(AEO_REAL_BYTES);
-    head[2] = (aeo_real_t)self->config.past;
-    head[3] = (aeo_real_t)self->config.present;
-    head[4] = self->config.forgetting;
-    head[5] = self->config.forgetting_start;
-    head[6] = self->config.forgetting_rate;
-    head[7] = self->config.guard_ratio;
-    head[8] = (aeo_real_t)self->config.varx_samples;
+    settings[0] = self->config.forgetting;
+    settings[1] = self->config.forgetting_start;
+    settings[2] = self->config.forgetting_rate;
+    settings[3] = self->config.guard_ratio;
+    settings[4] = (aeo_real_t)self->config.varx_samples;
+    form->version = AEO_ELS_SAVED_VERSION;
+    form->size_count = 2;
+    form->setting_count = SETTINGS;
+    form->number_count = NUMBERS;
+    form->sizes = &self->config.past;
+    form->settings = settings;
+    form->words = AEO_ELS_SAVED_WORDS(self->config.regressors, self->config.outputs);
 }
 
 aeo_status_t aeo_els_save(const aeo_els_t *self, aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    if (length < AEO_ELS_SAVED_WORDS(n, l)) {
-        return AEO_E_MEMORY;
+    aeo_saved_form_t form;
+    aeo_real_t settings[SETTINGS];
+    describe(self, settings, &form);
+    const aeo_status_t status = aeo_saved_begin(&form, &self->count, saved, length);
+    if (status != AEO_OK) {
+        return status;
     }
-    fill_head(self, saved);
-    saved += HEAD_WORDS;
-    uint32_t numbers[NUMBERS];
-    memcpy(numbers, (const unsigned char *)self + NUMBERS_AT, sizeof numbers);
-    for (int i = 0; i < NUMBERS; i++) {
-        saved = aeo_saved_put_u32(saved, numbers[i]);
-    }
-    *saved++ = self->shortfall;
-    memcpy(saved, self->feedback, AEO_ELS_OWN(l) * sizeof *saved);
-    return aeo_rls_save(&self->rls, saved + AEO_ELS_OWN(l), AEO_RLS_SAVED_WORDS(n, l));
+    const size_t own = AEO_ELS_OWN(self->config.outputs), outer = AEO_ELS_SAVED_HEAD + own;
+    saved[AEO_ELS_SAVED_HEAD - 1u] = self->shortfall;
+    memcpy(saved + AEO_ELS_SAVED_HEAD, self->feedback, own * sizeof *saved); /* the levels lie behind it */
+    return aeo_rls_save(&self->rls, saved + outer, length - outer);
 }
 
 /* Restore the inner filter, which wants the lambda it was saved with; on failure everything is as it was. */
@@ -374,40 +376,30 @@ static aeo_status_t restore_inner(aeo_els_t *self, const aeo_real_t *saved, aeo_
 
 aeo_status_t aeo_els_restore(aeo_els_t *self, const aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    if (length < AEO_ELS_SAVED_WORDS(n, l)) {
-        return AEO_E_MEMORY;
-    }
-    if (!aeo_linalg_all_finite(saved, AEO_ELS_SAVED_WORDS(n, l))) {
-        return AEO_E_NOT_FINITE;
-    }
-    aeo_real_t head[HEAD_WORDS];
-    fill_head(self, head);
-    aeo_status_t status = aeo_saved_judge_head(saved, head, HEAD_WORDS);
+    aeo_saved_form_t form;
+    aeo_real_t settings[SETTINGS];
+    uint32_t numbers[NUMBERS];
+    describe(self, settings, &form);
+    aeo_status_t status = aeo_saved_judge(&form, saved, length, numbers);
     if (status != AEO_OK) {
         return status;
     }
-    uint32_t numbers[NUMBERS];
-    int sound = 1;
-    const aeo_real_t *body = saved + HEAD_WORDS;
-    for (int i = 0; i < NUMBERS; i++) {
-        body = aeo_saved_get_u32(body, &numbers[i], &sound);
-    }
-    const aeo_real_t shortfall = *body++;
-    if (!sound || numbers[5] > BACKOFF_MAX || numbers[6] > 1u || !memory_holds(body, l) ||
-        !is_between(shortfall, AEO_REAL(0), self->config.forgetting - self->config.forgetting_start)) {
+    const aeo_real_t *const body = saved + AEO_ELS_SAVED_HEAD; /* behind the shortfall */
+    if (numbers[BACKOFF] > BACKOFF_MAX || numbers[MISSED] > 1u || !memory_holds(body, self->config.outputs) ||
+        !aeo_is_between(body[-1], AEO_REAL(0), self->config.forgetting - self->config.forgetting_start)) {
         return AEO_E_DAMAGED;
     }
-    status = restore_inner(self, body + AEO_ELS_OWN(l), shortfall);
+    const size_t own = AEO_ELS_OWN(self->config.outputs);
+    status = restore_inner(self, body + own, body[-1]);
     if (status != AEO_OK) {
         return status;
     }
-    memcpy((unsigned char *)self + NUMBERS_AT, numbers, sizeof numbers);
+    memcpy((unsigned char *)self + offsetof(aeo_els_t, count), numbers, form.number_count * sizeof *numbers);
     self->wait = self->config.varx_samples << self->backoff;
-    memcpy(self->feedback, body, AEO_ELS_OWN(l) * sizeof *body);
+    memcpy(self->feedback, body, own * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

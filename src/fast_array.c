@@ -11,7 +11,7 @@
  *   A, B move by at most ERROR_MAX GAIN_MAX = 1e24 a sample, and a row times the window is below n 1e24 1.1e6 < 1.2e33
  *   before it is judged;  kappa = g / gamma < 1e32;  E grows by at most (3 ERROR_MAX)^2 < 1e25 a sample.
  * What still exceeds the largest number on the way is infinite or NaN, and fails the judgement on its bits. */
-#define ERROR_MAX AEO_REAL(1e12)
+#define ERROR_MAX AEO_LINALG_ERROR_MAX
 #define GAIN_MAX  AEO_REAL(1e12)
 #define NEWS_MAX  AEO_REAL(1e20)
 
@@ -65,16 +65,6 @@ int aeo_fast_array_is_late(const aeo_fast_rls_array_t *array)
     return array->scalar[DISAGREEMENT] > LATE * array->scalar[ERROR_SIZE];
 }
 
-/* error = x - rows w, m values; returns 1 when all are below the bound. */
-static int find_error(const aeo_fast_rls_t *self, const aeo_real_t *rows, const aeo_real_t *w, const aeo_real_t *x)
-{
-    const size_t n = self->length, m = self->config.block;
-    for (size_t c = 0; c < m; c++) {
-        self->error[c] = x[c] - aeo_linalg_dot(rows + c * n, w, n);
-    }
-    return aeo_linalg_all_within(self->error, m, ERROR_MAX);
-}
-
 /* From kappa_{k-1} to [t; s], and A and F to sample k. */
 static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
@@ -82,7 +72,7 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     const aeo_real_t lambda = self->config.forgetting, gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* >= 1 */
     const aeo_real_t *const e = self->error;
     aeo_real_t *const f = self->error + m;
-    if (!find_error(self, array->forward, self->window, self->window + n)) {
+    if (!aeo_linalg_find_error(array->forward, self->window, n, self->window + n, self->error, m)) {
         return 0;
     }
     aeo_linalg_project(array->factor, e, f + m, m);
@@ -104,7 +94,7 @@ static int find_backward_error(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array
 {
     const size_t n = self->length, m = self->config.block;
     aeo_real_t *const r = self->error, *const difference = self->error + m;
-    if (!find_error(self, array->backward, self->window + m, self->window)) {
+    if (!aeo_linalg_find_error(array->backward, self->window + m, n, self->window, r, m)) {
         return 0;
     }
     for (size_t c = 0; c < m; c++) {

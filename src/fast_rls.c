@@ -3,15 +3,13 @@
 
 #include "fast_array.h"
 #include "linalg.h"
+#include "settings.h"
 
 #include <string.h>
 
 /* As in rls.c: samples are at most 1e6, and an innovation beyond INNOVATION_MAX forces theta to start afresh before
  * it is used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays
  * below n 1e24 1e6 < 1.1e33 until the next judgement. */
-#define SAMPLE_MAX          AEO_REAL(1e6)
-#define INNOVATION_MAX      AEO_REAL(1e12)
-#define VARIANCE_MAX        AEO_REAL(1e10)
 #define SHRINK_MIN          AEO_REAL(1e-3)
 #define REGULARISATION_RISE AEO_REAL(65536)
 
@@ -35,43 +33,31 @@
 #define FEEDBACK_MAX  AEO_REAL(0.75)
 #define FEEDBACK_TAIL AEO_REAL(0.07)
 
-static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
-{
-    return x >= low && x <= high;
-}
-
-static uint16_t count_tail(uint32_t mask)
-{
-    uint16_t bits = 0;
-    for (; mask != 0u; mask &= mask - 1u) {
-        bits++;
-    }
-    return bits;
-}
-
-static int sizes_hold(const aeo_fast_rls_config_t *config)
+static int sizes_hold(const aeo_fast_rls_config_t *config, size_t tail)
 {
     const unsigned m = config->block;
     if (m < 1u || m > AEO_FAST_RLS_BLOCK_MAX || config->past < 1u || config->outputs < 1u ||
         config->outputs > AEO_FAST_RLS_OUTPUTS_MAX || (m < 32u && config->feedthrough >> m != 0u)) {
         return 0;
     }
-    return AEO_FAST_RLS_LENGTH(config->past, m, count_tail(config->feedthrough)) <= AEO_FAST_RLS_REGRESSORS_MAX;
+    return AEO_FAST_RLS_LENGTH(config->past, m, tail) <= AEO_FAST_RLS_REGRESSORS_MAX;
 }
 
-static int settings_hold(const aeo_fast_rls_config_t *config)
+static aeo_status_t judge_config(const aeo_fast_rls_config_t *config, size_t tail)
 {
-    if (!sizes_hold(config) || !is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) ||
-        !is_between(config->regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)) ||
-        !is_between(config->growth_max, AEO_REAL(4), AEO_REAL(1e6)) ||
-        config->growth_max / config->regularisation > VARIANCE_MAX) {
-        return 0;
+    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, AEO_REAL(0), config->growth_max};
+    const aeo_status_t status = aeo_settings_judge_common(settings);
+    if (status != AEO_OK) {
+        return status;
+    }
+    if (!sizes_hold(config, tail)) {
+        return AEO_E_ARG;
     }
     aeo_real_t shrink = AEO_REAL(1);
     for (unsigned i = 0; i < config->past; i++) {
         shrink *= config->forgetting;
     }
-    return shrink >= SHRINK_MIN;
+    return shrink >= SHRINK_MIN ? AEO_OK : AEO_E_ARG;
 }
 
 /* Lengths of time in samples; none is above 86 memories of 1.7e7 samples, which 32 bits hold. */
@@ -125,14 +111,11 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
     if (self == NULL || config == NULL || memory == NULL) {
         return AEO_E_ARG;
     }
-    if (!aeo_linalg_all_finite(&config->forgetting, 1) || !aeo_linalg_all_finite(&config->regularisation, 1) ||
-        !aeo_linalg_all_finite(&config->growth_max, 1)) {
-        return AEO_E_NOT_FINITE;
+    const uint16_t tail = (uint16_t)aeo_settings_count_bits(config->feedthrough);
+    const aeo_status_t status = judge_config(config, tail);
+    if (status != AEO_OK) {
+        return status;
     }
-    if (!settings_hold(config)) {
-        return AEO_E_ARG;
-    }
-    const uint16_t tail = count_tail(config->feedthrough);
     if (words < AEO_FAST_RLS_WORDS(config->past, config->block, tail, config->outputs)) {
         return AEO_E_MEMORY;
     }
@@ -275,11 +258,7 @@ static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
 /* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */
 static int find_innovation(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    const size_t n = self->length, l = self->config.outputs;
-    for (size_t i = 0; i < l; i++) {
-        self->innovation[i] = y[i] - aeo_linalg_dot(self->theta + i * n, z, n);
-    }
-    return aeo_linalg_all_within(self->innovation, l, INNOVATION_MAX);
+    return aeo_linalg_find_error(self->theta, z, self->length, y, self->innovation, self->config.outputs);
 }
 
 /* theta += innovation g'. The residual is y - theta z for z as given, of which w may be a disturbed copy. */
@@ -361,15 +340,12 @@ static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
 
 aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    if (self == NULL || z == NULL || y == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    aeo_status_t status = aeo_linalg_judge(z, self->length, SAMPLE_MAX);
-    if (status == AEO_OK) {
-        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
-    }
+    const aeo_status_t status =
+        aeo_linalg_judge_sample(z, self->length, y, self->config.outputs, &self->count.rejected);
     if (status != AEO_OK) {
-        aeo_count_up(&self->count.rejected);
         return status;
     }
     if (!find_innovation(self, z, y)) {
@@ -390,15 +366,10 @@ const aeo_real_t *aeo_fast_rls_theta(const aeo_fast_rls_t *self)
 
 aeo_status_t aeo_fast_rls_read(const aeo_fast_rls_t *self, aeo_real_t *theta, size_t length)
 {
-    if (self == NULL || theta == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t count = (size_t)self->length * self->config.outputs;
-    if (length < count) {
-        return AEO_E_MEMORY;
-    }
-    memcpy(theta, self->theta, count * sizeof *theta);
-    return AEO_OK;
+    return aeo_linalg_copy_out(self->theta, (size_t)self->length * self->config.outputs, theta, length);
 }
 
 const aeo_real_t *aeo_fast_rls_innovation(const aeo_fast_rls_t *self)

@@ -54,9 +54,9 @@ int aeo_guard_watch(aeo_real_t *levels, aeo_real_t innovation, aeo_real_t rest, 
                     aeo_real_t ratio)
 {
     const uint32_t first = wait / 2u;
-    aeo_real_t power = square_of(innovation);
+    const aeo_real_t power = square_of(innovation), left = square_of(rest);
     if (since > wait) {
-        levels[REST] += (square_of(rest) - levels[REST]) / MEMORY;
+        levels[REST] += (left - levels[REST]) / MEMORY;
         const aeo_real_t limit = ratio * find_level(levels), share = find_share(levels);
         levels[POWER] += (at_most(power, OUTLIER_MAX * limit) - levels[POWER]) / MEMORY;
         levels[SHARE] += (share - levels[SHARE]) / (share < levels[SHARE] ? FALL : RISE);
@@ -65,7 +65,7 @@ int aeo_guard_watch(aeo_real_t *levels, aeo_real_t innovation, aeo_real_t rest, 
     if (since > first) {
         const aeo_real_t count = (aeo_real_t)(since - first); /* >= 1 */
         levels[VARX] += (power - levels[VARX]) / count;
-        levels[REST] += (square_of(rest) - levels[REST]) / count;
+        levels[REST] += (left - levels[REST]) / count;
         levels[POWER] = levels[VARX];
         levels[SHARE] = find_share(levels);
     }

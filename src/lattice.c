@@ -3,6 +3,7 @@
 
 #include "lattice_state.h"
 #include "linalg.h"
+#include "settings.h"
 
 #include <string.h>
 
@@ -14,8 +15,6 @@
  * a weight moves by less than 1.1e15 an update and stays below 1.1e26 for 1e11 updates, and the next error lies below
  * 1e10 + 96 1.1e26 1e10 < 1.1e38 < FLT_MAX, where it is judged. Targets are judged at the end of the stages only: what
  * they may do to their weights until then, infinities included, goes with the fresh start. */
-#define SAMPLE_MAX   AEO_REAL(1e6)
-#define VARIANCE_MAX AEO_REAL(1e10)
 
 /* The oldest block's prior weighs lambda^{1-p} that of the newest: with less than this the window is longer than what
  * the filter remembers. */
@@ -37,27 +36,20 @@ static int sizes_hold(const aeo_lattice_config_t *config)
            p <= AEO_LATTICE_REGRESSORS_MAX && p * m + d <= AEO_LATTICE_REGRESSORS_MAX;
 }
 
-int aeo_lattice_settings_hold(const aeo_lattice_config_t *config)
+aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config)
 {
-    static const aeo_real_t LIMITS[4][2] = {{AEO_REAL(0.5), AEO_REAL(1)},
-                                            {AEO_REAL(1e-8), AEO_REAL(1e8)},
-                                            {AEO_REAL(0), AEO_REAL(1)},
-                                            {AEO_REAL(4), AEO_REAL(1e6)}};
-    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
-                                    config->growth_max};
-    for (int i = 0; i < 4; i++) {
-        if (settings[i] < LIMITS[i][0] || settings[i] > LIMITS[i][1]) {
-            return 0;
-        }
+    const aeo_status_t status = aeo_settings_judge_common(&config->forgetting);
+    if (status != AEO_OK) {
+        return status;
     }
-    if (!sizes_hold(config) || config->growth_max / config->regularisation > VARIANCE_MAX) {
-        return 0;
+    if (!sizes_hold(config)) {
+        return AEO_E_ARG;
     }
     aeo_real_t faded = AEO_REAL(1);
-    for (unsigned j = 1; j < config->past && faded >= FADED_MIN; j++) {
+    for (unsigned j = 1; j < config->past; j++) {
         faded *= config->forgetting;
     }
-    return faded >= FADED_MIN;
+    return faded >= FADED_MIN ? AEO_OK : AEO_E_ARG;
 }
 
 static size_t count_words(const aeo_lattice_config_t *config)
@@ -92,13 +84,9 @@ aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *c
     if (self == NULL || config == NULL || memory == NULL) {
         return AEO_E_ARG;
     }
-    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
-                                    config->growth_max};
-    if (!aeo_linalg_all_finite(settings, 4)) {
-        return AEO_E_NOT_FINITE;
-    }
-    if (!aeo_lattice_settings_hold(config)) {
-        return AEO_E_ARG;
+    const aeo_status_t status = aeo_lattice_judge_config(config);
+    if (status != AEO_OK) {
+        return status;
     }
     if (words < count_words(config)) {
         return AEO_E_MEMORY;
@@ -377,16 +365,12 @@ static void start_afresh(aeo_lattice_t *self, const aeo_real_t *z)
 
 aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    if (self == NULL || z == NULL || y == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
     const size_t n = (size_t)self->config.past * self->config.block + self->config.present;
-    aeo_status_t status = aeo_linalg_judge(z, n, SAMPLE_MAX);
-    if (status == AEO_OK) {
-        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
-    }
+    const aeo_status_t status = aeo_linalg_judge_sample(z, n, y, self->config.outputs, &self->count.rejected);
     if (status != AEO_OK) {
-        aeo_count_up(&self->count.rejected);
         return status;
     }
     place_sample(self, z);

@@ -161,106 +161,75 @@ static int state_holds(const aeo_lattice_t *self, const aeo_real_t *state)
            aeo_linalg_all_within(state + (self->innovation - self->factor), 2 * l, AEO_LATTICE_ERROR_MAX);
 }
 
-/* What holds of the numbers that are saved as they are. */
-static int places_hold(const aeo_lattice_t *self)
+/* The numbers that are saved, all of one type, from health to quiet. */
+enum { ORDERS = 7, LEARNING, HEAD, SCAN, BEGUN, QUIET, NUMBERS };
+
+static int numbers_hold(const aeo_lattice_t *self, const uint32_t numbers[NUMBERS])
 {
-    return self->orders <= self->config.past && self->head < self->config.past &&
-           self->scan < aeo_lattice_count_variances(&self->config) && self->learning <= UINT16_MAX &&
-           self->begun <= 1u && self->quiet <= 1u;
+    return numbers[ORDERS] <= self->config.past && numbers[HEAD] < self->config.past &&
+           numbers[SCAN] < aeo_lattice_count_variances(&self->config) && numbers[LEARNING] <= UINT16_MAX &&
+           numbers[BEGUN] <= 1u && numbers[QUIET] <= 1u;
 }
 
 int aeo_lattice_invariants_hold(const aeo_lattice_t *self)
 {
-    if (self == NULL || !aeo_lattice_settings_hold(&self->config)) {
+    if (self == NULL || aeo_lattice_judge_config(&self->config) != AEO_OK) {
         return 0;
     }
+    uint32_t numbers[NUMBERS];
+    memcpy(numbers, (const unsigned char *)self + offsetof(aeo_lattice_t, health), sizeof numbers);
     const size_t words = aeo_lattice_count_state(self);
     return words ==
                AEO_LATTICE_STATE(self->config.past, self->config.block, self->config.present, self->config.outputs) &&
-           self->read_order < self->config.past && places_hold(self) && aeo_linalg_all_finite(self->factor, words) &&
-           state_holds(self, self->factor);
+           self->read_order < self->config.past && numbers_hold(self, numbers) &&
+           aeo_linalg_all_finite(self->factor, words) && state_holds(self, self->factor);
 }
 
-/* The saved array: version, bytes of a real, p, m, d, l, four settings; then in halves (saved.h) the words from health
- * to quiet, all of one type; then the state. */
-enum { HEAD = 10, NUMBERS = 13 };
-
-static void fill_head(const aeo_lattice_t *self, aeo_real_t head[HEAD])
+/* The saved array: version, bytes of a real, p, m, d, l, four settings; numbers; the state (saved.h). */
+static void describe(const aeo_lattice_t *self, aeo_saved_form_t *form)
 {
-    head[0] = AEO_REAL(AEO_LATTICE_SAVED_VERSION);
-    head[1] = AEO_REAL(AEO_REAL_BYTES);
-    head[2] = (aeo_real_t)self->config.past;
-    head[3] = (aeo_real_t)self->config.block;
-    head[4] = (aeo_real_t)self->config.present;
-    head[5] = (aeo_real_t)self->config.outputs;
-    head[6] = self->config.forgetting;
-    head[7] = self->config.regularisation;
-    head[8] = self->config.excitation_min;
-    head[9] = self->config.growth_max;
+    form->version = AEO_LATTICE_SAVED_VERSION;
+    form->size_count = 4;
+    form->setting_count = 4;
+    form->number_count = NUMBERS;
+    form->sizes = &self->config.past;
+    form->settings = &self->config.forgetting;
+    form->words = AEO_LATTICE_SAVED_HEAD + aeo_lattice_count_state(self);
 }
 
 aeo_status_t aeo_lattice_save(const aeo_lattice_t *self, aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t state = aeo_lattice_count_state(self);
-    if (length < AEO_LATTICE_SAVED_HEAD + state) {
-        return AEO_E_MEMORY;
+    aeo_saved_form_t form;
+    describe(self, &form);
+    const aeo_status_t status = aeo_saved_begin(&form, &self->health, saved, length);
+    if (status == AEO_OK) {
+        memcpy(saved + AEO_LATTICE_SAVED_HEAD, self->factor, aeo_lattice_count_state(self) * sizeof *saved);
     }
-    fill_head(self, saved);
-    saved += HEAD;
-    const unsigned char *const numbers = (const unsigned char *)self + offsetof(aeo_lattice_t, health);
-    for (size_t i = 0; i < NUMBERS; i++) {
-        uint32_t number;
-        memcpy(&number, numbers + i * sizeof number, sizeof number);
-        saved = aeo_saved_put_u32(saved, number);
-    }
-    memcpy(saved, self->factor, state * sizeof *saved);
-    return AEO_OK;
-}
-
-static void swap_numbers(aeo_lattice_t *self, uint32_t numbers[NUMBERS])
-{
-    unsigned char *const kept = (unsigned char *)self + offsetof(aeo_lattice_t, health);
-    for (size_t i = 0; i < NUMBERS; i++) {
-        const uint32_t number = numbers[i];
-        memcpy(&numbers[i], kept + i * sizeof number, sizeof number);
-        memcpy(kept + i * sizeof number, &number, sizeof number);
-    }
+    return status;
 }
 
 aeo_status_t aeo_lattice_restore(aeo_lattice_t *self, const aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t state = aeo_lattice_count_state(self);
-    if (length < AEO_LATTICE_SAVED_HEAD + state) {
-        return AEO_E_MEMORY;
-    }
-    if (!aeo_linalg_all_finite(saved, AEO_LATTICE_SAVED_HEAD + state)) {
-        return AEO_E_NOT_FINITE;
-    }
-    aeo_real_t head[HEAD];
-    fill_head(self, head);
-    const aeo_status_t same = aeo_saved_judge_head(saved, head, HEAD);
-    if (same != AEO_OK) {
-        return same;
-    }
+    aeo_saved_form_t form;
     uint32_t numbers[NUMBERS];
-    int sound = 1;
-    saved += HEAD;
-    for (int i = 0; i < NUMBERS; i++) {
-        saved = aeo_saved_get_u32(saved, &numbers[i], &sound);
+    describe(self, &form);
+    const aeo_status_t status = aeo_saved_judge(&form, saved, length, numbers);
+    if (status != AEO_OK) {
+        return status;
     }
-    swap_numbers(self, numbers);
-    if (!sound || !places_hold(self) || !state_holds(self, saved)) {
-        swap_numbers(self, numbers);
+    const aeo_real_t *const body = saved + AEO_LATTICE_SAVED_HEAD;
+    if (!numbers_hold(self, numbers) || !state_holds(self, body)) {
         return AEO_E_DAMAGED;
     }
     self->read_order = 0;
-    memcpy(self->factor, saved, state * sizeof *saved);
+    memcpy((unsigned char *)self + offsetof(aeo_lattice_t, health), numbers, sizeof numbers);
+    memcpy(self->factor, body, aeo_lattice_count_state(self) * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

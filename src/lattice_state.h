@@ -9,17 +9,17 @@
 #include "aeolid/lattice.h"
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_lattice_settings_hold aeo_lattice_settings_hold_f64
-#define aeo_lattice_correct       aeo_lattice_correct_f64
-#define aeo_lattice_turn          aeo_lattice_turn_f64
-#define aeo_lattice_variance      aeo_lattice_variance_f64
+#define aeo_lattice_judge_config aeo_lattice_judge_config_f64
+#define aeo_lattice_correct      aeo_lattice_correct_f64
+#define aeo_lattice_turn         aeo_lattice_turn_f64
+#define aeo_lattice_variance     aeo_lattice_variance_f64
 #endif
 
 /* An error beyond this is a runaway; lattice.c proves what follows from it. */
 #define AEO_LATTICE_ERROR_MAX AEO_REAL(1e10)
 
-/* Return 1 when sizes and settings, all finite, lie in the ranges of lattice.h. */
-int aeo_lattice_settings_hold(const aeo_lattice_config_t *config);
+/* Judge sizes and settings on the ranges of lattice.h: AEO_OK, AEO_E_NOT_FINITE or AEO_E_ARG. */
+aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config);
 
 /* Take off x (count values) what weight (count x m by columns) makes of v (m values), x -= weight v, and move weight by
  * the error that is left, weight += x step gain'; with gain null it stays. */

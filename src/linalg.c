@@ -1,6 +1,8 @@
 /* linalg.c: the kernels of linalg.h. */
 #include "linalg.h"
 
+#include "aeolid/regressor.h"
+
 #include <string.h>
 
 #if AEO_REAL_BYTES == 8
@@ -39,12 +41,41 @@ int aeo_linalg_all_within(const aeo_real_t *x, size_t count, aeo_real_t limit)
     return 1;
 }
 
-aeo_status_t aeo_linalg_judge(const aeo_real_t *x, size_t count, aeo_real_t limit)
+aeo_status_t aeo_linalg_judge(const aeo_real_t *x, size_t count)
 {
-    if (aeo_linalg_all_within(x, count, limit)) {
+    if (aeo_linalg_all_within(x, count, AEO_SCALED_MAX)) {
         return AEO_OK;
     }
     return aeo_linalg_all_finite(x, count) ? AEO_E_RANGE : AEO_E_NOT_FINITE;
+}
+
+aeo_status_t aeo_linalg_judge_sample(const aeo_real_t *z, size_t n, const aeo_real_t *y, size_t l, uint32_t *rejected)
+{
+    if (z == NULL || y == NULL) {
+        return AEO_E_ARG;
+    }
+    aeo_status_t status = aeo_linalg_judge(z, n);
+    if (status == AEO_OK) {
+        status = aeo_linalg_judge(y, l);
+    }
+    if (status != AEO_OK) {
+        aeo_count_up(rejected);
+    }
+    return status;
+}
+
+aeo_status_t aeo_linalg_copy_out(const aeo_real_t *from, size_t count, aeo_real_t *to, size_t length)
+{
+    if (to == NULL) {
+        return AEO_E_ARG;
+    }
+    if (length < count) {
+        return AEO_E_MEMORY;
+    }
+    if (to != from) {
+        memcpy(to, from, count * sizeof *to);
+    }
+    return AEO_OK;
 }
 
 /* Four partial sums: a quarter of the rounding error of one long chain, and no wait for each addition. */
@@ -62,6 +93,16 @@ aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count
         s0 += x[i] * y[i];
     }
     return (s0 + s1) + (s2 + s3);
+}
+
+int aeo_linalg_find_error(const aeo_real_t *rows, const aeo_real_t *z, size_t n, const aeo_real_t *y, aeo_real_t *error,
+                          size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        error[i] = y[i] - aeo_linalg_dot(rows, z, n);
+        rows += n;
+    }
+    return aeo_linalg_all_within(error, count, AEO_LINALG_ERROR_MAX);
 }
 
 void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, size_t count)

@@ -1,7 +1,7 @@
 /* markov.c: undoes the scales of regressor.h at read-out. */
 #include "aeolid/markov.h"
 
-#include <string.h>
+#include "linalg.h"
 
 /* The channel of entry j of a valid layout; present inputs follow the last block, lowest set bit of the mask first. */
 static int find_channel(const aeo_regressor_t *layout, unsigned j)
@@ -61,17 +61,10 @@ aeo_status_t aeo_markov_read(const aeo_regressor_t *layout, const aeo_real_t *th
 aeo_status_t aeo_markov_read_scaled(const aeo_regressor_t *layout, const aeo_real_t *theta, aeo_real_t *markov,
                                     size_t length)
 {
-    if (layout == NULL || theta == NULL || markov == NULL) {
+    if (layout == NULL || theta == NULL) {
         return AEO_E_ARG;
     }
-    const size_t count = AEO_MARKOV_WORDS(layout->length, layout->outputs);
-    if (length < count) {
-        return AEO_E_MEMORY;
-    }
-    if (markov != theta) {
-        memcpy(markov, theta, count * sizeof *theta);
-    }
-    return AEO_OK;
+    return aeo_linalg_copy_out(theta, AEO_MARKOV_WORDS(layout->length, layout->outputs), markov, length);
 }
 
 aeo_real_t aeo_markov_at(const aeo_regressor_t *layout, const aeo_real_t *theta, size_t index)

@@ -2,6 +2,7 @@
 #include "aeolid/regressor.h"
 
 #include "linalg.h"
+#include "settings.h"
 
 #include <string.h>
 
@@ -13,15 +14,6 @@
 #define REAL_MAX FLT_MAX
 #define REAL_MIN FLT_MIN
 #endif
-
-static unsigned count_bits(uint32_t mask)
-{
-    unsigned bits = 0;
-    for (; mask != 0u; mask &= mask - 1u) {
-        bits++;
-    }
-    return bits;
-}
 
 static int sizes_hold(const aeo_regressor_config_t *config)
 {
@@ -64,16 +56,20 @@ static aeo_status_t check_tables(const aeo_regressor_config_t *config)
 
 static void fill_tables(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory)
 {
+    static const aeo_real_t UNSET[4] = {AEO_REAL(0), AEO_REAL(1), -REAL_MAX, REAL_MAX};
     const size_t channels = (size_t)config->inputs + config->outputs;
+    const aeo_real_t *const tables[4] = {config->offset, config->scale, config->minimum, config->maximum};
     self->offset = memory;
     self->inverse = memory + channels;
     self->minimum = memory + 2 * channels;
     self->maximum = memory + 3 * channels;
+    for (int t = 0; t < 4; t++) {
+        for (size_t i = 0; i < channels; i++) {
+            *memory++ = tables[t] != NULL ? tables[t][i] : UNSET[t];
+        }
+    }
     for (size_t i = 0; i < channels; i++) {
-        self->offset[i] = config->offset != NULL ? config->offset[i] : AEO_REAL(0);
-        self->inverse[i] = config->scale != NULL ? AEO_REAL(1) / config->scale[i] : AEO_REAL(1);
-        self->minimum[i] = config->minimum != NULL ? config->minimum[i] : -REAL_MAX;
-        self->maximum[i] = config->maximum != NULL ? config->maximum[i] : REAL_MAX;
+        self->inverse[i] = AEO_REAL(1) / self->inverse[i]; /* scales until here, none of them 0 */
     }
 }
 
@@ -88,6 +84,7 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
         return status;
     }
     const unsigned r = config->inputs, l = config->outputs, e = config->model_set == AEO_VARMAX ? 1u : 0u;
+    const size_t m = AEO_REGRESSOR_BLOCK(r, l, e), past = config->past * m;
     if (words < AEO_REGRESSOR_WORDS(r, l, config->past, e)) {
         return AEO_E_MEMORY;
     }
@@ -98,13 +95,18 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
     self->model_set = (uint8_t)config->model_set;
     self->feedthrough = config->feedthrough;
     self->period_us = config->period_us;
-    self->block_length = (uint16_t)AEO_REGRESSOR_BLOCK(r, l, e);
-    self->length = (uint16_t)AEO_REGRESSOR_LENGTH(r, l, config->past, e, count_bits(config->feedthrough));
+    self->block_length = (uint16_t)m;
+    self->length = (uint16_t)(past + aeo_settings_count_bits(config->feedthrough));
     self->z = memory;
-    self->block = memory + AEO_REGRESSOR_LENGTH(r, l, config->past, e, r);
+    self->block = memory + past + r;
     fill_tables(self, config, self->block + self->block_length);
     aeo_regressor_reset(self);
     return AEO_OK;
+}
+
+static aeo_real_t scale(const aeo_regressor_t *self, aeo_real_t x, size_t channel)
+{
+    return (x - self->offset[channel]) * self->inverse[channel];
 }
 
 /* 1 when every value of the channels first ... first+count-1 lies in its plausible range and scales to a number that
@@ -113,12 +115,9 @@ aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_confi
 static int in_range(const aeo_regressor_t *self, const aeo_real_t *x, size_t first, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
-        const size_t channel = first + i;
-        if (x[i] < self->minimum[channel] || x[i] > self->maximum[channel]) {
-            return 0;
-        }
-        const aeo_real_t scaled = (x[i] - self->offset[channel]) * self->inverse[channel];
-        if (!aeo_linalg_all_finite(&scaled, 1) || !aeo_linalg_all_within(&scaled, 1, AEO_SCALED_MAX)) {
+        const aeo_real_t scaled = scale(self, x[i], first + i);
+        if (x[i] < self->minimum[first + i] || x[i] > self->maximum[first + i] ||
+            !aeo_linalg_all_within(&scaled, 1, AEO_SCALED_MAX)) {
             return 0;
         }
     }
@@ -159,19 +158,14 @@ static void shift_window(aeo_regressor_t *self)
 static void store_block(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y)
 {
     const size_t r = self->inputs, l = self->outputs;
-    size_t tail = (size_t)self->past * self->block_length;
-    for (size_t i = 0; i < r; i++) {
-        self->block[i] = (u[i] - self->offset[i]) * self->inverse[i];
-        if ((self->feedthrough >> i & 1u) != 0u) {
-            self->z[tail++] = self->block[i];
+    aeo_real_t *tail = self->z + (size_t)self->past * self->block_length;
+    for (size_t i = 0; i < r + l; i++) {
+        self->block[i] = scale(self, i < r ? u[i] : y[i - r], i);
+        if (i < r && (self->feedthrough >> i & 1u) != 0u) {
+            *tail++ = self->block[i];
         }
     }
-    for (size_t i = 0; i < l; i++) {
-        self->block[r + i] = (y[i] - self->offset[r + i]) * self->inverse[r + i];
-    }
-    for (size_t i = r + l; i < self->block_length; i++) {
-        self->block[i] = AEO_REAL(0);
-    }
+    memset(self->block + r + l, 0, (self->block_length - r - l) * sizeof *self->block);
 }
 
 aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us)
@@ -213,14 +207,11 @@ aeo_status_t aeo_regressor_set_innovation(aeo_regressor_t *self, const aeo_real_
     if (self == NULL || e == NULL || self->model_set != (uint8_t)AEO_VARMAX || self->pending == 0u) {
         return AEO_E_ARG;
     }
-    if (!aeo_linalg_all_finite(e, self->outputs)) {
-        return AEO_E_NOT_FINITE;
+    const aeo_status_t status = aeo_linalg_judge(e, self->outputs);
+    if (status == AEO_OK) {
+        memcpy(self->block + self->inputs + self->outputs, e, self->outputs * sizeof *e);
     }
-    if (!aeo_linalg_all_within(e, self->outputs, AEO_SCALED_MAX)) {
-        return AEO_E_RANGE;
-    }
-    memcpy(self->block + self->inputs + self->outputs, e, self->outputs * sizeof *e);
-    return AEO_OK;
+    return status;
 }
 
 const aeo_real_t *aeo_regressor_z(const aeo_regressor_t *self)
@@ -253,14 +244,11 @@ int aeo_regressor_invariants_hold(const aeo_regressor_t *self)
     const unsigned e = self->model_set;
     const size_t channels = (size_t)self->inputs + self->outputs;
     if (e > 1u || self->block_length != AEO_REGRESSOR_BLOCK(self->inputs, self->outputs, e) ||
-        self->length != (size_t)self->past * self->block_length + count_bits(self->feedthrough)) {
+        self->length != (size_t)self->past * self->block_length + aeo_settings_count_bits(self->feedthrough)) {
         return 0;
     }
-    if (!aeo_linalg_all_finite(self->z, self->length) || !aeo_linalg_all_finite(self->block, self->block_length) ||
-        !aeo_linalg_all_finite(self->offset, 4 * channels)) {
-        return 0;
-    }
-    return aeo_linalg_all_within(self->z, self->length, AEO_SCALED_MAX) &&
+    return aeo_linalg_all_finite(self->offset, 4 * channels) &&
+           aeo_linalg_all_within(self->z, self->length, AEO_SCALED_MAX) &&
            aeo_linalg_all_within(self->block, self->block_length, AEO_SCALED_MAX);
 }
 /* SPDX-License-Identifier: MIT */

@@ -3,6 +3,7 @@
 
 #include "linalg.h"
 #include "saved.h"
+#include "settings.h"
 
 #include <string.h>
 
@@ -11,37 +12,17 @@
  *   |S'z|_j <= n 1.5e5 1e6 < 2e14,   alpha <= 1 + n (2e14)^2 < 5e31,   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5.
  * An innovation beyond INNOVATION_MAX forces a fresh start before it is used, so theta moves by less than 1.1e17 an
  * update, stays below 1e29 for 1e11 updates, and theta z stays below n 1e29 1e6 < 1.1e38 < FLT_MAX. */
-#define SAMPLE_MAX     AEO_REAL(1e6)
-#define INNOVATION_MAX AEO_REAL(1e12)
-#define VARIANCE_MAX   AEO_REAL(1e10)
-#define FACTOR_MAX     AEO_REAL(2e5) /* (4 VARIANCE_MAX)^(1/2) */
+#define INNOVATION_MAX AEO_LINALG_ERROR_MAX
+#define FACTOR_MAX     AEO_REAL(2e5) /* (4 growth_max / rho)^(1/2) */
 #define THETA_MAX      AEO_REAL(1e29)
 
-static int is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
+static aeo_status_t judge_config(const aeo_rls_config_t *config)
 {
-    return x >= low && x <= high;
-}
-
-static int settings_hold(const aeo_rls_config_t *config)
-{
-    return config->regressors >= 1u && config->regressors <= AEO_RLS_REGRESSORS_MAX && config->outputs >= 1u &&
-           config->outputs <= AEO_RLS_OUTPUTS_MAX && is_between(config->forgetting, AEO_REAL(0.5), AEO_REAL(1)) &&
-           is_between(config->regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)) &&
-           is_between(config->excitation_min, AEO_REAL(0), AEO_REAL(1)) &&
-           is_between(config->growth_max, AEO_REAL(4), AEO_REAL(1e6)) &&
-           config->growth_max / config->regularisation <= VARIANCE_MAX;
-}
-
-/* How many variances to check a sample so that each comes round before forgetting can double it. */
-static uint16_t find_scan_step(uint16_t n, aeo_real_t lambda)
-{
-    aeo_real_t shrink = lambda;
-    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
-    while (samples < n && shrink * lambda >= AEO_REAL(0.5)) {
-        shrink *= lambda;
-        samples++;
+    const aeo_status_t status = aeo_settings_judge_common(&config->forgetting);
+    if (config->regressors - 1u >= AEO_RLS_REGRESSORS_MAX || config->outputs - 1u >= AEO_RLS_OUTPUTS_MAX) {
+        return status == AEO_OK ? AEO_E_ARG : status; /* 0 less 1 is the largest number there is */
     }
-    return (uint16_t)((n + samples - 1u) / samples);
+    return status;
 }
 
 static void derive_from_forgetting(aeo_rls_t *self)
@@ -49,7 +30,7 @@ static void derive_from_forgetting(aeo_rls_t *self)
     const aeo_real_t lambda = self->config.forgetting;
     self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(lambda); /* lambda >= 1/2 */
     self->gate = self->config.excitation_min * (AEO_REAL(1) - lambda) * (aeo_real_t)self->config.regressors;
-    self->scan_step = find_scan_step(self->config.regressors, lambda);
+    self->scan_step = aeo_settings_find_scan_step(self->config.regressors, lambda);
 }
 
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words)
@@ -57,13 +38,9 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     if (self == NULL || config == NULL || memory == NULL) {
         return AEO_E_ARG;
     }
-    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, config->excitation_min,
-                                    config->growth_max};
-    if (!aeo_linalg_all_finite(settings, 4)) {
-        return AEO_E_NOT_FINITE;
-    }
-    if (!settings_hold(config)) {
-        return AEO_E_ARG;
+    const aeo_status_t status = judge_config(config);
+    if (status != AEO_OK) {
+        return status;
     }
     const size_t n = config->regressors, l = config->outputs;
     if (words < AEO_RLS_WORDS(n, l)) {
@@ -113,7 +90,7 @@ aeo_status_t aeo_rls_start(aeo_rls_t *self, const aeo_real_t *theta)
         return AEO_E_ARG;
     }
     const size_t count = (size_t)self->config.regressors * self->config.outputs;
-    const aeo_status_t status = aeo_linalg_judge(theta, count, SAMPLE_MAX);
+    const aeo_status_t status = aeo_linalg_judge(theta, count);
     if (status != AEO_OK) {
         return status;
     }
@@ -132,7 +109,7 @@ aeo_status_t aeo_rls_set_forgetting(aeo_rls_t *self, aeo_real_t lambda)
     if (!aeo_linalg_all_finite(&lambda, 1)) {
         return AEO_E_NOT_FINITE;
     }
-    if (!is_between(lambda, AEO_REAL(0.5), AEO_REAL(1))) {
+    if (!aeo_is_between(lambda, AEO_REAL(0.5), AEO_REAL(1))) {
         return AEO_E_ARG;
     }
     self->config.forgetting = lambda;
@@ -143,11 +120,7 @@ aeo_status_t aeo_rls_set_forgetting(aeo_rls_t *self, aeo_real_t lambda)
 /* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */
 static int find_innovation(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    for (size_t i = 0; i < l; i++) {
-        self->innovation[i] = y[i] - aeo_linalg_dot(self->theta + i * n, z, n);
-    }
-    return aeo_linalg_all_within(self->innovation, l, INNOVATION_MAX);
+    return aeo_linalg_find_error(self->theta, z, self->config.regressors, y, self->innovation, self->config.outputs);
 }
 
 /* Absorb z with the weight lambda, theta included. The gain comes unnormalised: gain = alpha g. */
@@ -171,7 +144,7 @@ static void bound_variances(aeo_rls_t *self)
     const size_t n = self->config.regressors;
     for (unsigned s = 0; s < self->scan_step; s++) {
         const size_t i = self->scan_row;
-        self->scan_row = (uint16_t)(i + 1u < n ? i + 1u : 0u);
+        self->scan_row = i + 1u < n ? (uint32_t)i + 1u : 0u;
         const aeo_real_t variance = aeo_linalg_row_norm2(self->factor, n, i, NULL);
         if (variance <= self->variance_max) {
             continue;
@@ -189,15 +162,12 @@ static void bound_variances(aeo_rls_t *self)
 
 aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    if (self == NULL || z == NULL || y == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    aeo_status_t status = aeo_linalg_judge(z, self->config.regressors, SAMPLE_MAX);
-    if (status == AEO_OK) {
-        status = aeo_linalg_judge(y, self->config.outputs, SAMPLE_MAX);
-    }
+    const aeo_status_t status =
+        aeo_linalg_judge_sample(z, self->config.regressors, y, self->config.outputs, &self->count.rejected);
     if (status != AEO_OK) {
-        aeo_count_up(&self->count.rejected);
         return status;
     }
     if (!find_innovation(self, z, y)) {
@@ -228,15 +198,10 @@ const aeo_real_t *aeo_rls_theta(const aeo_rls_t *self)
 
 aeo_status_t aeo_rls_read(const aeo_rls_t *self, aeo_real_t *theta, size_t length)
 {
-    if (self == NULL || theta == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t count = (size_t)self->config.regressors * self->config.outputs;
-    if (length < count) {
-        return AEO_E_MEMORY;
-    }
-    memcpy(theta, self->theta, count * sizeof *theta);
-    return AEO_OK;
+    return aeo_linalg_copy_out(self->theta, (size_t)self->config.regressors * self->config.outputs, theta, length);
 }
 
 const aeo_real_t *aeo_rls_innovation(const aeo_rls_t *self)
@@ -280,7 +245,7 @@ static int factor_holds(const aeo_real_t *factor, size_t n, aeo_real_t variance_
 
 int aeo_rls_invariants_hold(const aeo_rls_t *self)
 {
-    if (self == NULL || !settings_hold(&self->config)) {
+    if (self == NULL || judge_config(&self->config) != AEO_OK) {
         return 0;
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
@@ -289,41 +254,35 @@ int aeo_rls_invariants_hold(const aeo_rls_t *self)
            factor_holds(self->factor, n, self->variance_max);
 }
 
-/* The saved array: version, bytes of a real, n, l, four settings, health, five counters, scan row (saved.h), factor,
- * theta, innovation, residual. */
-static void fill_head(const aeo_rls_t *self, aeo_real_t head[8])
+/* The saved array: version, bytes of a real, n, l, four settings; health, five counters, scan row; factor, theta,
+ * innovation, residual (saved.h). */
+enum { SCAN_ROW = 6, NUMBERS };
+
+static void describe(const aeo_rls_t *self, aeo_saved_form_t *form)
 {
-    head[0] = AEO_REAL(AEO_RLS_SAVED_VERSION);
-    head[1] = AEO_REAL(AEO_REAL_BYTES);
-    head[2] = (aeo_real_t)self->config.regressors;
-    head[3] = (aeo_real_t)self->config.outputs;
-    head[4] = self->config.forgetting;
-    head[5] = self->config.regularisation;
-    head[6] = self->config.excitation_min;
-    head[7] = self->config.growth_max;
+    form->version = AEO_RLS_SAVED_VERSION;
+    form->size_count = 2;
+    form->setting_count = 4;
+    form->number_count = NUMBERS;
+    form->sizes = &self->config.regressors;
+    form->settings = &self->config.forgetting;
+    form->words = AEO_RLS_SAVED_WORDS(self->config.regressors, self->config.outputs);
 }
 
 aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    if (length < AEO_RLS_SAVED_WORDS(n, l)) {
-        return AEO_E_MEMORY;
+    aeo_saved_form_t form;
+    describe(self, &form);
+    const aeo_status_t status = aeo_saved_begin(&form, &self->health, saved, length);
+    if (status == AEO_OK) {
+        const size_t ends = 2u * (size_t)self->config.outputs, kept = form.words - AEO_RLS_SAVED_HEAD - ends;
+        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, kept * sizeof *saved); /* theta lies behind it */
+        memcpy(saved + AEO_RLS_SAVED_HEAD + kept, self->innovation, ends * sizeof *saved);
     }
-    fill_head(self, saved);
-    saved = aeo_saved_put_u32(saved + 8, self->health);
-    saved = aeo_saved_put_u32(saved, self->count.updates);
-    saved = aeo_saved_put_u32(saved, self->count.rejected);
-    saved = aeo_saved_put_u32(saved, self->count.withheld);
-    saved = aeo_saved_put_u32(saved, self->count.bounded);
-    saved = aeo_saved_put_u32(saved, self->count.reinitialised);
-    saved = aeo_saved_put_u32(saved, self->scan_row);
-    const size_t kept = n * (n + 1) / 2 + n * l; /* factor and theta lie side by side */
-    memcpy(saved, self->factor, kept * sizeof *saved);
-    memcpy(saved + kept, self->innovation, 2 * l * sizeof *saved);
-    return AEO_OK;
+    return status;
 }
 
 /* The numbers after the head, finite: such as a filter can have, or the proofs would not hold from here on. */
@@ -337,40 +296,24 @@ static int body_holds(const aeo_rls_t *self, const aeo_real_t *body)
 
 aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length)
 {
-    if (self == NULL || saved == NULL) {
+    if (self == NULL) {
         return AEO_E_ARG;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs, kept = n * (n + 1) / 2 + n * l;
-    if (length < AEO_RLS_SAVED_WORDS(n, l)) {
-        return AEO_E_MEMORY;
+    aeo_saved_form_t form;
+    uint32_t numbers[NUMBERS];
+    describe(self, &form);
+    const aeo_status_t status = aeo_saved_judge(&form, saved, length, numbers);
+    if (status != AEO_OK) {
+        return status;
     }
-    if (!aeo_linalg_all_finite(saved, AEO_RLS_SAVED_WORDS(n, l))) {
-        return AEO_E_NOT_FINITE;
-    }
-    aeo_real_t head[8];
-    fill_head(self, head);
-    const aeo_status_t same = aeo_saved_judge_head(saved, head, 8);
-    if (same != AEO_OK) {
-        return same;
-    }
-    uint32_t numbers[7];
-    int sound = 1;
-    const aeo_real_t *body = saved + 8;
-    for (int i = 0; i < 7; i++) {
-        body = aeo_saved_get_u32(body, &numbers[i], &sound);
-    }
-    if (!sound || numbers[6] >= n || !body_holds(self, body)) {
+    const aeo_real_t *const body = saved + AEO_RLS_SAVED_HEAD;
+    if (numbers[SCAN_ROW] >= self->config.regressors || !body_holds(self, body)) {
         return AEO_E_DAMAGED;
     }
-    self->health = numbers[0];
-    self->count.updates = numbers[1];
-    self->count.rejected = numbers[2];
-    self->count.withheld = numbers[3];
-    self->count.bounded = numbers[4];
-    self->count.reinitialised = numbers[5];
-    self->scan_row = (uint16_t)numbers[6];
+    memcpy((unsigned char *)self + offsetof(aeo_rls_t, health), numbers, form.number_count * sizeof *numbers);
+    const size_t ends = 2u * (size_t)self->config.outputs, kept = form.words - AEO_RLS_SAVED_HEAD - ends;
     memcpy(self->factor, body, kept * sizeof *body);
-    memcpy(self->innovation, body + kept, 2 * l * sizeof *body);
+    memcpy(self->innovation, body + kept, ends * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

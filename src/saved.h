@@ -1,6 +1,7 @@
 /* saved.h: how every filter writes itself into a flat array and checks one it is given; internal, not installed.
  *
- * Unsigned 32-bit numbers travel as two halves of 16 bits, each exact in a float.
+ * A saved array is a head (version, bytes of a real, sizes, settings), which must be that of the filter that reads it;
+ * then unsigned 32-bit numbers as two halves of 16 bits, each exact in a float; then arrays as they lie in memory.
  */
 #ifndef AEOLID_SAVED_H
 #define AEOLID_SAVED_H
@@ -9,21 +10,26 @@
 #include "aeolid/status.h"
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_saved_put_u32    aeo_saved_put_u32_f64
-#define aeo_saved_get_u32    aeo_saved_get_u32_f64
-#define aeo_saved_judge_head aeo_saved_judge_head_f64
+#define aeo_saved_begin aeo_saved_begin_f64
+#define aeo_saved_judge aeo_saved_judge_f64
 #endif
 
-/* Write value as two words; returns the place behind them. */
-aeo_real_t *aeo_saved_put_u32(aeo_real_t *to, uint32_t value);
+/* What the saved array of one filter is like. */
+typedef struct {
+    uint8_t version, size_count, setting_count, number_count;
+    const void *sizes;    /* of type uint16_t, side by side */
+    const void *settings; /* of type aeo_real_t, side by side */
+    size_t words;         /* of head, numbers and arrays */
+} aeo_saved_form_t;
 
-/* Read two words written by aeo_saved_put_u32; lowers *sound to 0 when they cannot be such, else leaves it. The words
- * are finite. Returns the place behind them. */
-const aeo_real_t *aeo_saved_get_u32(const aeo_real_t *from, uint32_t *value, int *sound);
+/* Write head and numbers (those of type uint32_t that begin there) into saved (length values, written); the caller
+ * adds the arrays. AEO_E_ARG: saved is null; AEO_E_MEMORY: length < form->words; neither writes. */
+aeo_status_t aeo_saved_begin(const aeo_saved_form_t *form, const void *numbers, aeo_real_t *saved, size_t length);
 
-/* Compare the head of a saved array with the one expected, count words, version first: AEO_OK, AEO_E_VERSION or
- * AEO_E_MISMATCH. The words are finite. */
-aeo_status_t aeo_saved_judge_head(const aeo_real_t *saved, const aeo_real_t *expected, size_t count);
+/* Judge a saved array (length values, read) on everything but what its filter knows better, and let numbers (written)
+ * be its numbers. AEO_E_ARG, AEO_E_MEMORY as above; AEO_E_NOT_FINITE: any of form->words; AEO_E_VERSION,
+ * AEO_E_MISMATCH: another head; AEO_E_DAMAGED: a number is none. */
+aeo_status_t aeo_saved_judge(const aeo_saved_form_t *form, const aeo_real_t *saved, size_t length, uint32_t *numbers);
 
 #endif
 /* SPDX-License-Identifier: MIT */

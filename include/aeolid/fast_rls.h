@@ -136,9 +136,12 @@ typedef struct {
     uint32_t age;         /* samples absorbed, 0: not running */
 } aeo_fast_rls_array_t;
 
-/* Private but for reading. Pointers lead into the caller's memory. */
+/* Private but for reading. Pointers lead into the caller's memory. What is read most comes first, where short
+ * instructions reach it. */
 typedef struct {
-    aeo_fast_rls_array_t array[2];
+    uint16_t length; /* n */
+    uint16_t tail;   /* d */
+    aeo_fast_rls_config_t config;
     aeo_real_t *theta;      /* l x n by rows, in the order of z */
     aeo_real_t *window;     /* m + n: [x; w], channels of the mask first in each block */
     aeo_real_t *innovation; /* l */
@@ -154,15 +157,13 @@ typedef struct {
     uint32_t life;   /* samples after which an array's follower starts; UINT32_MAX: only when needed */
     uint32_t warm;   /* samples an array absorbs before it takes over */
     uint32_t wait;   /* most samples theta waits after a break */
-    uint32_t hold;   /* samples theta waits still */
     uint32_t random; /* state of the disturbance's signs, never 0 */
     uint32_t filled; /* samples the window holds, up to p + 1 */
     uint32_t active; /* which array makes the gain, 0 or 1 */
-    uint16_t length; /* n */
-    uint16_t tail;   /* d */
-    aeo_fast_rls_config_t config;
     uint32_t health;
     aeo_fast_rls_count_t count;
+    uint32_t hold; /* samples theta waits still */
+    aeo_fast_rls_array_t array[2];
 } aeo_fast_rls_t;
 
 /* Start self with theta = 0 and the P_{-1} above in the memory given (words values, written, aligned as the type). The

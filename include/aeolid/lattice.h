@@ -139,6 +139,7 @@ typedef struct {
 /* Private but for reading. Pointers lead into the caller's memory; arrays of p or p - 1 stages, one after the other.
  * From factor to residual all is state, the rest scratch. */
 typedef struct {
+    aeo_lattice_config_t config;
     aeo_real_t
         *factor; /* 2 p - 1 triangles of m, each L D L' by columns with D in the diagonal, above 0: of (E^b_j)^{-1},
                                     then of (E^f_j)^{-1} */
@@ -163,7 +164,6 @@ typedef struct {
     aeo_real_t inverse_forgetting;
     aeo_real_t gate;         /* excitation_min (1 - lambda) n */
     aeo_real_t variance_max; /* growth_max / rho */
-    aeo_lattice_config_t config;
     uint16_t read_order; /* stages a read-out in slices has behind it */
     uint16_t scan_step;  /* variances checked a sample: all within the time in which P can double */
     uint32_t following;  /* 1 when the last sample was followed, not absorbed */

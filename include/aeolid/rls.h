@@ -115,10 +115,10 @@ typedef struct {
     aeo_real_t gate;         /* excitation_min (1 - lambda) n */
     aeo_real_t variance_max; /* growth_max / rho */
     aeo_rls_config_t config;
-    uint16_t scan_row;  /* next variance to be checked */
-    uint16_t scan_step; /* variances checked a sample: all within the time in which P can double */
-    uint32_t health;
+    uint32_t scan_step; /* variances checked a sample: all within the time in which P can double */
+    uint32_t health;    /* from here on saved, number by number */
     aeo_rls_count_t count;
+    uint32_t scan_row; /* next variance to be checked */
 } aeo_rls_t;
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The
