@@ -348,11 +348,10 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
     if (status != AEO_OK) {
         return status;
     }
-    if (!find_innovation(self, z, y)) {
+    while (!find_innovation(self, z, y)) { /* at most once: with theta = 0 the innovation is y, at most 1e6 */
         aeo_fast_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_FAST_RLS_REINITIALISED;
-        find_innovation(self, z, y); /* theta = 0: the innovation is y, at most 1e6 */
     }
     absorb(self, z);
     aeo_count_up(&self->count.updates);

@@ -374,9 +374,8 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
         return status;
     }
     place_sample(self, z);
-    if (!take_sample(self, z, y)) {
+    while (!take_sample(self, z, y)) { /* at most once: when all weights are 0, errors are samples, at most 1e6 */
         start_afresh(self, z);
-        take_sample(self, z, y); /* all weights are 0: errors are samples, at most 1e6 */
     }
     if (!self->following) {
         if (self->config.forgetting < AEO_REAL(1)) {

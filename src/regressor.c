@@ -56,20 +56,16 @@ static aeo_status_t check_tables(const aeo_regressor_config_t *config)
 
 static void fill_tables(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory)
 {
-    static const aeo_real_t UNSET[4] = {AEO_REAL(0), AEO_REAL(1), -REAL_MAX, REAL_MAX};
     const size_t channels = (size_t)config->inputs + config->outputs;
-    const aeo_real_t *const tables[4] = {config->offset, config->scale, config->minimum, config->maximum};
     self->offset = memory;
     self->inverse = memory + channels;
     self->minimum = memory + 2 * channels;
     self->maximum = memory + 3 * channels;
-    for (int t = 0; t < 4; t++) {
-        for (size_t i = 0; i < channels; i++) {
-            *memory++ = tables[t] != NULL ? tables[t][i] : UNSET[t];
-        }
-    }
     for (size_t i = 0; i < channels; i++) {
-        self->inverse[i] = AEO_REAL(1) / self->inverse[i]; /* scales until here, none of them 0 */
+        self->offset[i] = config->offset != NULL ? config->offset[i] : AEO_REAL(0);
+        self->inverse[i] = config->scale != NULL ? AEO_REAL(1) / config->scale[i] : AEO_REAL(1);
+        self->minimum[i] = config->minimum != NULL ? config->minimum[i] : -REAL_MAX;
+        self->maximum[i] = config->maximum != NULL ? config->maximum[i] : REAL_MAX;
     }
 }
 

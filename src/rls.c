@@ -170,11 +170,10 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
     if (status != AEO_OK) {
         return status;
     }
-    if (!find_innovation(self, z, y)) {
+    while (!find_innovation(self, z, y)) { /* at most once: with theta = 0 the innovation is y, at most 1e6 */
         aeo_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_RLS_REINITIALISED;
-        find_innovation(self, z, y); /* theta = 0: the innovation is y, at most 1e6 */
     }
     const aeo_real_t news = aeo_linalg_project(self->factor, z, self->projection, self->config.regressors);
     if (news < self->gate) {

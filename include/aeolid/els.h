@@ -103,17 +103,17 @@ typedef struct {
 
 /* Private but for reading. Pointers lead into the caller's memory. */
 typedef struct {
-    aeo_rls_t rls;
+    aeo_els_config_t config;
     aeo_real_t *feedback; /* l: what belongs into the next regressor */
     aeo_real_t *levels;   /* 4 l: what the guard remembers */
     aeo_real_t shortfall; /* lambda_end - lambda: decays to exactly 0, which lambda itself, rounded, could not reach */
-    aeo_els_config_t config;
-    uint32_t wait; /* samples of the last start that are VARX */
+    uint32_t wait;        /* samples of the last start that are VARX */
     aeo_els_count_t count;
     uint32_t health;
     uint32_t since;   /* samples since the last start */
     uint32_t backoff; /* wait = varx_samples 2^backoff */
     uint32_t missed;  /* 1: the last z did not hold the e fed back */
+    aeo_rls_t rls;
 } aeo_els_t;
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The

@@ -149,21 +149,21 @@ typedef struct {
     aeo_real_t *step;       /* n: g of an array, in the order of w, scratch */
     aeo_real_t *update;     /* n: g in the order of z, scratch */
     aeo_real_t *error;      /* 3m: e or r, f, projection, scratch */
+    uint32_t life;          /* samples after which an array's follower starts; UINT32_MAX: only when needed */
+    uint32_t warm;          /* samples an array absorbs before it takes over */
+    uint32_t wait;          /* most samples theta waits after a break */
+    uint32_t random;        /* state of the disturbance's signs, never 0 */
+    uint32_t filled;        /* samples the window holds, up to p + 1 */
+    uint32_t active;        /* which array makes the gain, 0 or 1 */
+    uint32_t health;
+    aeo_fast_rls_count_t count;
+    uint32_t hold; /* samples theta waits still */
+    aeo_fast_rls_array_t array[2];
     aeo_real_t inverse_root_forgetting;
     aeo_real_t regularisation; /* rho of arrays that start now: 16 times more after each one that lost its way */
     aeo_real_t feedback;       /* c */
     aeo_real_t variance_max;   /* growth_max / rho */
     aeo_real_t disturbance;
-    uint32_t life;   /* samples after which an array's follower starts; UINT32_MAX: only when needed */
-    uint32_t warm;   /* samples an array absorbs before it takes over */
-    uint32_t wait;   /* most samples theta waits after a break */
-    uint32_t random; /* state of the disturbance's signs, never 0 */
-    uint32_t filled; /* samples the window holds, up to p + 1 */
-    uint32_t active; /* which array makes the gain, 0 or 1 */
-    uint32_t health;
-    aeo_fast_rls_count_t count;
-    uint32_t hold; /* samples theta waits still */
-    aeo_fast_rls_array_t array[2];
 } aeo_fast_rls_t;
 
 /* Start self with theta = 0 and the P_{-1} above in the memory given (words values, written, aligned as the type). The

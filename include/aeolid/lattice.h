@@ -164,10 +164,10 @@ typedef struct {
     aeo_real_t inverse_forgetting;
     aeo_real_t gate;         /* excitation_min (1 - lambda) n */
     aeo_real_t variance_max; /* growth_max / rho */
-    uint16_t read_order; /* stages a read-out in slices has behind it */
-    uint16_t scan_step;  /* variances checked a sample: all within the time in which P can double */
-    uint32_t following;  /* 1 when the last sample was followed, not absorbed */
-    uint32_t health;     /* from here on saved, word by word */
+    uint16_t read_order;     /* stages a read-out in slices has behind it */
+    uint16_t scan_step;      /* variances checked a sample: all within the time in which P can double */
+    uint32_t following;      /* 1 when the last sample was followed, not absorbed */
+    uint32_t health;         /* from here on saved, word by word */
     aeo_lattice_count_t count;
     uint32_t orders;   /* stages filled since the window began, at most p */
     uint32_t learning; /* samples until the covariances start anew; 0: done */
