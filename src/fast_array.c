@@ -118,15 +118,17 @@ static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     }
     memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
     memcpy(array->gain, self->step, n * sizeof *self->step);
-    const aeo_real_t news = aeo_linalg_dot(array->gain, self->window + m, n);
-    if (!aeo_linalg_all_within(&news, 1, NEWS_MAX) || news < NEWS_LEAST) {
+    aeo_real_t *const sum =
+        array->gain + n; /* scratch; on the stack it would cost the deepest chain of calls a frame */
+    *sum = aeo_linalg_dot(array->gain, self->window + m, n);
+    if (!aeo_linalg_all_within(sum, 1, NEWS_MAX) || *sum < NEWS_LEAST) {
         return 0;
     }
-    array->scalar[INVERSE_GAMMA] = AEO_REAL(1) + (news > AEO_REAL(0) ? news : AEO_REAL(0));
+    array->scalar[INVERSE_GAMMA] = AEO_REAL(1) + (*sum > AEO_REAL(0) ? *sum : AEO_REAL(0));
     const aeo_real_t gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* the divisor is at least 1 */
     aeo_linalg_scale(gamma, array->gain, self->step, n);
-    const aeo_real_t size = aeo_linalg_dot(self->step, self->step, n);
-    return aeo_linalg_all_within(&size, 1, GAIN_MAX * GAIN_MAX);
+    *sum = aeo_linalg_dot(self->step, self->step, n);
+    return aeo_linalg_all_within(sum, 1, GAIN_MAX * GAIN_MAX);
 }
 
 /* B and E to sample k, and the mean disagreement; returns 0 when that is as large as the errors. */
