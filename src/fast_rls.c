@@ -348,7 +348,8 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
     if (status != AEO_OK) {
         return status;
     }
-    while (!find_innovation(self, z, y)) { /* at most once: with theta = 0 the innovation is y, at most 1e6 */
+    /* The second time theta = 0: the innovation is y, at most 1e6. */
+    for (int i = 0; i < 2 && !find_innovation(self, z, y); i++) {
         aeo_fast_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_FAST_RLS_REINITIALISED;

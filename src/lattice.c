@@ -374,7 +374,8 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
         return status;
     }
     place_sample(self, z);
-    while (!take_sample(self, z, y)) { /* at most once: when all weights are 0, errors are samples, at most 1e6 */
+    /* The second time all weights are 0: errors are samples, at most 1e6. */
+    for (int i = 0; i < 2 && !take_sample(self, z, y); i++) {
         start_afresh(self, z);
     }
     if (!self->following) {

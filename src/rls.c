@@ -106,15 +106,13 @@ aeo_status_t aeo_rls_set_forgetting(aeo_rls_t *self, aeo_real_t lambda)
     if (self == NULL) {
         return AEO_E_ARG;
     }
-    if (!aeo_linalg_all_finite(&lambda, 1)) {
-        return AEO_E_NOT_FINITE;
+    static const aeo_real_t RANGE[1][2] = {{AEO_REAL(0.5), AEO_REAL(1)}};
+    const aeo_status_t status = aeo_settings_judge(&lambda, RANGE, 1);
+    if (status == AEO_OK) {
+        self->config.forgetting = lambda;
+        derive_from_forgetting(self);
     }
-    if (!aeo_is_between(lambda, AEO_REAL(0.5), AEO_REAL(1))) {
-        return AEO_E_ARG;
-    }
-    self->config.forgetting = lambda;
-    derive_from_forgetting(self);
-    return AEO_OK;
+    return status;
 }
 
 /* innovation = y - theta z; returns 1 when all are below the bound from which the update is proven not to overflow. */
@@ -170,7 +168,8 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
     if (status != AEO_OK) {
         return status;
     }
-    while (!find_innovation(self, z, y)) { /* at most once: with theta = 0 the innovation is y, at most 1e6 */
+    /* The second time theta = 0: the innovation is y, at most 1e6. */
+    for (int i = 0; i < 2 && !find_innovation(self, z, y); i++) {
         aeo_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_RLS_REINITIALISED;
