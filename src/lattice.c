@@ -52,7 +52,7 @@ aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config)
     return faded >= FADED_MIN ? AEO_OK : AEO_E_ARG;
 }
 
-static size_t count_words(const aeo_lattice_config_t *config)
+size_t aeo_lattice_count_words(const aeo_lattice_config_t *config)
 {
     return AEO_LATTICE_WORDS(config->past, config->block, config->present, config->outputs);
 }
@@ -88,7 +88,7 @@ aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *c
     if (status != AEO_OK) {
         return status;
     }
-    if (words < count_words(config)) {
+    if (words < aeo_lattice_count_words(config)) {
         return AEO_E_MEMORY;
     }
     memset(self, 0, sizeof *self);
@@ -110,7 +110,7 @@ aeo_status_t aeo_lattice_copy(const aeo_lattice_t *self, aeo_lattice_t *copy, ae
     if (self == NULL || copy == NULL || memory == NULL || copy == self) {
         return AEO_E_ARG;
     }
-    if (words < count_words(&self->config)) {
+    if (words < aeo_lattice_count_words(&self->config)) {
         return AEO_E_MEMORY;
     }
     *copy = *self;
@@ -120,28 +120,19 @@ aeo_status_t aeo_lattice_copy(const aeo_lattice_t *self, aeo_lattice_t *copy, ae
     return AEO_OK;
 }
 
-static void reset_triangle(aeo_real_t *factor, size_t m, aeo_real_t diagonal)
-{
-    for (size_t j = 0; j < m; j++) {
-        memset(factor, 0, (m - j) * sizeof *factor);
-        *factor = diagonal;
-        factor += m - j;
-    }
-}
-
 /* P = 1 / prior everywhere: with x_{k-i} worth rho lambda^{-i}, E^b_j = rho lambda^{-j} and E^f_j = rho. Any other
  * prior is no older self of itself moved by one block, and the order recursions would not be exact. */
 static void reset_factors(aeo_lattice_t *self)
 {
-    const size_t p = self->config.past, m = self->config.block;
+    const size_t p = self->config.past;
     const aeo_real_t newest = AEO_REAL(1) / self->config.regularisation; /* regularisation >= 1e-8 */
-    aeo_real_t diagonal = newest;
+    aeo_real_t diagonal = newest, *factor = self->factor;
     for (size_t j = 0; j + 1 < 2 * p; j++) {
-        reset_triangle(self->factor + j * AEO_LATTICE_TRIANGLE(m), m, diagonal);
+        factor = aeo_linalg_start_triangle(factor, self->config.block, diagonal);
         /* the last backward one is at least FADED_MIN newest > 0 */
         diagonal = j + 1 < p ? diagonal * self->config.forgetting : newest;
     }
-    reset_triangle(self->present_factor, self->config.present, newest);
+    aeo_linalg_start_triangle(factor, self->config.present, newest);
 }
 
 void aeo_lattice_reset(aeo_lattice_t *self)

@@ -178,11 +178,10 @@ int aeo_lattice_invariants_hold(const aeo_lattice_t *self)
     }
     uint32_t numbers[NUMBERS];
     memcpy(numbers, (const unsigned char *)self + offsetof(aeo_lattice_t, health), sizeof numbers);
-    const size_t words = aeo_lattice_count_state(self);
-    return words ==
-               AEO_LATTICE_STATE(self->config.past, self->config.block, self->config.present, self->config.outputs) &&
+    const size_t behind = (size_t)(self->reading - self->factor), m = self->config.block;
+    return behind + self->config.past * (2u * m * m + m) == aeo_lattice_count_words(&self->config) &&
            self->read_order < self->config.past && numbers_hold(self, numbers) &&
-           aeo_linalg_all_finite(self->factor, words) && state_holds(self, self->factor);
+           aeo_linalg_all_finite(self->factor, aeo_lattice_count_state(self)) && state_holds(self, self->factor);
 }
 
 /* The saved array: version, bytes of a real, p, m, d, l, four settings; numbers; the state (saved.h). */

@@ -10,6 +10,7 @@
 
 #ifdef AEO_REAL_DOUBLE
 #define aeo_lattice_judge_config aeo_lattice_judge_config_f64
+#define aeo_lattice_count_words  aeo_lattice_count_words_f64
 #define aeo_lattice_correct      aeo_lattice_correct_f64
 #define aeo_lattice_turn         aeo_lattice_turn_f64
 #define aeo_lattice_variance     aeo_lattice_variance_f64
@@ -20,6 +21,9 @@
 
 /* Judge sizes and settings on the ranges of lattice.h: AEO_OK, AEO_E_NOT_FINITE or AEO_E_ARG. */
 aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config);
+
+/* Return AEO_LATTICE_WORDS of a filter. */
+size_t aeo_lattice_count_words(const aeo_lattice_config_t *config);
 
 /* Take off x (count values) what weight (count x m by columns) makes of v (m values), x -= weight v, and move weight by
  * the error that is left, weight += x step gain'; with gain null it stays. */

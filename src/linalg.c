@@ -250,6 +250,16 @@ aeo_real_t aeo_linalg_rotate(aeo_real_t *factor, const aeo_real_t *projection, s
     return alpha;
 }
 
+aeo_real_t *aeo_linalg_start_triangle(aeo_real_t *factor, size_t n, aeo_real_t diagonal)
+{
+    for (; n > 0; n--) {
+        memset(factor, 0, n * sizeof *factor);
+        *factor = diagonal;
+        factor += n;
+    }
+    return factor;
+}
+
 aeo_real_t aeo_linalg_row_norm2(const aeo_real_t *factor, size_t n, size_t i, aeo_real_t *row)
 {
     aeo_real_t sum = AEO_REAL(0);

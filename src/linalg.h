@@ -10,18 +10,19 @@
 #include "aeolid/status.h"
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_linalg_all_finite   aeo_linalg_all_finite_f64
-#define aeo_linalg_all_within   aeo_linalg_all_within_f64
-#define aeo_linalg_judge        aeo_linalg_judge_f64
-#define aeo_linalg_judge_sample aeo_linalg_judge_sample_f64
-#define aeo_linalg_copy_out     aeo_linalg_copy_out_f64
-#define aeo_linalg_find_error   aeo_linalg_find_error_f64
-#define aeo_linalg_dot          aeo_linalg_dot_f64
-#define aeo_linalg_axpy         aeo_linalg_axpy_f64
-#define aeo_linalg_scale        aeo_linalg_scale_f64
-#define aeo_linalg_project      aeo_linalg_project_f64
-#define aeo_linalg_rotate       aeo_linalg_rotate_f64
-#define aeo_linalg_row_norm2    aeo_linalg_row_norm2_f64
+#define aeo_linalg_all_finite     aeo_linalg_all_finite_f64
+#define aeo_linalg_all_within     aeo_linalg_all_within_f64
+#define aeo_linalg_judge          aeo_linalg_judge_f64
+#define aeo_linalg_judge_sample   aeo_linalg_judge_sample_f64
+#define aeo_linalg_copy_out       aeo_linalg_copy_out_f64
+#define aeo_linalg_find_error     aeo_linalg_find_error_f64
+#define aeo_linalg_dot            aeo_linalg_dot_f64
+#define aeo_linalg_axpy           aeo_linalg_axpy_f64
+#define aeo_linalg_scale          aeo_linalg_scale_f64
+#define aeo_linalg_project        aeo_linalg_project_f64
+#define aeo_linalg_rotate         aeo_linalg_rotate_f64
+#define aeo_linalg_start_triangle aeo_linalg_start_triangle_f64
+#define aeo_linalg_row_norm2      aeo_linalg_row_norm2_f64
 #endif
 
 /* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on the exponent bits: a compiler told that there
@@ -65,6 +66,9 @@ aeo_real_t aeo_linalg_project(const aeo_real_t *factor, const aeo_real_t *z, aeo
  * gain (n values, written) = S a, which is g alpha_new; returns alpha_new = alpha + |a|^2. Needs alpha > 0. */
 aeo_real_t aeo_linalg_rotate(aeo_real_t *factor, const aeo_real_t *projection, size_t count, aeo_real_t *gain, size_t n,
                              aeo_real_t alpha, aeo_real_t scale);
+
+/* Let the triangle at factor be diagonal times the unit one; returns the place behind it. */
+aeo_real_t *aeo_linalg_start_triangle(aeo_real_t *factor, size_t n, aeo_real_t diagonal);
 
 /* Return P_ii, the squared norm of row i of S; when row is not null it receives the row (i + 1 values). */
 aeo_real_t aeo_linalg_row_norm2(const aeo_real_t *factor, size_t n, size_t i, aeo_real_t *row);

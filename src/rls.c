@@ -63,14 +63,8 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
 /* P = I / rho */
 static void start_factor(aeo_rls_t *self)
 {
-    const size_t n = self->config.regressors;
-    memset(self->factor, 0, n * (n + 1) / 2 * sizeof *self->factor);
     const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
-    aeo_real_t *entry = self->factor;
-    for (size_t j = 0; j < n; j++) {
-        *entry = diagonal;
-        entry += n - j;
-    }
+    aeo_linalg_start_triangle(self->factor, self->config.regressors, diagonal);
     self->scan_row = 0;
 }
 
