@@ -25,15 +25,7 @@ static aeo_real_t find_head(const aeo_saved_form_t *form, size_t i)
         return i == 0u ? (aeo_real_t)form->version : AEO_REAL(AEO_REAL_BYTES);
     }
     i -= 2u;
-    if (i < form->size_count) {
-        uint16_t size;
-        memcpy(&size, (const unsigned char *)form->sizes + i * sizeof size, sizeof size);
-        return (aeo_real_t)size;
-    }
-    i -= form->size_count;
-    aeo_real_t setting;
-    memcpy(&setting, (const unsigned char *)form->settings + i * sizeof setting, sizeof setting);
-    return setting;
+    return i < form->size_count ? (aeo_real_t)form->sizes[i] : form->settings[i - form->size_count];
 }
 
 static aeo_status_t judge_length(const aeo_saved_form_t *form, const aeo_real_t *saved, size_t length)

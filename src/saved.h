@@ -17,9 +17,9 @@
 /* What the saved array of one filter is like. */
 typedef struct {
     uint8_t version, size_count, setting_count, number_count;
-    const void *sizes;    /* of type uint16_t, side by side */
-    const void *settings; /* of type aeo_real_t, side by side */
-    size_t words;         /* of head, numbers and arrays */
+    const uint16_t *sizes;      /* members that lie side by side in the object */
+    const aeo_real_t *settings; /* the same */
+    size_t words;               /* of head, numbers and arrays */
 } aeo_saved_form_t;
 
 /* Write head and numbers (those of type uint32_t that begin there) into saved (length values, written); the caller
