@@ -34,12 +34,12 @@ class Defect:
 
 GATE_DEFECTS = [
     Defect("symbols", "src/status.c", '    return "unknown', '    puts("?");\n    return "unknown', "calls puts"),
-    Defect("symbols", "src/rls.c", "#define SAMPLE_MAX", "int aeo_calls = 3;\n#define SAMPLE_MAX", "keeps state"),
+    Defect("symbols", "src/rls.c", "#define INNOVATION_MAX", "int aeo_calls = 3;\n#define INNOVATION_MAX", "keeps state"),
     Defect(
         "symbols",
         "src/rls.c",
-        "#define SAMPLE_MAX",
-        "int spare(void);\nint spare(void) { return 1; }\n#define SAMPLE_MAX",
+        "#define INNOVATION_MAX",
+        "int spare(void);\nint spare(void) { return 1; }\n#define INNOVATION_MAX",
         "no aeo_",
     ),
     Defect("symbols", "include/aeolid/rls.h", "#define aeo_rls_theta ", "#define aeo_rls_beta ", "keeps its name"),
@@ -50,8 +50,8 @@ GATE_DEFECTS = [
     Defect(
         "compilers",
         "src/rls.c",
-        "const aeo_real_t settings[4]",
-        "int n_unused;\n    const aeo_real_t settings[4]",
+        "    const aeo_status_t status = judge_config(config);",
+        "    int n_unused;\n    const aeo_status_t status = judge_config(config);",
         "unused",
     ),
     Defect(
@@ -60,9 +60,9 @@ GATE_DEFECTS = [
     Defect(
         "stack",
         "src/rls.c",
-        "    const size_t n = self->config.regressors, l = self->config.outputs;\n    for",
-        "    const size_t n = self->config.regressors, l = self->config.outputs;\n"
-        "    volatile aeo_real_t copy[80];\n    copy[l] = y[0];\n    for",
+        "    const size_t n = self->config.regressors;\n    for",
+        "    const size_t n = self->config.regressors;\n"
+        "    volatile aeo_real_t copy[80];\n    copy[n % 80u] = self->gate;\n    for",
         "bytes",
     ),
     Defect(
@@ -95,12 +95,12 @@ GATE_DEFECTS = [
         '    return "unknown status' + " and a sentence that takes its place in flash" * 40 + '";',
         "at most",
     ),
-    Defect("size", "src/rls.c", "#define SAMPLE_MAX", "int aeo_calls = 3;\n#define SAMPLE_MAX", "of data"),
+    Defect("size", "src/rls.c", "#define INNOVATION_MAX", "int aeo_calls = 3;\n#define INNOVATION_MAX", "of data"),
     Defect(
         "size",
         "src/rls.c",
-        "#define SAMPLE_MAX",
-        'const char aeo_text[] = "' + "sixteen letters." * 1000 + '";\n#define SAMPLE_MAX',
+        "#define INNOVATION_MAX",
+        'const char aeo_text[] = "' + "sixteen letters." * 1000 + '";\n#define INNOVATION_MAX',
         "for filters",
     ),
     Defect("memory", "include/aeolid/els.h", "3,661 words", "3,616 words", "does not say"),
@@ -124,8 +124,8 @@ GATE_DEFECTS = [
     Defect(
         "proof rls restore",
         "src/rls.c",
-        "memcpy(self->innovation, body + kept, 2 * l",
-        "memcpy(self->innovation, body + kept, (2 * l + 1)",
+        "memcpy(self->innovation, body + kept, ends",
+        "memcpy(self->innovation, body + kept, (ends + 1)",
         "FAILURE",
     ),
     Defect(
@@ -135,7 +135,7 @@ GATE_DEFECTS = [
         "    if (news < self->gate || self->count.withheld > 0u) {",
         "does not recover",
     ),
-    Defect("soak", "src/rls.c", "status = aeo_linalg_judge(y,", "status = aeo_linalg_judge(z,", "not finite"),
+    Defect("soak", "src/linalg.c", "status = aeo_linalg_judge(y,", "status = aeo_linalg_judge(z,", "not finite"),
 ]
 
 TEST_DEFECTS = [
@@ -163,13 +163,13 @@ TEST_DEFECTS = [
         "refusal",
         tuple(FAST_MATH),
     ),
-    Defect("contract_rls", "src/rls.c", "        aeo_count_up(&self->count.rejected);\n", "", "refusal"),
+    Defect("contract_rls", "src/linalg.c", "        aeo_count_up(rejected);\n", "", "refusal"),
     Defect("contract_rls", "src/rls.c", "words < AEO_RLS_WORDS(n, l)", "words + 1 < AEO_RLS_WORDS(n, l)", "memory"),
     Defect(
         "contract_rls",
         "src/rls.c",
-        "memcpy(saved, self->factor, kept",
-        "memcpy(saved, self->factor, (kept - 1)",
+        "memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, kept",
+        "memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, (kept - 1)",
         "restore",
     ),
     Defect(
@@ -186,15 +186,15 @@ TEST_DEFECTS = [
     Defect(
         "rls",
         "src/rls.c",
-        "saved = aeo_saved_put_u32(saved, self->scan_row);",
-        "saved = aeo_saved_put_u32(saved, 0) - 2;",
+        "memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor",
+        "memcpy(saved + AEO_RLS_SAVED_HEAD - 2, self->factor",
         "saved_head",
     ),
     Defect(
         "rls",
         "src/rls.c",
-        "    if (!find_innovation(self, z, y)) {",
-        "    if (find_innovation(self, z, y) > 1) {",
+        "i < 2 && !find_innovation(self, z, y)",
+        "i < 2 && find_innovation(self, z, y) > 1",
         "runaway",
     ),
     Defect("regressor", "src/regressor.c", "self->z[i] = self->z[i + m];", "self->z[i] = self->z[i + m - 1];", "order"),
