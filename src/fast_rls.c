@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-/* As in rls.c: samples are at most 1e6, and an innovation beyond INNOVATION_MAX forces theta to start afresh before
- * it is used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays
+/* As in rls.c: samples are at most 1e6, and an innovation beyond AEO_LINALG_ERROR_MAX forces theta to start afresh
+ * before it is used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays
  * below n 1e24 1e6 < 1.1e33 until the next judgement. */
 #define SHRINK_MIN          AEO_REAL(1e-3)
 #define REGULARISATION_RISE AEO_REAL(65536)

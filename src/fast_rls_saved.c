@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-/* The numbers saved, in this order. */
-enum { HEALTH, HOLD = 8, AGE, RANDOM = 11, FILLED, ACTIVE, NUMBERS, SIZES = 5 };
+/* Places of the numbers saved; from health to hold they come before. */
+enum { AGE = 9, RANDOM = 11, FILLED, ACTIVE, NUMBERS, SIZES = 5 };
 
 static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
 {
