@@ -25,12 +25,24 @@ static aeo_status_t judge_config(const aeo_rls_config_t *config)
     return status;
 }
 
+/* How many of count variances to check a sample so that each comes round before forgetting can double it. */
+static uint32_t find_scan_step(unsigned count, aeo_real_t lambda)
+{
+    aeo_real_t shrink = lambda;
+    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
+    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
+        shrink *= lambda;
+        samples++;
+    }
+    return (count + samples - 1u) / samples;
+}
+
 static void derive_from_forgetting(aeo_rls_t *self)
 {
     const aeo_real_t lambda = self->config.forgetting;
     self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(lambda); /* lambda >= 1/2 */
     self->gate = self->config.excitation_min * (AEO_REAL(1) - lambda) * (aeo_real_t)self->config.regressors;
-    self->scan_step = aeo_settings_find_scan_step(self->config.regressors, lambda);
+    self->scan_step = find_scan_step(self->config.regressors, lambda);
 }
 
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words)

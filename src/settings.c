@@ -38,15 +38,4 @@ unsigned aeo_settings_count_bits(uint32_t mask)
     }
     return bits;
 }
-
-uint16_t aeo_settings_find_scan_step(unsigned count, aeo_real_t lambda)
-{
-    aeo_real_t shrink = lambda;
-    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
-    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
-        shrink *= lambda;
-        samples++;
-    }
-    return (uint16_t)((count + samples - 1u) / samples);
-}
 /* SPDX-License-Identifier: MIT */
