@@ -118,8 +118,8 @@ static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     }
     memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
     memcpy(array->gain, self->step, n * sizeof *self->step);
-    aeo_real_t *const sum =
-        array->gain + n; /* scratch; on the stack it would cost the deepest chain of calls a frame */
+    /* scratch: on the stack it would lengthen the deepest chain of calls */
+    aeo_real_t *const sum = self->error + 2 * m;
     *sum = aeo_linalg_dot(array->gain, self->window + m, n);
     if (!aeo_linalg_all_within(sum, 1, NEWS_MAX) || *sum < NEWS_LEAST) {
         return 0;
