@@ -38,16 +38,16 @@ def kalman_gain(
 def steady_gain(A: Array, C: Array, Q: Array, R: Array) -> Array:
     """Solve the filter Riccati equation by structure-preserving doubling; returns A P Cᵀ (C P Cᵀ + R)⁻¹.
 
-    Doubling: Chu, Fan, Lin, Wang 2004, Int. J. Control 77(8); quadratic convergence, n³ an iteration. A sensor noise
-    below a millionth of what the process noise moves in one step counts as that much: R⁻¹ beyond 1e12 is singular to
-    rounding. Zero where there is no finite solution.
+    Doubling: Chu, Fan, Lin, Wang 2004, Int. J. Control 77(8); quadratic convergence, n³ an iteration. Where a sensor
+    noise is so small that R⁻¹ is singular to rounding, it counts as a millionth of what the process noise moves in one
+    step. Zero where there is no finite solution.
     """
-    n = len(A)
-    R = R + np.diag(1e-12 * np.diag(C @ Q @ C.T))
-    try:
-        return _double(A, C, Q, R)
-    except np.linalg.LinAlgError:
-        return np.zeros((n, len(C)))
+    for floor in (0.0, 1e-12):
+        try:
+            return _double(A, C, Q, R + np.diag(floor * np.diag(C @ Q @ C.T)))
+        except np.linalg.LinAlgError:
+            continue
+    return np.zeros((len(A), len(C)))
 
 
 def _double(A: Array, C: Array, Q: Array, R: Array) -> Array:
