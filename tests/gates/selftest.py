@@ -34,7 +34,9 @@ class Defect:
 
 GATE_DEFECTS = [
     Defect("symbols", "src/status.c", '    return "unknown', '    puts("?");\n    return "unknown', "calls puts"),
-    Defect("symbols", "src/rls.c", "#define INNOVATION_MAX", "int aeo_calls = 3;\n#define INNOVATION_MAX", "keeps state"),
+    Defect(
+        "symbols", "src/rls.c", "#define INNOVATION_MAX", "int aeo_calls = 3;\n#define INNOVATION_MAX", "keeps state"
+    ),
     Defect(
         "symbols",
         "src/rls.c",
