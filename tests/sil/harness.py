@@ -38,14 +38,20 @@ class Finished:
             assert len(told) == 1, self.err
 
 
+def _heed_interrupts() -> None:
+    """Undo what a shell does to the tests it runs in the background: their children would ignore Ctrl-C for ever."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 class Process:
     """Own one aeolid process; killed when the test is over."""
 
     def __init__(self, *arguments: object) -> None:
         words = [*COMMAND, *map(str, arguments)]
         self.process = subprocess.Popen(
-            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
-        )
+            words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True,
+            preexec_fn=_heed_interrupts,
+        )  # fmt: skip
 
     def first_line(self) -> str:
         """Read the first line of standard output."""
