@@ -90,11 +90,22 @@ def _receive(source: Source, assembly: Assembly, seconds: float | None, until_en
                 if source.ended is not None:
                     return "end" if source.is_log or assembly.all_stopped() else source.ended
                 if until_end and assembly.all_stopped():
+                    _drain(source, assembly)
                     return "end"
                 if seconds is not None and time.monotonic() - began >= seconds:
                     return "time"
         except KeyboardInterrupt:
             return "stopped"
+
+
+def _drain(source: Source, assembly: Assembly) -> None:
+    """Take what nodes still had under way: a goodbye is several frames. A second at most: others may go on talking."""
+    until = time.monotonic() + 1.0
+    while source.ended is None and time.monotonic() < until:
+        frames = source.read(0.1)
+        if not frames:
+            return
+        assembly.feed(frames)
 
 
 def _shown(progress: Progress) -> AbstractContextManager[object]:
