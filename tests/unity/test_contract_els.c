@@ -38,44 +38,11 @@ static aeo_status_t init(void *object, filter_size_t size, double lambda, double
     return aeo_els_init(object, &config, memory, given);
 }
 
-static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)
-{
-    return aeo_els_update(object, z, y);
-}
+CONTRACT_FORWARD(els)
 
 static const aeo_real_t *theta(const void *object)
 {
     return aeo_els_theta(object);
-}
-
-static const aeo_real_t *innovation(const void *object)
-{
-    return aeo_els_innovation(object);
-}
-
-static const aeo_real_t *residual(const void *object)
-{
-    return aeo_els_residual(object);
-}
-
-static void reset(void *object)
-{
-    aeo_els_reset(object);
-}
-
-static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)
-{
-    return aeo_els_save(object, saved, length);
-}
-
-static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)
-{
-    return aeo_els_restore(object, saved, length);
-}
-
-static int invariants_hold(const void *object)
-{
-    return aeo_els_invariants_hold(object);
 }
 
 static uint32_t *rejected(void *object)
@@ -90,14 +57,8 @@ int main(void)
                                        .words = words,
                                        .saved_words = saved_words,
                                        .init = init,
-                                       .update = update,
                                        .theta = theta,
-                                       .innovation = innovation,
-                                       .residual = residual,
-                                       .reset = reset,
-                                       .save = save,
-                                       .restore = restore,
-                                       .invariants_hold = invariants_hold,
+                                       CONTRACT_CALLS,
                                        .rejected = rejected};
     UNITY_BEGIN();
     run_contract(&face);

@@ -51,44 +51,11 @@ static double close_enough(double lambda, size_t count)
     return lambda < 0.95 ? (sizeof(aeo_real_t) == 4 ? 1e-2 : 1e-6) : 30000.0 * (double)AEO_REAL_EPSILON;
 }
 
-static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)
-{
-    return aeo_fast_rls_update(object, z, y);
-}
+CONTRACT_FORWARD(fast_rls)
 
 static const aeo_real_t *theta(const void *object)
 {
     return aeo_fast_rls_theta(object);
-}
-
-static const aeo_real_t *innovation(const void *object)
-{
-    return aeo_fast_rls_innovation(object);
-}
-
-static const aeo_real_t *residual(const void *object)
-{
-    return aeo_fast_rls_residual(object);
-}
-
-static void reset(void *object)
-{
-    aeo_fast_rls_reset(object);
-}
-
-static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)
-{
-    return aeo_fast_rls_save(object, saved, length);
-}
-
-static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)
-{
-    return aeo_fast_rls_restore(object, saved, length);
-}
-
-static int invariants_hold(const void *object)
-{
-    return aeo_fast_rls_invariants_hold(object);
 }
 
 static uint32_t *rejected(void *object)
@@ -104,14 +71,8 @@ int main(void)
                                        .words = words,
                                        .saved_words = saved_words,
                                        .init = init,
-                                       .update = update,
                                        .theta = theta,
-                                       .innovation = innovation,
-                                       .residual = residual,
-                                       .reset = reset,
-                                       .save = save,
-                                       .restore = restore,
-                                       .invariants_hold = invariants_hold,
+                                       CONTRACT_CALLS,
                                        .rejected = rejected,
                                        .prior = prior,
                                        .close = close_enough};

@@ -36,10 +36,7 @@ static aeo_status_t init(void *object, filter_size_t size, double lambda, double
     return aeo_lattice_init(object, &config, memory, given);
 }
 
-static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)
-{
-    return aeo_lattice_update(object, z, y);
-}
+CONTRACT_FORWARD(lattice)
 
 static const aeo_real_t *theta(const void *object)
 {
@@ -50,36 +47,6 @@ static const aeo_real_t *theta(const void *object)
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_copy(self, &copy, memory, 4096));
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&copy, answer, sizeof answer / sizeof *answer));
     return answer;
-}
-
-static const aeo_real_t *innovation(const void *object)
-{
-    return aeo_lattice_innovation(object);
-}
-
-static const aeo_real_t *residual(const void *object)
-{
-    return aeo_lattice_residual(object);
-}
-
-static void reset(void *object)
-{
-    aeo_lattice_reset(object);
-}
-
-static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)
-{
-    return aeo_lattice_save(object, saved, length);
-}
-
-static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)
-{
-    return aeo_lattice_restore(object, saved, length);
-}
-
-static int invariants_hold(const void *object)
-{
-    return aeo_lattice_invariants_hold(object);
 }
 
 static uint32_t *rejected(void *object)
@@ -102,14 +69,8 @@ int main(void)
                                        .words = words,
                                        .saved_words = saved_words,
                                        .init = init,
-                                       .update = update,
                                        .theta = theta,
-                                       .innovation = innovation,
-                                       .residual = residual,
-                                       .reset = reset,
-                                       .save = save,
-                                       .restore = restore,
-                                       .invariants_hold = invariants_hold,
+                                       CONTRACT_CALLS,
                                        .rejected = rejected,
                                        .prior = prior};
     UNITY_BEGIN();

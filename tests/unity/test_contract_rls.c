@@ -37,44 +37,11 @@ static aeo_status_t init(void *object, filter_size_t size, double lambda, double
     return aeo_rls_init(object, &config, memory, given);
 }
 
-static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)
-{
-    return aeo_rls_update(object, z, y);
-}
+CONTRACT_FORWARD(rls)
 
 static const aeo_real_t *theta(const void *object)
 {
     return aeo_rls_theta(object);
-}
-
-static const aeo_real_t *innovation(const void *object)
-{
-    return aeo_rls_innovation(object);
-}
-
-static const aeo_real_t *residual(const void *object)
-{
-    return aeo_rls_residual(object);
-}
-
-static void reset(void *object)
-{
-    aeo_rls_reset(object);
-}
-
-static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)
-{
-    return aeo_rls_save(object, saved, length);
-}
-
-static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)
-{
-    return aeo_rls_restore(object, saved, length);
-}
-
-static int invariants_hold(const void *object)
-{
-    return aeo_rls_invariants_hold(object);
 }
 
 static uint32_t *rejected(void *object)
@@ -89,14 +56,8 @@ int main(void)
                                        .words = words,
                                        .saved_words = saved_words,
                                        .init = init,
-                                       .update = update,
                                        .theta = theta,
-                                       .innovation = innovation,
-                                       .residual = residual,
-                                       .reset = reset,
-                                       .save = save,
-                                       .restore = restore,
-                                       .invariants_hold = invariants_hold,
+                                       CONTRACT_CALLS,
                                        .rejected = rejected};
     UNITY_BEGIN();
     run_contract(&face);

@@ -34,6 +34,40 @@ typedef struct {
     double (*close)(double lambda, size_t count);
 } filter_face_t;
 
+/* Define the calls of the face that every filter has in the same form, for aeo_<filter>_t; CONTRACT_CALLS names them. */
+#define CONTRACT_FORWARD(filter)                                                                                       \
+    static aeo_status_t update(void *object, const aeo_real_t *z, const aeo_real_t *y)                                 \
+    {                                                                                                                  \
+        return aeo_##filter##_update(object, z, y);                                                                    \
+    }                                                                                                                  \
+    static const aeo_real_t *innovation(const void *object)                                                            \
+    {                                                                                                                  \
+        return aeo_##filter##_innovation(object);                                                                      \
+    }                                                                                                                  \
+    static const aeo_real_t *residual(const void *object)                                                              \
+    {                                                                                                                  \
+        return aeo_##filter##_residual(object);                                                                        \
+    }                                                                                                                  \
+    static void reset(void *object)                                                                                    \
+    {                                                                                                                  \
+        aeo_##filter##_reset(object);                                                                                  \
+    }                                                                                                                  \
+    static aeo_status_t save(const void *object, aeo_real_t *saved, size_t length)                                     \
+    {                                                                                                                  \
+        return aeo_##filter##_save(object, saved, length);                                                             \
+    }                                                                                                                  \
+    static aeo_status_t restore(void *object, const aeo_real_t *saved, size_t length)                                  \
+    {                                                                                                                  \
+        return aeo_##filter##_restore(object, saved, length);                                                          \
+    }                                                                                                                  \
+    static int invariants_hold(const void *object)                                                                     \
+    {                                                                                                                  \
+        return aeo_##filter##_invariants_hold(object);                                                                 \
+    }
+#define CONTRACT_CALLS                                                                                                 \
+    .update = update, .innovation = innovation, .residual = residual, .reset = reset, .save = save,                    \
+    .restore = restore, .invariants_hold = invariants_hold
+
 /* Check all laws with Unity; one RUN_TEST a law. */
 void run_contract(const filter_face_t *face);
 
