@@ -195,10 +195,10 @@ def test_bulk_decoder_equals_cantools_bit_for_bit() -> None:
 @settings(max_examples=100, deadline=None)
 @given(
     kind=st.integers(0, 7), tag=st.integers(0, 255), index=st.integers(0, 65535), node=st.integers(0, 253),
-    values=st.sampled_from([1, 2, 3, 4, 5, 7, 11, 15]).flatmap(lambda n: st.lists(WORDS, min_size=n, max_size=n)),
+    values=st.lists(WORDS, min_size=1, max_size=1),
 )  # fmt: skip
 def test_host_reads_what_c_packs(library: Any, kind: int, tag: int, index: int, node: int, values: list[int]) -> None:
-    """Classic and CAN FD frames of C through the host's decoder; FD frames carry consecutive channels or indices."""
+    """Frames of C through the host's decoder."""
     frame = pack(library, kind, tag, index, values, node)
     decoded = wire.decode(wire.pack_frames([(frame.id, True, bytes(frame.data[: frame.length]))]))
     assert decoded.damaged == decoded.foreign == 0

@@ -339,12 +339,9 @@ def test_all_frame_letters_are_read() -> None:
     text = b"t1232AABB\rT1CFF4201201FF\rd12391122334455667788AABBCCDD\rB1CFF42019112233445566778811223344\rr1238\rz\r\r"
     frames, rest = parse(text)
     assert rest == b"" and frames.garbled == 1
-    assert [(i, e, len(d)) for i, e, d in frames.others] == [
-        (0x123, False, 2),
-        (0x1CFF4201, True, 2),
-        (0x123, False, 12),
-        (0x1CFF4201, True, 12),
-    ]
+    assert frames.id.tolist() == [0x123, 0x1CFF4201, 0x123, 0x1CFF4201] and frames.length.tolist() == [2, 2, 12, 12]
+    assert frames.flags.tolist() == [0, wire.EXTENDED, wire.FD, wire.EXTENDED | wire.FD | wire.FAST]
+    assert bytes(frames.data[2, :13]) == bytes.fromhex("1122334455667788AABBCCDD00")
 
 
 @pytest.mark.parametrize("suffix", [".blf", ".asc", ".log", ".mf4"])

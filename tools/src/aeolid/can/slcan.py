@@ -6,6 +6,7 @@ import os
 import select
 import time
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import can
@@ -13,12 +14,15 @@ import numpy as np
 from can.interfaces.slcan import slcanBus
 from numpy.typing import NDArray
 
-from aeolid.can.wire import Frames, no_frames
+from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames, no_frames, pack_frames
 
 READ_SIZE = 1 << 18
 LINE_MAX = 512  # a longer line is garbage; the longest frame has 139 characters
 CLASSIC = 26  # T, 8 identifier, 8, 16 data
 _FD_BYTES = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+_FLAGS = {
+    b"t": 0, b"T": EXTENDED, b"d": FD, b"D": FD | EXTENDED, b"b": FD | FAST, b"B": FD | FAST | EXTENDED,
+}  # fmt: skip
 _NIBBLE = np.full(256, 0xFF, np.uint8)
 _NIBBLE[[ord(c) for c in "0123456789ABCDEF"]] = range(16)
 _NIBBLE[[ord(c) for c in "abcdef"]] = range(10, 16)
@@ -68,11 +72,14 @@ class BulkSlcanBus(slcanBus):
 
 def _messages(frames: Frames) -> list[can.Message]:
     now = time.time()
-    rows = [(int(i), True, bytes(d)) for i, d in zip(frames.id, frames.data, strict=True)] + list(frames.others)
+    columns = (frames.id, frames.flags, frames.length, frames.data)
     return [
-        can.Message(timestamp=now, arbitration_id=i, is_extended_id=extended, data=data, is_fd=len(data) > 8)
-        for i, extended, data in rows
-    ]
+        can.Message(
+            timestamp=now, arbitration_id=int(i), is_extended_id=bool(f & EXTENDED), is_fd=bool(f & FD),
+            bitrate_switch=bool(f & FAST), data=bytes(d[:n]),
+        )
+        for i, f, n, d in zip(*columns, strict=True)
+    ]  # fmt: skip
 
 
 def parse(text: bytes) -> tuple[Frames, bytes]:
@@ -86,36 +93,49 @@ def parse(text: bytes) -> tuple[Frames, bytes]:
     if len(rest) > LINE_MAX:
         rest, garbled = b"", 1
     lines = [line for line in whole.replace(b"\a", b"\r").split(b"\r") if line]
-    classic = [line for line in lines if len(line) == CLASSIC and line[0] == 0x54 and line[9] == 0x38]
-    ids, data, bad = _parse_classic(classic)
-    others: list[tuple[int, bool, bytes]] = []
-    if len(classic) != len(lines):
-        for line in lines:
-            if len(line) == CLASSIC and line[0] == 0x54 and line[9] == 0x38:
-                continue
-            frame = _parse_other(line)
-            if frame is not None:
-                others.append(frame)
-            elif line[:1] not in (b"z", b"Z", b"V", b"N"):  # acknowledgements with text
-                garbled += 1
-    return Frames(ids, data, tuple(others), garbled + bad), rest
+    is_classic = np.fromiter((len(n) == CLASSIC and n[0] == 0x54 and n[9] == 0x38 for n in lines), bool, len(lines))
+    if is_classic.all():
+        frames, sound = _parse_classic(lines)
+        return replace(frames, garbled=garbled + int(np.count_nonzero(~sound))), rest
+    at, others_at = np.flatnonzero(is_classic), np.flatnonzero(~is_classic)
+    frames, sound = _parse_classic([lines[i] for i in at])
+    others, other_sound, bad = _parse_others([lines[i] for i in others_at])
+    order = np.argsort(np.concatenate([at[sound], others_at[other_sound]]))  # positions are distinct
+    garbled += bad + int(np.count_nonzero(~sound))
+    return replace(join_frames([frames, others]).take(order), garbled=garbled), rest
 
 
-def _parse_classic(lines: list[bytes]) -> tuple[NDArray[np.uint32], NDArray[np.uint8], int]:
-    """Convert lines T + 8 digits + 8 + 16 digits; returns identifiers (n,), data (n, 8), bad lines."""
+def _parse_classic(lines: list[bytes]) -> tuple[Frames, NDArray[np.bool_]]:
+    """Convert lines T + 8 digits + 8 + 16 digits (n,); returns the frames and which lines were some."""
     table = _NIBBLE[np.frombuffer(b"".join(lines), np.uint8).reshape(-1, CLASSIC)]  # (n, 26)
     digits = np.delete(table, (0, 9), axis=1)  # (n, 24)
     sound = ~(digits == 0xFF).any(axis=1)
     digits = digits[sound]
     pairs = (digits[:, 0::2] << 4) | digits[:, 1::2]  # (n, 12)
     ids = np.ascontiguousarray(pairs[:, :4]).view(">u4")[:, 0].astype(np.uint32)
-    return ids, np.ascontiguousarray(pairs[:, 4:]), int(len(sound) - np.count_nonzero(sound))
+    count = len(ids)
+    frames = Frames(
+        ids, np.full(count, EXTENDED, np.uint8), np.full(count, 8, np.uint8), np.ascontiguousarray(pairs[:, 4:]),
+        np.full(count, np.nan),
+    )  # fmt: skip
+    return frames, sound
+
+
+def _parse_others(lines: list[bytes]) -> tuple[Frames, NDArray[np.bool_], int]:
+    """Convert lines of any other shape (n,); returns the frames, which lines were some, and how many were garbage."""
+    parsed = [_parse_other(line) for line in lines]
+    rows = [row for row in parsed if row is not None]
+    sound = np.fromiter((row is not None for row in parsed), bool, len(parsed))
+    flags = [_FLAGS[line[:1]] for line, row in zip(lines, parsed, strict=True) if row is not None]
+    told = (b"z", b"Z", b"V", b"N")  # acknowledgements with text
+    garbled = sum(row is None and line[:1] not in told for line, row in zip(lines, parsed, strict=True))
+    return pack_frames(rows, flags=flags), sound, garbled
 
 
 def _parse_other(line: bytes) -> tuple[int, bool, bytes] | None:
     """Parse any other data frame: 11-bit, other lengths, CAN FD; None for what is none."""
     letter = line[:1]
-    if letter not in (b"t", b"T", b"d", b"D", b"b", b"B"):
+    if letter not in _FLAGS:
         return None
     extended = letter.isupper()
     head = 9 if extended else 4

@@ -20,8 +20,8 @@ BASE = 0x1CFF4000  # AEO_FRAME_BASE_EXTENDED
 NODES = 254
 HEALTH, DESCRIPTION, SAMPLE, INNOVATION, BEGIN, PARAMETER, REPAIR, END = range(8)
 KINDS = 8
+EXTENDED, FD, FAST = 1, 2, 4  # flags of a frame: 29-bit identifier, CAN FD, its data phase at the fast rate
 STOPPED = 0x8000  # flag of a health message: the node has ended its stream on purpose
-FD_COUNTS = {12: 2, 16: 3, 20: 4, 24: 5, 32: 7, 48: 11, 64: 15}  # bytes of a frame -> values it carries
 
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.uint32]
@@ -29,18 +29,26 @@ Words = NDArray[np.uint32]
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Hold classic frames with 29-bit identifiers and eight bytes: id (n,), data (n, 8); anything else in `others`.
+    """Hold frames in the order of arrival: id, flags, length, time_s (n,), data (n, 8), or (n, 64) when one is longer.
 
-    others: (identifier, extended, data) of frames of another length or kind; lines: texts that were no frame at all.
+    flags: EXTENDED, FD, FAST; length: bytes of data that count, zeros follow; time_s: host time, NaN where unknown.
+    garbled: texts among them that were no frame at all.
     """
 
     id: Words
+    flags: Bytes
+    length: Bytes
     data: Bytes
-    others: tuple[tuple[int, bool, bytes], ...] = ()
+    time_s: NDArray[np.float64]
     garbled: int = 0
 
     def __len__(self) -> int:
-        return len(self.id) + len(self.others)
+        return len(self.id)
+
+    def take(self, chosen: NDArray[Any]) -> Frames:
+        """Return the frames that a mask or an index array chooses; garbled stays."""
+        id_, flags, length = self.id[chosen], self.flags[chosen], self.length[chosen]
+        return Frames(id_, flags, length, self.data[chosen], self.time_s[chosen], self.garbled)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,15 +76,48 @@ class Messages:
 
 def no_frames(garbled: int = 0) -> Frames:
     """Return an empty batch."""
-    return Frames(np.zeros(0, np.uint32), np.zeros((0, 8), np.uint8), (), garbled)
+    return pack_frames((), garbled)
 
 
-def pack_frames(rows: Sequence[tuple[int, bool, bytes]], garbled: int = 0) -> Frames:
-    """Build a batch from (identifier, extended, data) one by one."""
-    classic = [(i, d) for i, extended, d in rows if extended and len(d) == 8]
-    others = tuple(row for row in rows if not (row[1] and len(row[2]) == 8))
-    data = np.frombuffer(b"".join(d for _, d in classic), np.uint8).reshape(-1, 8)
-    return Frames(np.array([i for i, _ in classic], np.uint32), data, others, garbled)
+def pack_frames(
+    rows: Sequence[tuple[int, bool, bytes]],
+    garbled: int = 0,
+    *,
+    times_s: Sequence[float] | None = None,
+    flags: Sequence[int] | None = None,
+) -> Frames:
+    """Build a batch from (identifier, extended, data) one by one.
+
+    times_s (n,): host times. flags (n,): all of them; without, more than eight bytes make a frame of CAN FD.
+    """
+    count = len(rows)
+    width = 64 if any(len(d) > 8 for _, _, d in rows) else 8
+    data = b"".join(d.ljust(width, b"\0") for _, _, d in rows)
+    if flags is None:
+        flags = [EXTENDED * extended | (FD | FAST) * (len(d) > 8) for _, extended, d in rows]
+    return Frames(
+        np.fromiter((i for i, _, _ in rows), np.uint32, count),
+        np.fromiter(flags, np.uint8, count),
+        np.fromiter((len(d) for _, _, d in rows), np.uint8, count),
+        np.frombuffer(data, np.uint8).reshape(count, width),
+        np.full(count, np.nan) if times_s is None else np.fromiter(times_s, np.float64, count),
+        garbled,
+    )
+
+
+def join_frames(parts: Sequence[Frames]) -> Frames:
+    """Put batches together, in order."""
+    if not parts:
+        return no_frames()
+    width = max(p.data.shape[1] for p in parts)
+    return Frames(
+        np.concatenate([p.id for p in parts]),
+        np.concatenate([p.flags for p in parts]),
+        np.concatenate([p.length for p in parts]),
+        np.concatenate([np.pad(p.data, ((0, 0), (0, width - p.data.shape[1]))) for p in parts]),
+        np.concatenate([p.time_s for p in parts]),
+        sum(p.garbled for p in parts),
+    )
 
 
 def decode(frames: Frames, base: int = BASE) -> Messages:
@@ -86,11 +127,13 @@ def decode(frames: Frames, base: int = BASE) -> Messages:
     """
     offset = frames.id - np.uint32(base)  # wraps far above the limit when the identifier is below the base
     node, kind = offset & np.uint32(0xFF), offset >> np.uint32(8)
-    ours = (kind < KINDS) & (node < NODES) & (frames.id < 1 << 29)
-    node, kind, data = node[ours], kind[ours], frames.data[ours]
+    ours = (
+        (kind < KINDS) & (node < NODES) & (frames.id < 1 << 29) & (frames.flags & EXTENDED > 0) & (frames.length == 8)
+    )
+    node, kind, data = node[ours], kind[ours], frames.data[ours, :8]
     sound = _check(np.uint32(base) + (kind << np.uint32(8)), data, 8) == data[:, 3]
     data = np.ascontiguousarray(data[sound])
-    messages = Messages(
+    return Messages(
         node[sound].astype(np.uint8),
         kind[sound].astype(np.uint8),
         data[:, 0],
@@ -98,38 +141,6 @@ def decode(frames: Frames, base: int = BASE) -> Messages:
         data[:, 4:8].copy().view("<u4")[:, 0],
         int(len(ours) - np.count_nonzero(ours)),
         int(len(sound) - np.count_nonzero(sound)),
-    )
-    return _append_others(messages, frames.others, base) if frames.others else messages
-
-
-def _append_others(messages: Messages, others: Sequence[tuple[int, bool, bytes]], base: int) -> Messages:
-    """Add CAN FD frames: several values of consecutive channels (samples) or indices (parameters)."""
-    rows: list[tuple[int, int, int, int, int]] = []
-    foreign, damaged = messages.foreign, messages.damaged
-    for identifier, extended, data in others:
-        offset, count = identifier - base, FD_COUNTS.get(len(data), 0)
-        kind, node = offset >> 8, offset & 0xFF
-        if not (extended and 0 <= kind < KINDS and node < NODES and count):
-            foreign += 1
-            continue
-        array = np.frombuffer(data, np.uint8)[None, :]
-        if _check(np.array([identifier - node], np.uint32), array, len(data))[0] != data[3]:
-            damaged += 1
-            continue
-        values = np.frombuffer(data, "<u4", offset=4)
-        index = data[1] | data[2] << 8
-        for i in range(count):
-            tag, at = (data[0] + i, index) if kind in (SAMPLE, INNOVATION) else (data[0], index + i)
-            rows.append((node, kind, tag & 0xFF, at & 0xFFFF, int(values[i])))
-    more = np.array(rows, np.uint32).reshape(-1, 5)
-    return Messages(
-        np.append(messages.node, more[:, 0].astype(np.uint8)),
-        np.append(messages.kind, more[:, 1].astype(np.uint8)),
-        np.append(messages.tag, more[:, 2].astype(np.uint8)),
-        np.append(messages.index, more[:, 3].astype(np.uint16)),
-        np.append(messages.value, more[:, 4]),
-        foreign,
-        damaged,
     )
 
 
