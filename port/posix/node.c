@@ -8,8 +8,8 @@
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
 #include "../common/chosen_filter.h"
+#include "node_bus.h"
 #include "node_options.h"
-#include "posix_bus.h"
 
 #include <errno.h>
 #include <signal.h>
@@ -26,7 +26,7 @@
 
 typedef struct {
     node_options_t options;
-    posix_bus_t bus;
+    node_bus_t bus;
     aeo_stream_t stream;
     aeo_regressor_t regressor;
     chosen_filter_t filter;
@@ -148,7 +148,7 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.repair_percent = o->repair_percent;
     config.burst = BURST;
     config.bits_per_s = o->bits_per_s;
-    posix_bus_port(&self->bus, &port);
+    node_bus_port(&self->bus, &port);
     result = aeo_stream_init(&self->stream, &config, &port, calloc(parameters, sizeof(uint32_t)), parameters);
     if (result == AEO_E_BUDGET) {
         return fail("stream", "the samples alone need more than nine tenths of the share of the bus; "
@@ -159,10 +159,11 @@ static int init_stream(node_t *self, uint32_t parameters)
 
 static int open_bus(node_t *self)
 {
-    const int error = self->options.terminal ? posix_bus_open_terminal(&self->bus)
-                                             : posix_bus_open_tcp(&self->bus, self->options.tcp_port);
-    if (error != 0) {
-        return fail("bus", strerror(error));
+    const node_options_t *o = &self->options;
+    char why[SOCKETCAN_TEXT_MAX];
+    if (o->can != NULL ? node_bus_open_can(&self->bus, o->can, 0, o->bit_rate, why)
+                       : node_bus_open_text(&self->bus, o->terminal, o->tcp_port, why)) {
+        return fail("bus", why);
     }
     (void)printf("%s\n", self->bus.address);
     (void)fflush(stdout);
@@ -176,16 +177,16 @@ static void wait_for_room(node_t *self)
 {
     const size_t needed = BURST + 2u * AEO_STREAM_CHANNELS_MAX;
     double since = clock_s();
-    size_t before = posix_bus_waiting(&self->bus);
-    while (posix_bus_room(&self->bus) < needed) {
+    size_t before = node_bus_waiting(&self->bus);
+    while (node_bus_room(&self->bus) < needed) {
         size_t waiting;
-        (void)posix_bus_poll(&self->bus, -1, 100);
-        waiting = posix_bus_waiting(&self->bus);
+        (void)node_bus_poll(&self->bus, -1, 100);
+        waiting = node_bus_waiting(&self->bus);
         if (waiting != before) {
             before = waiting;
             since = clock_s();
         } else if (clock_s() - since > STALL_S) {
-            posix_bus_abandon(&self->bus, POSIX_BUS_RING / 2u);
+            node_bus_abandon(&self->bus, POSIX_BUS_RING / 2u);
         }
     }
 }
@@ -197,13 +198,13 @@ static void wait_until_due(node_t *self, uint64_t number)
     if (!(self->options.speed > 0) || stopped) {
         wait_for_room(self);
         if (number % 64u == 0u) {
-            (void)posix_bus_poll(&self->bus, -1, 0);
+            (void)node_bus_poll(&self->bus, -1, 0);
         }
         return;
     }
     do {
         left = self->start_s + (double)number * self->options.sample_time_s / self->options.speed - clock_s();
-        (void)posix_bus_poll(&self->bus, -1, left > 0.1 ? 100 : left > 0 ? (int)(left * 1e3) : 0);
+        (void)node_bus_poll(&self->bus, -1, left > 0.1 ? 100 : left > 0 ? (int)(left * 1e3) : 0);
     } while (left > 1e-3 && !stopped);
 }
 
@@ -269,7 +270,7 @@ static int run(node_t *self)
     self->start_s = clock_s();
     while (!stopped) {
         ssize_t got;
-        if (!posix_bus_poll(&self->bus, STDIN_FILENO, 100)) {
+        if (!node_bus_poll(&self->bus, STDIN_FILENO, 100)) {
             continue;
         }
         got = read(STDIN_FILENO, buffer + held, sizeof buffer - held);
@@ -295,8 +296,9 @@ static int run(node_t *self)
     return 0;
 }
 
-/* Step without samples until nothing is pending; simulated time goes on as it did. */
-static void drain(node_t *self)
+/* Step without samples until nothing is pending, or the bus takes nothing any more (then not 0); simulated time goes on
+ * as it did. */
+static int drain(node_t *self)
 {
     uint64_t number = self->samples;
     const double since = clock_s();
@@ -306,26 +308,34 @@ static void drain(node_t *self)
         wait_until_due(self, ++number);
         wait_for_room(self); /* a listener that hangs must not keep the node for ever */
         (void)aeo_stream_step(&self->stream);
+        if (node_bus_is_stuck(&self->bus, STALL_S)) {
+            return fail(self->bus.address, "it takes no frames, so the end of the stream could not be sent");
+        }
     }
+    return 0;
 }
 
-static void say_goodbye(node_t *self)
+static int say_goodbye(node_t *self)
 {
+    int result;
     double since;
     size_t before;
-    drain(self); /* first the snapshot under way, then one of the last theta */
-    (void)send_snapshot(self);
-    aeo_stream_finish(&self->stream);
-    drain(self);
+    result = drain(self); /* first the snapshot under way, then one of the last theta */
+    if (result == 0) {
+        (void)send_snapshot(self);
+        aeo_stream_finish(&self->stream);
+        result = drain(self);
+    }
     since = clock_s();
-    before = posix_bus_waiting(&self->bus);
-    while (posix_bus_listeners(&self->bus) > 0u && clock_s() - since < LINGER_S) {
-        (void)posix_bus_poll(&self->bus, -1, 20);
-        if (posix_bus_waiting(&self->bus) != before) {
-            before = posix_bus_waiting(&self->bus);
+    before = node_bus_waiting(&self->bus);
+    while (node_bus_listeners(&self->bus) > 0u && clock_s() - since < LINGER_S) {
+        (void)node_bus_poll(&self->bus, -1, 20);
+        if (node_bus_waiting(&self->bus) != before) {
+            before = node_bus_waiting(&self->bus);
             since = clock_s();
         }
     }
+    return result;
 }
 
 static int dump(node_t *self)
@@ -353,12 +363,14 @@ static void print_health(const node_t *self)
     (void)fprintf(stderr,
                   "health {\"samples\": %llu, \"accepted\": %u, \"not_finite\": %u, \"range\": %u, \"time\": %u, "
                   "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, \"flags\": %u, "
-                  "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u}\n",
+                  "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u",
                   (unsigned long long)self->samples, g->samples, g->not_finite, g->range, g->time, g->gaps,
                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED), chosen_filter_health(&self->filter),
-                  c->sent, c->refused, c->dropped, c->snapshots, c->busy, posix_bus_dropped(&self->bus));
+                  c->sent, c->refused, c->dropped, c->snapshots, c->busy, node_bus_dropped(&self->bus));
+    node_bus_print_counters(&self->bus);
+    (void)fprintf(stderr, "}\n");
 }
 
 int main(int argc, char **argv)
@@ -366,7 +378,7 @@ int main(int argc, char **argv)
     static node_t self;
     struct sigaction action;
     uint32_t parameters = 0;
-    int result;
+    int result, ended;
     if (node_options_read(&self.options, argc, argv) != 0) {
         return 2;
     }
@@ -379,15 +391,16 @@ int main(int argc, char **argv)
         init_stream(&self, parameters) != 0) {
         return 3;
     }
-    while (self.options.wait && !stopped && posix_bus_listeners(&self.bus) == 0u) {
-        (void)posix_bus_poll(&self.bus, -1, 100);
+    while (self.options.wait && !stopped && node_bus_listeners(&self.bus) == 0u) {
+        (void)node_bus_poll(&self.bus, -1, 100);
     }
     result = run(&self);
-    say_goodbye(&self);
+    ended = say_goodbye(&self);
+    result = result != 0 ? result : ended;
     if (self.options.dump != NULL && dump(&self) != 0) {
         result = 3;
     }
     print_health(&self);
-    posix_bus_close(&self.bus);
+    node_bus_close(&self.bus);
     return result;
 }

@@ -55,12 +55,17 @@ static int read_channel(node_options_t *self, char **argv, int is_input)
 static int read_bus(node_options_t *self, const char *text)
 {
     double port;
+    self->can = NULL;
+    if (strncmp(text, "can:", 4) == 0 && text[4] != '\0') {
+        self->can = text + 4;
+        return 0;
+    }
     if (strcmp(text, "pty") == 0) {
         self->terminal = 1;
         return 0;
     }
     if (strncmp(text, "tcp:", 4) != 0 || read_number("--bus", text + 4, 0, 65535, &port)) {
-        return refuse("--bus", text, "pty or tcp:PORT");
+        return refuse("--bus", text, "pty or tcp:PORT or can:INTERFACE");
     }
     self->terminal = 0;
     self->tcp_port = (uint16_t)port;
@@ -115,6 +120,7 @@ static void take_settings(node_options_t *self, const setting_t *setting)
     self->lambda_start = self->lambda < 0.99F ? self->lambda : 0.99F;
     self->rho = (float)setting[REGULARIZE].value;
     self->feedthrough = (uint32_t)setting[FEEDTHROUGH].value;
+    self->bit_rate = (uint32_t)setting[BIT_RATE].value;
     self->bits_per_s = (uint32_t)(setting[BIT_RATE].value * setting[SHARE].value / 100.0);
     self->node = (uint8_t)setting[NODE_ID].value;
     self->snapshot_s = setting[SNAPSHOT_EVERY].value;
@@ -197,6 +203,9 @@ int node_options_read(node_options_t *self, int argc, char **argv)
     }
     if (self->inputs < 1u || self->outputs < 1u || !(setting[SAMPLE_TIME].value > 0) || !(setting[PAST].value > 0)) {
         return refuse("aeolid-node", "", "at least --input, --output, --sample-time and --past");
+    }
+    if (self->can != NULL && self->wait) {
+        return refuse("--wait", "", "a bus that shows its listeners (pty or tcp:PORT)");
     }
     take_settings(self, setting);
     return 0;

@@ -12,11 +12,12 @@
  *   --varx-samples N    els: samples of its VARX start, default 10 n
  *   --regularize RHO    regularisation, default 0.1
  *   --feedthrough MASK  bit j: input j has a current-sample parameter, default 0
- *   --bus pty | tcp:PORT   default tcp:0, any free port
+ *   --bus pty | tcp:PORT | can:INTERFACE   default tcp:0, any free port; an interface of Linux: socketcan.h
  *   --bit-rate B        of the bus the share is taken from, default 500000
  *   --share PERCENT     of the bit rate, default 5; 0: no limit
- *   --speed X | max     multiple of real time, default 1; max: as fast as the listeners read, losing nothing
- *   --wait              start when a listener has opened its channel
+ *   --speed X | max     multiple of real time, default 1; max: as fast as the listeners read, losing nothing; on
+ *                       can: as fast as the bit rate carries it
+ *   --wait              start when a listener has opened its channel; not on can:, where nobody is seen
  *   --node-id N         default 1
  *   --snapshot-every S  seconds between two snapshots, default 10
  *   --sample-every K    send every K-th sample, default 1; 0: none
@@ -40,8 +41,10 @@ typedef struct {
     float lambda, lambda_start, rho;
     uint32_t varx_samples;
     uint32_t feedthrough;
+    const char *can;   /* CAN interface; null: none */
     int terminal;      /* 1: pty, 0: TCP */
     uint16_t tcp_port; /* 0: any */
+    uint32_t bit_rate;
     uint32_t bits_per_s;
     double speed; /* 0: as fast as the listeners read */
     int wait;

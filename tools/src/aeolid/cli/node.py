@@ -38,7 +38,9 @@ def run(
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
     ] = None,
-    bus: Annotated[str, typer.Option("--bus", help="pty, or tcp:PORT on the loopback (0: any free).")] = "tcp:0",
+    bus: Annotated[
+        str, typer.Option("--bus", help="pty, tcp:PORT on the loopback (0: any free), can:INTERFACE.")
+    ] = "tcp:0",
     speed: Annotated[str, typer.Option("--speed", help="Multiple of real time, or max: as the bus drains.")] = "1",
     wait: Annotated[bool, typer.Option("--wait", help="Start when a listener has connected.")] = False,
     node_id: Annotated[int, typer.Option("--node-id", help="0 to 253.")] = 1,
