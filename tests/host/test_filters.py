@@ -276,7 +276,11 @@ def test_a_hole_restarts_the_window_and_says_so(method: str) -> None:
         ({"past": 2, "scale": [1.0, 1.0, 0.0, 1.0]}, "scale"),
         ({"past": 2, "maximum": [np.inf] * 4}, "maximum"),
         ({"past": 2, "time_s": np.zeros(3)}, "time_s"),
-        ({"past": 2, "growth_max": 1.0}, "growth_max"),
+        ({"past": 2, "growth_max": 1.0}, "growth_max = 1 is not between 4 and 1e"),
+        ({"past": 2, "growth_max": 1e5, "regularisation": 1e-6}, "growth_max / regularisation"),
+        ({"past": 2, "regularisation": float("inf")}, "regularisation = inf is not between"),
+        ({"past": 30, "method": "fast-rls", "forgetting": 0.7}, r"fast-rls needs 0\.001: take at least 0\.7943"),
+        ({"past": 30, "method": "lattice", "forgetting": 0.6}, r"lattice needs 1e-06: take at least 0\.6210"),
     ],
 )
 def test_bad_settings_are_named(change: dict[str, object], word: str) -> None:
@@ -293,7 +297,7 @@ def test_bad_arrays_are_named() -> None:
         replay_filter(u[:-1], y, past=2)
     with pytest.raises(UsageError, match="y has shape"):
         replay_filter(u, np.zeros((50, 33)), past=2)
-    with pytest.raises(DataError, match="constant"):
+    with pytest.raises(NotIdentifiable, match="constant"):
         replay_filter(np.ones((50, 2)), y, past=2)
     with pytest.raises(NotIdentifiable, match="4 good ones in a row"):
         replay_filter(u[:3], y[:3], past=3)
@@ -323,8 +327,12 @@ def as_record(u: np.ndarray, y: np.ndarray) -> Record:
 def test_record_errors_name_the_channel() -> None:
     u, y = simulate(60)
     record = as_record(np.column_stack([u[:, 0], np.full(60, 4.0)]), y)
-    with pytest.raises(DataError, match=r"rec\.csv: channel 'pitch' is constant \(4\)"):
+    with pytest.raises(NotIdentifiable, match=r"rec\.csv: channel 'pitch' is constant \(4\)"):
         filter_record(record, past=2)
+    fine = as_record(u, np.column_stack([y[:, 0], 1e6 + 1e-3 * y[:, 1]]))  # a float's next number is 0.06 away
+    with pytest.raises(NotIdentifiable, match=r"channel 'acc' varies by 0\.\d+ about 1e\+06, less than f32 shows"):
+        filter_record(fine, past=2)
+    assert np.isfinite(filter_record(fine, past=2, precision="f64").theta).all()
     record = as_record(u, np.column_stack([y[:, 0], np.full(60, np.nan)]))
     with pytest.raises(DataError, match="channel 'acc' holds no finite sample"):
         filter_record(record, past=2)
@@ -374,7 +382,8 @@ def test_command_refuses_in_one_sentence(recording: Path, capsys: pytest.Capture
         (["--method", "rls", "--past", "5", "--forget", "2", *out], 2, "forgetting"),
         (["--method", "rls", "--past", "5", "--precision", "f16", *out], 2, "precision"),
         (["--method", "rls", "--past", "200", *out], 4, "201 good ones in a row"),
-        (["--method", "rls", "--past", "5", "--out", str(recording / "none" / "m.npz")], 3, "cannot be written"),
+        (["--method", "rls", "--past", "5", "--out", str(recording / "none" / "m.npz")], 2, "cannot be written"),
+        (["--method", "rls", "--past", "5", *out[:1], str(recording / "n.npz"), "--json", "/none/x"], 2, "/none/x"),
     ]:
         assert call(recording, *options) == code
         said = capsys.readouterr().err

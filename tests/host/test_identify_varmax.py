@@ -156,6 +156,7 @@ def test_noise_free_data_give_the_exact_system():
     assert np.max(pole_errors(result.eigenvalues, TRUE)) < 1e-6
     assert min(result.fit.free_run.vaf.values()) > 100 - 1e-6
     assert result.extra["varmax"]["positive_real"]["innovation_rank"] <= 2
+    assert result.extra["varmax"]["forgetting"] == [] and not any("diverged" in n for n in result.notes)
 
 
 def test_units_and_offsets_change_nothing_but_the_numbers_units(loop_record):
@@ -261,6 +262,12 @@ def test_positive_real_condition_of_first_and_second_order():
         exact = np.real(1 / (1 + c1 * np.exp(-1j * omega) + c2 * np.exp(-2j * omega))).min() - 0.5
         assert verdict.margin == pytest.approx(exact, rel=1e-3) and not verdict.holds
         assert "fails" in verdict.text and verdict.radius == pytest.approx(np.sqrt(c2), rel=1e-9)
+    for radius in (0.999, 0.99999):  # between two of the even frequencies: the dip is as narrow as its distance
+        c1, c2 = -2 * radius * np.cos(1.0), radius**2
+        near = 1.0 + np.linspace(-50, 50, 100001) * (1 - radius)
+        exact = np.real(1 / (1 + c1 * np.exp(-1j * near) + c2 * np.exp(-2j * near))).min() - 0.5
+        verdict = check_positive_real(np.array([[0.0, 0.0, c2, 0.0, 0.0, c1]]), 2, 1, np.eye(1), 0.1)
+        assert verdict.margin == pytest.approx(exact, rel=0.06)
     outside = check_positive_real(np.array([[0.0, 0.0, -1.5]]), 1, 1, np.eye(1), 0.1)
     assert not outside.holds and "does not forget" in outside.text
 
@@ -360,5 +367,17 @@ def test_bad_requests_are_named(loop_record, options, error, words):
 
 def test_too_few_samples_for_the_wider_windows_are_counted():
     record = simulate_fourth_order(70, 1)  # VARX p = 8 needs 37 windows, VARMAX 55 whose e is known: 54 there are
-    with pytest.raises(NotIdentifiable, match=r"complete windows.*needs at least 55"):
+    with pytest.raises(
+        NotIdentifiable, match=r": 54 complete windows of 17 samples; .* at least 55, that is 71 samples"
+    ):
         identify_varmax([record], past=8, order=4)
+
+
+def test_holes_that_leave_no_longer_start_are_no_crash():
+    """(25) fails, and the longer VARX that would start again has not one window between the holes."""
+    record, _ = armax(9000, 7, (1.8, 0.9))
+    values = record.values.copy()
+    values[::30] = np.nan
+    result = identify_varmax([replace(record, values=values)], past=2, order=2)
+    assert not result.extra["varmax"]["positive_real"]["holds"]
+    assert result.extra["varmax"]["start"] == "varx, past window 2"

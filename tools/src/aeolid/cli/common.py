@@ -11,6 +11,8 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from aeolid.errors import UsageError
+
 console = Console(highlight=False)
 progress_console = Console(stderr=True, highlight=False)
 
@@ -21,14 +23,20 @@ JsonOption = Annotated[
 
 
 def emit_json(facts: Any, target: str | None) -> None:
-    """Write facts as JSON to the file `target`, to standard output for '-', nowhere for None."""
+    """Write facts as JSON to the file `target`, to standard output for '-', nowhere for None.
+
+    Raises UsageError where the file cannot be written.
+    """
     if target is None:
         return
     text = json.dumps(facts, indent=1, default=plain, allow_nan=False) + "\n"
     if target == "-":
         sys.stdout.write(text)
-    else:
+        return
+    try:
         Path(target).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{target}: cannot be written ({error.strerror})") from None
 
 
 def plain(value: Any) -> Any:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
-from aeolid.errors import DataError, UsageError
+from aeolid.errors import UsageError
 
 OFFERED = ("rls", "els", "fast-rls", "lattice")
 
@@ -63,7 +63,7 @@ def run(
         with open(out, "wb") as handle:
             save_markov(handle, result, record)
     except OSError as error:
-        raise DataError(f"{out}: cannot be written: {error.strerror}") from None
+        raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
     emit_json({"source": record.source, "sha256": record.sha256, "out": out, **result.to_json()}, json)
     if json != "-":
         console.print(f"{recording}: {result.summary()} → {out}")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from functools import partial
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 METHODS = ("varx", "varmax")
 LATER = ("lpv", "lpv-kernel", "ort")
+FILTERS = ("rls", "els", "fast-rls", "lattice")
 
 
 def register(app: typer.Typer) -> None:
@@ -39,14 +40,20 @@ def identify(
     ] = None,
     regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
-    passes: Annotated[int, typer.Option("--passes", help="Passes of extended least squares, 0 to 1000 (varmax).")] = 3,
-    forget: Annotated[float, typer.Option("--forget", help="Forgetting of the first pass, 0.9 to 1 (varmax).")] = 1.0,
+    passes: Annotated[
+        int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
+    ] = None,
+    forget: Annotated[
+        float | None, typer.Option("--forget", help="varmax: forgetting of the first pass, 0.9 to 1; default 1.")
+    ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
     _check_method(method)
+    own: dict[str, Any] = {k: v for k, v in (("passes", passes), ("forgetting", forget)) if v is not None}
+    _check_passes(own, method, markov)
     from aeolid.formats import read_record
     from aeolid.identify.streamed import StreamedMarkov
     from aeolid.identify.varmax import identify_varmax
@@ -58,12 +65,12 @@ def identify(
     with progress_console.status("reading"):
         records = [read_record(path, table) for path in recordings]
     with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
-        run = identify_varx if method == "varx" else partial(identify_varmax, passes=passes, forgetting=forget)
+        run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
         result = run(
             records, past=past, future=future, order=_order(order), feedthrough=feedthrough or (),
-            regularization=_regularization(regularize), markov=streamed, decimation=decimate, stable=stable,
+            regularization=_regularization(regularize), markov=streamed, decimation=decimate, stable=stable, **own,
         )  # fmt: skip
-    _write(result, out)
+    emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
@@ -80,7 +87,17 @@ def _check_method(method: str) -> None:
         return
     if method in LATER:
         raise UsageError(f"method {method} is not in this release; it has {', '.join(METHODS)}")
+    if method in FILTERS:
+        raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
     raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
+
+
+def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse options of the VARMAX passes where no pass is run."""
+    if given and method != "varmax":
+        raise UsageError("--passes and --forget belong to --method varmax")
+    if given and markov is not None:
+        raise UsageError("with --markov no pass is run; leave --passes and --forget out")
 
 
 def _order(text: str) -> int | None:
@@ -99,10 +116,3 @@ def _regularization(text: str) -> str | float:
         return float(text)
     except ValueError:
         raise UsageError(f"--regularize {text!r} is none of gcv, none or a number") from None
-
-
-def _write(result: Identification, out: Path) -> None:
-    try:
-        emit_json(result.model_json(), str(out))
-    except OSError as error:
-        raise UsageError(f"{out}: {error.strerror}") from None

@@ -12,17 +12,17 @@ from aeolid.filters.result import FilterResult
 from aeolid.filters.settings import (
     CHANNELS_MAX,
     COUNTERS,
-    FAST,
     FORGETTING,
     METHODS,
     MODEL_SETS,
     OWN_COUNTERS,
     FilterSettings,
+    check_ranges,
     check_sizes,
     choose_model_set,
-    describe_dead_channel,
-    els_settings,
     fill_tables,
+    find_fault,
+    with_els_defaults,
 )
 from aeolid.native import foreign_interface, load_library
 from aeolid.record import Record
@@ -56,11 +56,12 @@ def replay_filter(
     say what each does beyond that: rls and els weigh all of θ alike, the fast ones older blocks less.
 
     u (N, r), y (N, l): one row a sample, the channels' units; NaN rows are rejected and counted, the window refills.
-    past: p, blocks of the window, 1 … (p m + r ≤ 1024).
+    past: p ≥ 1, blocks of the window, p m + r ≤ 1024 with m = r + l (VARX) or r + 2 l (VARMAX).
     method: "rls" (square-root least squares, default), "els" (extended: VARMAX), "fast-rls" or "lattice" (cost linear
     in p). model_set: "varx" or "varmax", default what the method is for; VARMAX feeds the residual back.
-    sample_time_s: above 1e-6; only its ratio to time_s matters. time_s (N,): default 0, h, 2 h …; holes are gaps.
-    forgetting: λ, 0.5 … 1, default 1 (all samples count alike), for fast-rls, whose long runs need λ < 1, 0.999.
+    sample_time_s: 1e-6 … 4000; only its ratio to time_s matters. time_s (N,): default 0, h, 2 h …; holes are gaps.
+    forgetting: λ, 0.5 … 1, default 1 (all samples count alike), for fast-rls, whose long runs need λ < 1, 0.999. The
+    linear ones refuse a window longer than their memory: λ^p ≥ 1e-3 (fast-rls), λ^(p−1) ≥ 1e-6 (lattice).
     regularisation: ρ, 1e-8 … 1e8, default 0.1, as if a tenth of a sample of unit size had been seen in each direction:
     on singular turbine data the smallest that single precision bears out (2e-4 from batch least squares).
     precision: "f32" (the firmware's, default) or "f64".
@@ -68,8 +69,9 @@ def replay_filter(
     the result. offset, scale (r + l,): default mean and standard deviation of the samples given.
     minimum, maximum (r + l,): plausible range, default unlimited. excitation_min, growth_max: as in rls.h.
 
-    Returns FilterResult. Raises UsageError for a setting out of range, DataError for a constant or empty channel,
-    NotIdentifiable when no sample has a full past window. Cost: about 2.5 n² + 4 l n operations a sample in C.
+    Returns FilterResult. Raises UsageError for a setting out of range, DataError for an empty channel, times that go
+    back or parameters that left single precision, NotIdentifiable for a constant channel or when no sample has a full
+    past window. Cost, operations a sample in C: about 2.5 n² + 4 l n (rls, els), linear in n (fast-rls, lattice).
 
     >>> rng = np.random.default_rng(1)
     >>> u = rng.standard_normal((500, 1))
@@ -83,16 +85,16 @@ def replay_filter(
         raise UsageError(f"u has {len(inputs)} samples, y has {len(outputs)}; they must match")
     chosen = choose_model_set(method, model_set)
     check_sizes(inputs.shape[1], outputs.shape[1], past, feedthrough, sample_time_s, chosen)
-    tables = fill_tables(np.hstack([inputs, outputs]), offset, scale, minimum, maximum)
+    tables = fill_tables(np.hstack([inputs, outputs]), precision, offset, scale, minimum, maximum)
     through = tuple(sorted(set(feedthrough)))
     lambda_end = FORGETTING.get(method, 1.0) if forgetting is None else float(forgetting)
     settings = FilterSettings(
         method, precision, past, lambda_end, float(regularisation), through, float(excitation_min), float(growth_max),
         float(sample_time_s), tuple(tables[0].tolist()), tuple(tables[1].tolist()), chosen,
     )  # fmt: skip
-    n = settings.regressors(inputs.shape[1], outputs.shape[1])
-    own: dict[str, Any] = els_settings(method, n, len(inputs), lambda_end)
-    settings = FilterSettings(**{**settings.__dict__, **own})
+    check_ranges(settings)
+    if method == "els":
+        settings = with_els_defaults(settings, settings.regressors(inputs.shape[1], outputs.shape[1]), len(inputs))
     return _run(inputs, outputs, _microseconds(time_s, len(inputs), sample_time_s), tables, settings)
 
 
@@ -109,8 +111,8 @@ def filter_record(
 ) -> FilterResult:
     """Replay the input and output channels of a recording through one of the C filters.
 
-    feedthrough: names of inputs; the other parameters as in replay_filter. Raises also DataError that names a constant
-    or empty channel, UsageError for an unknown input name or a recording without inputs or outputs.
+    feedthrough: names of inputs; the other parameters as in replay_filter. Raises as replay_filter, naming recording
+    and channel, and UsageError for an unknown input name or a recording without inputs or outputs.
     """
     names_u, names_y = record.names("input"), record.names("output")
     if not names_u or not names_y:
@@ -120,9 +122,9 @@ def filter_record(
         raise UsageError(f"feedthrough {unknown[0]!r} is no input; the inputs are {', '.join(names_u)}")
     u, y = record.columns(names_u), record.columns(names_y)
     for name, samples in zip(names_u + names_y, np.hstack([u, y]).T, strict=True):
-        problem = describe_dead_channel(samples)
-        if problem:
-            raise DataError(f"{record.source}: channel {name!r} {problem}")
+        fault = find_fault(f"{record.source}: channel {name!r}", samples, precision)
+        if fault is not None:
+            raise fault
     try:
         return replay_filter(
             u,
@@ -237,9 +239,6 @@ def _call(replay: Any, settings: FilterSettings) -> None:
     if replay.regressors == 0 and code == -4:  # AEO_E_RANGE from the read-out; set-up knows no such code
         raise DataError(f"{settings.method} holds no finite parameters ({text}); filter with rls, or in f64")
     raise UsageError(
-        f"the filter refused its settings ({text}); ranges: forgetting 0.5 to 1, regularisation 1e-8 to 1e8,"
-        " excitation_min 0 to 1, growth_max 4 to 1e6 with growth_max / regularisation at most 1e10;"
-        f" given {settings.forgetting:g}, {settings.regularisation:g}, {settings.excitation_min:g},"
-        f" {settings.growth_max:g}, scales {min(settings.scale):g} to {max(settings.scale):g}"
-        + ("; fast-rls and lattice also need forgetting^past above 1e-3" if settings.method in FAST else "")
+        f"{settings.method} refused its settings ({text}); channels have scales of {min(settings.scale):g} to"
+        f" {max(settings.scale):g}: {settings.precision} may not hold them, change the units or take f64"
     )

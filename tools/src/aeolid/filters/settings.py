@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aeolid.errors import DataError, UsageError
+from aeolid.errors import AeolidError, DataError, NotIdentifiable, UsageError
 
 Array = NDArray[np.float64]
 
 CHANNELS_MAX = 32  # AEO_REGRESSOR_CHANNELS_MAX
 REGRESSORS_MAX = 1024  # AEO_REGRESSOR_LENGTH_MAX, AEO_RLS_REGRESSORS_MAX
 METHODS = ("rls", "els", "fast-rls", "lattice")  # the order of chosen_method_t
-FAST = ("fast-rls", "lattice")  # cost linear in p
 MODEL_SETS = ("varx", "varmax")  # the order of aeo_model_set_t
 FORGETTING = {"fast-rls": 0.999}  # the default where 1, which forgets nothing, suits short recordings only
+RANGES = {
+    "forgetting": (0.5, 1.0), "regularisation": (1e-8, 1e8), "excitation_min": (0.0, 1.0), "growth_max": (4.0, 1e6)
+}  # fmt: skip
+VARIANCE_MAX = 1e10  # of growth_max / regularisation
+# What forgetting must leave of a sample after so many samples less than p: the linear ones refuse windows longer than
+# what they remember (SHRINK_MIN of fast_rls.c, FADED_MIN of lattice.c).
+REMEMBERED = {"fast-rls": (1e-3, 0), "lattice": (1e-6, 1)}
+RESOLUTION = {"f32": 2.0**-23, "f64": 2.0**-52}  # of a number beside its size
 REGRESSOR_COUNTERS = ("samples", "rejected_not_finite", "rejected_range", "rejected_time", "gaps")
 RLS_COUNTERS = ("updates", "updates_rejected", "forgetting_withheld", "variances_bounded", "reinitialised")
 COUNTERS = REGRESSOR_COUNTERS + RLS_COUNTERS  # the order of aeo_replay_t.count, first those that every filter has
@@ -81,18 +88,19 @@ def choose_model_set(method: str, model_set: str | None) -> str:
     return model_set
 
 
-def els_settings(method: str, regressors: int, samples: int, forgetting: float) -> dict[str, float]:
-    """Return the settings els.h recommends: a VARX start of 10 n samples, at most a quarter of the recording.
+def with_els_defaults(settings: FilterSettings, regressors: int, samples: int) -> FilterSettings:
+    """Return the settings with what els.h recommends: a VARX start of 10 n samples, at most a quarter of the recording.
 
-    The schedule starts at λ = 0.99 (or below λ, where that is smaller) and moves towards λ by a hundredth a sample; the
-    guard falls back to VARX when innovations grow to twice those of the start.
+    The schedule starts at 0.99, or at λ where that is smaller, and closes a hundredth of the distance to λ a sample;
+    the guard falls back to VARX when the power of innovations grows to four times that of the start.
     """
-    if method != "els":
-        return {}
-    start = max(16, min(10 * regressors, samples // 4))
-    return {
-        "varx_samples": start, "forgetting_start": min(0.99, forgetting), "forgetting_rate": 0.99, "guard_ratio": 4.0
-    }  # fmt: skip
+    return replace(
+        settings,
+        varx_samples=max(16, min(10 * regressors, samples // 4)),
+        forgetting_start=min(0.99, settings.forgetting),
+        forgetting_rate=0.99,
+        guard_ratio=4.0,
+    )
 
 
 def check_sizes(r: int, ny: int, past: int, feedthrough: tuple[int, ...], sample_time_s: float, model_set: str) -> None:
@@ -107,18 +115,49 @@ def check_sizes(r: int, ny: int, past: int, feedthrough: tuple[int, ...], sample
         raise UsageError(f"sample_time_s = {sample_time_s} is not between 1e-6 and 4000 seconds")
 
 
-def describe_dead_channel(samples: Array) -> str:
-    """Say what makes a channel useless; empty where nothing does."""
+def check_ranges(settings: FilterSettings) -> None:
+    """Refuse numbers that the C library would refuse, by name."""
+    for name, (least, most) in RANGES.items():
+        value = getattr(settings, name)
+        if not least <= value <= most:
+            raise UsageError(f"{name} = {value:g} is not between {least:g} and {most:g}")
+    if settings.growth_max / settings.regularisation > VARIANCE_MAX:
+        raise UsageError(
+            f"growth_max / regularisation = {settings.growth_max:g} / {settings.regularisation:g} is above "
+            f"{VARIANCE_MAX:g}; take a smaller growth_max or more regularisation"
+        )
+    least, less = REMEMBERED.get(settings.method, (0.0, 0))
+    span = settings.past - less
+    if settings.forgetting**span < least:
+        raise UsageError(
+            f"forgetting = {settings.forgetting:g} leaves {settings.forgetting**span:.1g} of a sample after a past "
+            f"window of {settings.past}; {settings.method} needs {least:g}: take at least {least ** (1 / span):.4f}, a "
+            "shorter window, or rls"
+        )
+
+
+def find_fault(name: str, samples: Array, precision: str) -> AeolidError | None:
+    """Return what makes a channel useless to a filter, None where nothing does.
+
+    name: how the text calls it; samples (N,). A spread below what the precision shows beside the mean is no signal.
+    """
     finite = samples[np.isfinite(samples)]
     if not finite.size:
-        return "holds no finite sample; take it out of the roles or repair the recording"
+        return DataError(f"{name} holds no finite sample; take it out of the roles or repair the recording")
     if np.ptp(finite) == 0.0:
-        return f"is constant ({finite[0]:g}); give it the role ignore"
-    return ""
+        return NotIdentifiable(f"{name} is constant ({finite[0]:g}); give it the role ignore")
+    mean, spread = float(finite.mean()), float(finite.std())
+    if spread <= RESOLUTION.get(precision, 0.0) * abs(mean):
+        return NotIdentifiable(
+            f"{name} varies by {spread:.2g} about {mean:g}, less than {precision} shows; "
+            "take the constant part off, or give it the role ignore"
+        )
+    return None
 
 
 def fill_tables(
     samples: Array,
+    precision: str,
     offset: ArrayLike | None,
     scale: ArrayLike | None,
     minimum: ArrayLike | None,
@@ -128,9 +167,9 @@ def fill_tables(
     channels = samples.shape[1]
     if offset is None or scale is None:
         for i, column in enumerate(samples.T):
-            problem = describe_dead_channel(column)
-            if problem:
-                raise DataError(f"channel {i} (inputs first) {problem}")
+            fault = find_fault(f"channel {i} (inputs first)", column, precision)
+            if fault is not None:
+                raise fault
     finite = np.where(np.isfinite(samples), samples, np.nan)
     far = float(np.finfo(np.float32).max)
     return (

@@ -15,7 +15,7 @@ from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
 from aeolid.identify.result import Identification, Settings
-from aeolid.identify.streamed import StreamedMarkov
+from aeolid.identify.streamed import StreamedMarkov, theta_in_units
 from aeolid.identify.subspace import (
     ScaledModel,
     StateBasis,
@@ -50,8 +50,8 @@ class Windows:
     whole: WindowFactor
 
     @property
-    def outputs(self) -> Array:
-        """Return the scales of the outputs, (l,)."""
+    def output_scale(self) -> Array:
+        """Return the standard deviations of the outputs, (l,), in their units."""
         first = len(self.scaling.inputs)
         return self.scaling.scale[first : first + len(self.scaling.outputs)]
 
@@ -61,7 +61,7 @@ def make_settings(
     feedthrough: Sequence[str], regularization: str | float, markov: StreamedMarkov | None, decimation: int,
     stable: bool,
 ) -> Settings:  # fmt: skip
-    """Check what was asked for; raises UsageError that names the option."""
+    """Check what was asked for; raises UsageError that names the option, DataError where `markov` does not fit."""
     if not records:
         raise UsageError("at least one recording is needed")
     if past < 1:
@@ -76,6 +76,8 @@ def make_settings(
     if unknown:
         have = ", ".join(records[0].names("input"))
         raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
+    if markov is not None:
+        markov.require_match(records, method, past, feedthrough, decimation)
     source = None if markov is None else markov.source
     return Settings(method, past, chosen, order, tuple(feedthrough), regularization, decimation, stable, source)
 
@@ -112,7 +114,7 @@ def assemble(
     model, fit = _measured(model, records)
     return Identification(
         model=model,
-        modes=_find_modes(model, windows.outputs, spread, records),
+        modes=_find_modes(model, windows.output_scale, spread, records),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=fit,
@@ -190,14 +192,6 @@ def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record
         sy[:, None] * scaled.covariance * sy, record.sample_time_s, tuple(signals[:r]), tuple(signals[r:]),
         tuple(Signal(f"x{i + 1}") for i in range(n)),
     )  # fmt: skip
-
-
-def theta_in_units(theta: Array, scaling: Scaling, past: int) -> Array:
-    """Undo the scaling of Ξ (l, p m + r)."""
-    r, outputs = len(scaling.inputs), len(scaling.outputs)
-    columns = np.concatenate([np.tile(scaling.scale, past), scaling.scale[:r]])
-    out: Array = scaling.scale[r : r + outputs, None] * theta / columns
-    return out
 
 
 def _with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:

@@ -50,6 +50,10 @@ class Samples:
             marks[a + past : b] = True
         return marks
 
+    def count_windows(self, lead: int) -> int:
+        """Count the samples that have `lead` complete ones before them in their stretch."""
+        return int(np.maximum(self.stops - self.starts - lead, 0).sum())
+
     def split(self, e: Array) -> list[Array]:
         """Part an array along samples into the recordings."""
         return np.split(e, np.cumsum(self.lengths)[:-1])

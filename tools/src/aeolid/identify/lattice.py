@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.streamed import StreamedMarkov
+from aeolid.identify.streamed import StreamedMarkov, theta_in_units
 from aeolid.identify.windows import Scaling
+from aeolid.models.prediction import complete_stretches
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -75,8 +75,7 @@ class LatticeEstimate:
         """
         r, m = len(scaling.inputs), scaling.channels
         past = (self.theta.shape[1] - r) // m
-        columns = np.concatenate([np.tile(scaling.scale, past), scaling.scale[:r]])
-        units = scaling.scale[r:, None] * self.theta / columns
+        units = theta_in_units(self.theta, scaling, past)
         keep = [*range(past * m), *(past * m + i for i in range(r) if feedthrough[i])]
         return StreamedMarkov(units[:, keep], f"lattice, {self.method}")
 
@@ -216,9 +215,7 @@ def _require_stretches(
     found = []
     for record in records:
         z = scaling.apply(record.columns(scaling.inputs + scaling.outputs))
-        holes = np.flatnonzero(~np.isfinite(z).all(axis=1))
-        edges = np.concatenate([[-1], holes, [len(z)]])
-        found += [z[a + 1 : b] for a, b in pairwise(edges) if b - a - 1 > past]
+        found += [z[a:b] for a, b in complete_stretches(z, past + 1)]
     pairs, needed = sum(len(z) - past for z in found), scaling.channels + 1
     if pairs < needed:
         raise NotIdentifiable(

@@ -24,9 +24,9 @@ class MarkovEstimate:
     """Hold Ξ (l, p m + r) in the order of eq. (9) or (14), scaled units.
 
     Columns of inputs without feedthrough are zero. rank of `regressors` is the number of directions the data excite;
-    penalty (l,) the λ of each output relative to the largest singular value; spread (p m + r, rank) and
-    residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with the outputs' mean filter
-    factors, where those differ).
+    penalty (l,) the λ of each output relative to the largest singular value, 0 where Ξ is not of this regression;
+    spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with
+    the outputs' mean filter factors, where those differ).
     """
 
     theta: Array
@@ -79,7 +79,7 @@ def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> 
     """Return the estimate with another Ξ (l, p m + r); its residuals are computed anew."""
     error = factor.y_now - factor.R[:, : theta.shape[1]] @ theta.T
     covariance = error.T @ error / max(factor.windows - estimate.rank, 1)
-    return replace(estimate, theta=theta, residual_covariance=covariance)
+    return replace(estimate, theta=theta, residual_covariance=covariance, penalty=np.zeros_like(estimate.penalty))
 
 
 def gcv_score(penalty: float, s: Array, projected: Array, outside: float, windows: int) -> float:

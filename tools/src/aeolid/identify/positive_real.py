@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 STEPS = 10  # halvings of the range of the weight, 1e-10 … 1e4 of the largest: a third of a decade is left
 RANK = 1e-3  # of the largest eigenvalue of the innovation covariance; below it a direction counts as free of noise
 POINTS = 1024  # frequencies from 0 to the Nyquist frequency, both included
+BESIDE = np.array([0, 1, 2, 4, 8, 16])  # distances from a zero's angle, in its distance to the unit circle
 
 
 @dataclass(frozen=True)
@@ -118,7 +119,7 @@ def check_positive_real(theta: Array, past: int, inputs: int, covariance: Array,
     theta (l, ≥ p m) of eq. (14), covariance (l, l) of the innovations, in the same units. The condition is taken in the
     coordinates w of e = L w, cov(w) = I, which makes it free of the outputs' units: all outputs share one regressor,
     so the estimate, and with it its convergence, is the same in any coordinates. Directions that no noise reaches carry
-    no innovation and are left out. Cost: POINTS inversions of size l.
+    no innovation and are left out. Cost: POINTS + 11 p l inversions of size l.
 
     >>> theta = np.array([[0.0, 0.0, 0.5]])  # y_k = e_k + 0.5 e_{k−1}: Re 1/(1 + 0.5 z⁻¹) is least at ω = 0
     >>> verdict = check_positive_real(theta, 1, 1, np.eye(1), 1.0)
@@ -133,7 +134,8 @@ def check_positive_real(theta: Array, past: int, inputs: int, covariance: Array,
     L = vectors[:, kept] * np.sqrt(values[kept])  # (l, k)
     back = vectors[:, kept].T / np.sqrt(values[kept])[:, None]  # (k, l), back L = I
     H = np.einsum("kl,plm,mj->pkj", back, noise_polynomial(theta, past, inputs), L)
-    frequency = np.linspace(0.0, np.pi, POINTS)
+    zeros = _zeros(H)
+    frequency = _frequencies(zeros)
     turn = np.exp(-1j * np.outer(frequency, np.arange(len(H))))
     response = np.einsum("fp,pkj->fkj", turn, H)
     with np.errstate(all="ignore"):
@@ -141,12 +143,26 @@ def check_positive_real(theta: Array, past: int, inputs: int, covariance: Array,
     least = np.linalg.eigvalsh((inverse + inverse.conj().transpose(0, 2, 1)) / 2)[:, 0]
     place = int(np.argmin(least))
     hertz = float(frequency[place] / (2 * np.pi * sample_time_s)) if sample_time_s > 0 else 0.0
-    return PositiveReal(float(least[place] - 0.5), hertz, _zero_radius(H), rank, outputs)
+    radius = float(abs(zeros).max(initial=0.0))
+    return PositiveReal(float(least[place] - 0.5), hertz, radius, rank, outputs)
 
 
-def _zero_radius(H: Array) -> float:
-    """Return the largest magnitude of the zeros of det H(z), H monic, through its block companion matrix."""
+def _zeros(H: Array) -> NDArray[np.complex128]:
+    """Return the zeros (p k,) of det H(z), H (p + 1, k, k) monic, through its block companion matrix."""
     order, k = len(H) - 1, H.shape[1]
     companion = np.eye(order * k, k=-k)
     companion[:k] = -np.hstack(list(H[1:]))
-    return float(abs(np.linalg.eigvals(companion)).max()) if order else 0.0
+    return np.linalg.eigvals(companion).astype(complex)
+
+
+def _frequencies(zeros: NDArray[np.complex128]) -> Array:
+    """Return where to look, radians a sample: evenly, and around the zeros of det H̄.
+
+    With δ the distance of a zero to the circle, Re 1/(1 − z₀ e^{−iω}) and its products dip within a few δ of the zero's
+    angle, which may be far below the even spacing; a ladder of factor 2 meets the dip within 6 % of its depth.
+    """
+    steps = np.outer(np.concatenate([-BESIDE[:0:-1], BESIDE]), abs(1.0 - abs(zeros)))
+    beside = (abs(np.angle(zeros)) + steps).ravel()
+    beside = beside[(beside > 0) & (beside < np.pi)]
+    out: Array = np.sort(np.concatenate([np.linspace(0.0, np.pi, POINTS), beside]))
+    return out

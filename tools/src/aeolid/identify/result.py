@@ -20,7 +20,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Settings:
-    """Hold what was asked for; the result carries it. passes and forgetting are those of VARMAX, None for VARX."""
+    """Hold what was asked for; the result carries it.
+
+    passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run.
+    """
 
     method: str
     past: int

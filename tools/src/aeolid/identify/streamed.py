@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,25 +15,110 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError
 from aeolid.identify.markov import MarkovEstimate, with_theta
 from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
+ON_WIRE = 32, 16  # bytes of a channel's name and unit that a controller sends
+SAME_TIME = 0.02  # relative; clocks and rounded time columns differ by less, decimated recordings by more
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Hold what a file of Markov parameters says of the filter they come from.
+
+    channels, units: inputs first, r of them, then the outputs; feedthrough: indices of inputs whose present value is a
+    regressor; sha256 of the recording that was filtered, empty where samples came over the bus (`wired`: names may be
+    cut or made up).
+    """
+
+    channels: tuple[str, ...]
+    units: tuple[str, ...]
+    inputs: int
+    past: int
+    model_set: str
+    feedthrough: tuple[int, ...]
+    sample_time_s: float
+    sha256: str
+    wired: bool
+
+    @classmethod
+    def read(cls, archive: Any) -> Origin | None:
+        """Read it from an open .npz; None where the file does not say."""
+        if not {"settings", "inputs", "outputs", "input_units", "output_units"} <= set(archive.files):
+            return None
+        settings, wired = json.loads(str(archive["settings"])), "sample_index" in archive
+        channels, units = (
+            tuple(str(v) for key in keys for v in archive[key])
+            for keys in (("inputs", "outputs"), ("input_units", "output_units"))
+        )
+        return cls(
+            channels, units, len(archive["inputs"]), int(settings["past"]), str(settings["model_set"]),
+            tuple(int(i) for i in settings["feedthrough"]), float(settings["sample_time_s"]),
+            "" if wired else str(archive["sha256"]), wired,
+        )  # fmt: skip
+
+    def find_conflict(
+        self, record: Record, method: str, past: int, feedthrough: Sequence[str], sample_time_s: float
+    ) -> str:
+        """Say how an identification differs from the filter; empty where it does not."""
+        inputs, outputs = record.names("input"), record.names("output")
+        if self.model_set != method:
+            return f"it is of a {self.model_set.upper()} filter: --method {self.model_set}"
+        if self.past != past:
+            return f"the filter had a past window of {self.past}: --past {self.past}"
+        if (self.inputs, len(self.channels)) != (len(inputs), len(inputs + outputs)):
+            return (
+                f"the filter had {self.inputs} inputs and {len(self.channels) - self.inputs} outputs, the recording has"
+                f" {len(inputs)} and {len(outputs)}; use the roles file of the filter"
+            )
+        conflict = self._compare_channels(record, inputs + outputs)
+        if conflict:
+            return conflict
+        present = [n for i, n in enumerate(inputs) if i in self.feedthrough]
+        if sorted(present) != sorted(set(feedthrough)):
+            asked = " ".join(f"--feedthrough {n}" for n in present) or "no --feedthrough"
+            return f"the filter had feedthrough of {', '.join(present) or 'no input'}: {asked}"
+        if abs(sample_time_s - self.sample_time_s) > SAME_TIME * self.sample_time_s:
+            return (
+                f"the filter took a sample every {self.sample_time_s:g} s, the identification every "
+                f"{sample_time_s:g} s; use every sample, and no --decimate"
+            )
+        return ""
+
+    def _compare_channels(self, record: Record, names: Sequence[str]) -> str:
+        cut_names, cut_units = ON_WIRE
+        here, there = (tuple(n.encode()[:cut_names] for n in group) for group in (names, self.channels))
+        if here != there and (not self.wired or sorted(here) == sorted(there)):
+            return (
+                f"the filter's channels were {', '.join(self.channels)}, the recording's are {', '.join(names)}; "
+                "use the roles file of the filter"
+            )
+        for name, unit in zip(names, self.units, strict=True):
+            if unit and unit.encode()[:cut_units] != record.unit(name).encode()[:cut_units]:
+                here_unit = record.unit(name) or "no unit"
+                return f"channel {name!r} was in {unit} there and is in {here_unit} here; use the same unit"
+        return ""
 
 
 @dataclass(frozen=True, eq=False)
 class StreamedMarkov:
     """Hold Ξ (l, p m + d) in the channels' units as `filter` and `listen` write it, order of paper 000 eq. (9) or (14).
 
-    innovation (N, l): what the filter took for e, NaN where it made no update; None where the file has none.
+    innovation (N, l): what the filter took for e, NaN where it made no update; None where the file has none. origin:
+    what the file says of the filter; None where it does not, then only the size of Ξ is checked.
     """
 
     theta: Array
     source: str
     innovation: Array | None = None
+    origin: Origin | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> StreamedMarkov:
-        """Read the key `theta` of a markov.npz; raises DataError that names the file."""
+        """Read Ξ, innovations and origin from a markov.npz; raises DataError that names the file."""
         try:
+            if Path(path).is_file() and not zipfile.is_zipfile(path):
+                raise DataError(f"{path}: not a readable .npz of Markov parameters; filter and listen write one")
             with np.load(path, allow_pickle=False) as archive:
                 if "theta" not in archive:
                     raise DataError(f"{path}: no array 'theta'; it holds {', '.join(archive.files) or 'nothing'}")
@@ -38,16 +126,36 @@ class StreamedMarkov:
                 # e is the a posteriori residual where the file has it; a stream carries the innovation only
                 kinds = [np.asarray(archive[k], np.float64) for k in ("residual", "innovation") if k in archive]
                 innovation = next((e for e in kinds if np.isfinite(e).any()), None)
+                origin = Origin.read(archive)
         except FileNotFoundError:
             raise DataError(f"{path}: no such file") from None
-        except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:
+        except (OSError, ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
             raise DataError(f"{path}: not a readable .npz of Markov parameters: {error}") from None
         if theta.ndim != 2:
             raise DataError(f"{path}: theta has shape {theta.shape}, a matrix (outputs x regressors) is needed")
         if not np.isfinite(theta).all():
             row, column = np.argwhere(~np.isfinite(theta))[0]
             raise DataError(f"{path}: theta[{row}, {column}] is not finite; the snapshot is incomplete, listen longer")
-        return cls(theta, str(path), innovation)
+        return cls(theta, str(path), innovation, origin)
+
+    def require_match(
+        self, records: Sequence[Record], method: str, past: int, feedthrough: Sequence[str], decimation: int
+    ) -> None:
+        """Refuse an identification that is not of the filter's kind; raises DataError with what to change."""
+        if self.origin is None:
+            return
+        step = records[0].sample_time_s * decimation
+        conflict = self.origin.find_conflict(records[0], method, past, feedthrough, step)
+        if conflict:
+            raise DataError(f"{self.source}: {conflict}")
+
+    def innovation_of(self, records: Sequence[Record]) -> Array | None:
+        """Return the filter's innovations (N, l), None where they are of other samples than these recordings'."""
+        rows = sum(len(r) for r in records)
+        if self.innovation is None or len(self.innovation) != rows:
+            return None
+        told = self.origin.sha256 if self.origin is not None else ""
+        return None if told and [r.sha256 for r in records] != [told] else self.innovation
 
     def replace_in(
         self, estimate: MarkovEstimate, factor: WindowFactor, scaling: Scaling, past: int, through: tuple[bool, ...]
@@ -75,3 +183,11 @@ class StreamedMarkov:
         theta = np.zeros((outputs, past * m + r))
         theta[:, keep] = self.theta * columns / scaling.scale[r : r + outputs, None]
         return theta
+
+
+def theta_in_units(theta: Array, scaling: Scaling, past: int) -> Array:
+    """Undo the scaling of Ξ (l, p m + r): what `StreamedMarkov.scaled` does, backwards."""
+    r, outputs = len(scaling.inputs), len(scaling.outputs)
+    columns = np.concatenate([np.tile(scaling.scale, past), scaling.scale[:r]])
+    out: Array = scaling.scale[r : r + outputs, None] * theta / columns
+    return out

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress, make_settings
 from aeolid.identify.decimate import decimate
-from aeolid.identify.extended import collect
+from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, require_excitation, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.result import Identification
@@ -46,24 +44,24 @@ def identify_varmax(
 
     records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
     weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
-    take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations.
+    take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations; no pass is run then.
     passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
-    pass i uses λ^{1/i}, the last one 1. Default 1: less forgets the wrong e of the start sooner, but where data leave
-    directions open (fewer noise sources than outputs) Ξ wanders there and singular values grow tenfold.
+    pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes. Default 1: less forgets the wrong e of
+    the start sooner, but where data leave directions open (fewer noise sources than outputs) Ξ wanders there and
+    singular values grow tenfold.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
         "varmax", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
-    if not 0 <= passes <= MOST_PASSES or not 0.9 <= forgetting <= 1:
-        raise UsageError(f"passes {passes} and forgetting {forgetting} are not within 0 … {MOST_PASSES} and 0.9 … 1")
-    settings = replace(settings, passes=passes, forgetting=forgetting)
+    _check_passes(passes, forgetting)
+    if markov is None:
+        settings = replace(settings, passes=passes, forgetting=forgetting)
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
-    known = sum(max(len(r) - 2 * past, 0) for r in records)  # a window needs p samples whose e is known
-    require_windows(records, past, extended.channels, known)
+    require_windows(records, past, extended.channels, lead=2 * past)
     plain = compress(records, scaling, past)
     samples = collect(records, scaling, past)
     start = estimate_markov(plain.whole, through, regularization)
@@ -73,12 +71,12 @@ def identify_varmax(
     else:
         theta = markov.scaled(extended, past, through)
         found = follow(records, samples, extended, plain.whole, start, theta, markov)
-    windows, verdict = _judge(records, found, plain, extended, through)
+    windows, verdict = _judge(records, samples, found, plain, extended, through)
     if not verdict.holds and markov is None:
         again = start_again(records, samples, extended, scaling, found, past, through, regularization)
         if again is not None:
             found = again
-            windows, verdict = _judge(records, found, plain, extended, through)
+            windows, verdict = _judge(records, samples, found, plain, extended, through)
     estimate = estimate_markov(windows.whole, through, regularization)
     if found.theta is not None and regularization == "gcv":
         estimate = with_theta(estimate, found.theta, windows.whole)
@@ -89,14 +87,24 @@ def identify_varmax(
     return assemble(windows, records, estimate, settings, notes, extra)
 
 
+def _check_passes(passes: int, forgetting: float) -> None:
+    if not 0 <= passes <= MOST_PASSES:
+        raise UsageError(f"passes {passes} is not within 0 … {MOST_PASSES}")
+    if not 0.9 <= forgetting <= 1:
+        raise UsageError(f"forgetting {forgetting} of the first pass is not within 0.9 … 1")
+    if forgetting < 1 and passes < 2:
+        raise UsageError(f"forgetting {forgetting} needs at least 2 passes, not {passes}: the last one does not forget")
+
+
 def _judge(
-    records: Sequence[Record], found: Whitening, plain: Windows, extended: Scaling, through: tuple[bool, ...]
-) -> tuple[Windows, PositiveReal]:
+    records: Sequence[Record], samples: Samples, found: Whitening, plain: Windows, extended: Scaling,
+    through: tuple[bool, ...],
+) -> tuple[Windows, PositiveReal]:  # fmt: skip
     """Return the VARMAX windows and the verdict on (25); windows whose e is not known count as no missing sample."""
     past = plain.whole.past
     windows = compress(found.records, extended, past)
     windows = replace(windows, whole=replace(windows.whole, skipped=plain.whole.skipped))
-    e = found.e[np.any(found.e != 0, axis=1)]  # zero where it is not known
+    e = found.e[samples.used(past)]
     theta = least_moving_average(windows.whole, through)
     covariance = e.T @ e / max(len(e), 1)
     return windows, check_positive_real(theta, past, windows.whole.inputs, covariance, records[0].sample_time_s)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.identify.extended import Samples, innovations, run_pass
-from aeolid.identify.markov import MarkovEstimate, estimate_markov
+from aeolid.identify.markov import EXACT, MarkovEstimate, estimate_markov
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
 from aeolid.record import Channel, Record
@@ -146,11 +146,14 @@ def whiten(
     """Find e from VARX by passes of extended least squares and residual whitening.
 
     scaling: that of VARMAX windows; plain, start: window factor and estimate of VARX with the same past window. Where
-    the passes diverge the residuals of VARX take their place, and a note says so.
+    the passes diverge the residuals of VARX take their place, and a note says so. Where VARX leaves rounding only there
+    are no innovations to look for, and no pass is run.
     """
     problem = _Problem(records, samples, scaling, plain.past, through, regularization, plain.windows)
     _require(problem)
     first = _varx_residuals(samples, plain, start.theta)
+    if log_power(samples, first, plain.past) < np.log(EXACT):  # the outputs have unit power
+        passes = 0
     annealed = tuple(1.0 if i == passes else forgetting ** (1.0 / i) for i in range(1, passes + 1))
     theta, e, notes = _run_passes(problem, plain, start.theta, annealed, first)
     power = problem.leave(e)
@@ -167,12 +170,13 @@ def start_again(
     """Find e from a longer VARX predictor, which needs no positive-real condition; None where that is no better.
 
     plain: scaling without innovations; found: what VARX of the same window led to. The longer window is LONGEST_START
-    times p, at least 40, at most what leaves 20 samples an unknown. Residuals of a long VARX predictor are near the
-    innovations whatever H̄ is (Durbin's first step); one least squares then gives Ξ.
+    times p, at least 40, at most what leaves 20 samples an unknown; None also where holes leave less than 10 windows an
+    unknown. Residuals of a long VARX predictor are near the innovations whatever H̄ is (Durbin's first step); one least
+    squares then gives Ξ.
     """
-    known = int(np.maximum(samples.stops - samples.starts, 0).sum())
-    longer = min(max(LONGEST_START * past, 40), known // (20 * plain.channels))
-    if longer <= past:
+    longer = min(max(LONGEST_START * past, 40), samples.count_windows(0) // (20 * plain.channels))
+    # holes may leave few or no windows of that length
+    if longer <= past or samples.count_windows(longer) < 10 * longer * plain.channels:
         return None
     factor = factorise(records, plain, longer)
     theta = estimate_markov(factor, through, regularization).theta
@@ -230,11 +234,11 @@ def follow(
     e, power = problem.follow(theta, np.zeros(len(theta)), first)
     if np.isfinite(power):
         return _result(problem, e, None, 0, (), [power], "Ξ as streamed", ())
-    given = markov.innovation
+    given = markov.innovation_of(records)
     if given is None or given.shape != first.shape:
         raise DataError(
             f"{markov.source}: its predictor does not forget, and the file has no innovations of these "
-            f"{len(first)} samples; filter longer, or leave --markov out"
+            f"{len(first)} samples; identify the recording that was filtered, filter longer, or leave --markov out"
         )
     scaled = given / scaling.scale[-first.shape[1] :]
     e = np.where(np.isfinite(scaled), scaled, first)
@@ -243,10 +247,10 @@ def follow(
 
 
 def _require(problem: _Problem) -> None:
-    """Refuse recordings too short for VARMAX windows: a window needs p samples whose e is known."""
-    samples, past = problem.samples, problem.past
-    known = int(np.maximum(samples.stops - samples.starts - 2 * past, 0).sum())
-    require_windows(problem.records, past, problem.scaling.channels, known)
+    """Refuse recordings too short for VARMAX windows: p samples whose e is known, each from the p samples before it."""
+    past = problem.past
+    known = problem.samples.count_windows(2 * past)
+    require_windows(problem.records, past, problem.scaling.channels, known, lead=2 * past)
 
 
 def _varx_residuals(samples: Samples, plain: WindowFactor, theta: Array, before: Array | None = None) -> Array:

@@ -179,20 +179,25 @@ def factorise(
     return WindowFactor(full, past, r, outputs, windows, skipped, len(scaling.innovations))
 
 
-def require_windows(records: Sequence[Record], past: int, channels: int, windows: int | None = None) -> None:
+def require_windows(
+    records: Sequence[Record], past: int, channels: int, windows: int | None = None, lead: int | None = None
+) -> None:
     """Refuse a set with fewer complete windows than unknowns; the text says how many are needed.
 
     windows: number of complete windows, default the most the recordings' lengths allow (a check before any work).
+    lead: samples before the target of the first window, default p; 2 p where the p regressors are themselves found from
+    the p samples before each.
     """
-    most = sum(max(len(r) - past, 0) for r in records)
+    lead = past if lead is None else lead
+    most = sum(max(len(r) - lead, 0) for r in records)
     found = most if windows is None else windows
     needed = (past + 1) * channels + 1
     if found >= needed:
         return
     lost = f" ({most - found} more hold a missing sample)" if most > found else ""
     raise NotIdentifiable(
-        f"{records[0].source}: {found} complete windows of {past + 1} samples{lost}; past window {past} with {channels}"
-        f" channels needs at least {needed}, that is {needed + past} samples without a gap;"
+        f"{records[0].source}: {found} complete windows of {lead + 1} samples{lost}; past window {past} with {channels}"
+        f" channels needs at least {needed}, that is {needed + lead} samples without a gap;"
         " record longer or use a shorter past window"
     )
 
