@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.can.logs import open_log
+from aeolid.can.messages import split_errors
 from aeolid.can.node import Assembly, Configuration, Node
 from aeolid.can.snapshots import MarkovSnapshot
-from aeolid.can.source import open_source
 from aeolid.errors import DataError
 from aeolid.filters import COUNTERS, FilterSettings
 from aeolid.record import Channel, Record
@@ -136,14 +137,19 @@ def _innovations(node: Node, record: Record | None, outputs: int) -> Array:
 def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
     """Decode a CAN log: columns by channel name, among them time_s, and their units.
 
-    Raises DataError when the log holds no samples of a node of ours, or those of several nodes or runs.
+    Raises DataError when the log is damaged, or holds no samples of a node of ours, or those of several nodes or runs.
     """
-    source = open_source(str(path))
+    source = open_log(str(path))
     assembly = Assembly()
     while source.ended is None:
-        assembly.feed(source.read(0.0))
+        assembly.feed(split_errors(source.read(0.0)))
     assembly.close()
     source.close()
+    if source.ended.startswith("damaged"):
+        raise DataError(
+            f"{path}: the log is {source.ended}; what came before is kept with"
+            f" aeolid listen --bus {path} --record recording.csv"
+        )
     records = [r for node in assembly.nodes.values() for r in build_records(node, str(path))]
     if not records:
         problems = [f"node {n.number} {n.problem}" for n in assembly.nodes.values() if n.problem]

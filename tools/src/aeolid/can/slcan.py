@@ -14,6 +14,7 @@ import numpy as np
 from can.interfaces.slcan import slcanBus
 from numpy.typing import NDArray
 
+from aeolid.can.messages import unpack_messages
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames, no_frames, pack_frames
 
 READ_SIZE = 1 << 18
@@ -47,7 +48,7 @@ class BulkSlcanBus(slcanBus):
         if not chunk:
             return no_frames()
         frames, self._rest = parse(self._rest + chunk)
-        return frames
+        return replace(frames, time_s=np.full(len(frames), time.time()))  # the text carries no time
 
     def _read_chunk(self, timeout: float) -> bytes:
         try:
@@ -66,20 +67,8 @@ class BulkSlcanBus(slcanBus):
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         if not self._pending:
-            self._pending.extend(_messages(self.read_frames(3600.0 if timeout is None else timeout)))
+            self._pending.extend(unpack_messages(self.read_frames(3600.0 if timeout is None else timeout)))
         return (self._pending.popleft() if self._pending else None), False
-
-
-def _messages(frames: Frames) -> list[can.Message]:
-    now = time.time()
-    columns = (frames.id, frames.flags, frames.length, frames.data)
-    return [
-        can.Message(
-            timestamp=now, arbitration_id=int(i), is_extended_id=bool(f & EXTENDED), is_fd=bool(f & FD),
-            bitrate_switch=bool(f & FAST), data=bytes(d[:n]),
-        )
-        for i, f, n, d in zip(*columns, strict=True)
-    ]  # fmt: skip
 
 
 def parse(text: bytes) -> tuple[Frames, bytes]:

@@ -3,24 +3,38 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+import time
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from aeolid.can.wire import Frames, no_frames, pack_frames
+import numpy as np
+
+from aeolid.can.logs import is_log, open_log, reason_of
+from aeolid.can.messages import pack_messages
+from aeolid.can.wire import Frames, no_frames
 from aeolid.errors import DataError, UsageError
 
-LOG_SUFFIXES = (".blf", ".asc", ".log", ".mf4", ".trc", ".csv.gz")
 BATCH = 4096
+STRANGE_S = 3600.0  # a stamp farther from the host's clock counts from somewhere else: from when the adapter started
 
 
 class Source(Protocol):
-    """Deliver frames until `ended` says why there are no more."""
+    """Deliver frames until `ended` says why there are no more.
+
+    Batches hold every frame that the interface delivered: split_errors of messages.py leaves the data frames of them.
+    interruptions: how often the bus broke off and was opened again.
+    """
 
     name: str
     is_log: bool
     ended: str | None
+    interruptions: int
+
+    @property
+    def status(self) -> str:
+        """Say what an operator should know now, such as a bus that is away; empty when all is well."""
 
     def read(self, timeout: float) -> Frames:
         """Return what has arrived, waiting up to `timeout` seconds; empty when nothing came or the source ended."""
@@ -29,19 +43,24 @@ class Source(Protocol):
         """Let go of bus or file."""
 
 
-def open_source(text: str) -> Source:
+def open_source(text: str, *, reconnect: bool = False) -> Source:
     """Open `interface:channel[?key=value&…]` of python-can, or a CAN log by its path.
 
     Examples: slcan:socket://127.0.0.1:29536, slcan:/dev/pts/3, socketcan:can0?bitrate=500000, recording.blf.
+    reconnect: a bus that breaks off is opened again until it works; the first time it must.
     Raises UsageError for a text that names no interface, DataError when bus or file cannot be opened.
     """
-    if text.lower().endswith(LOG_SUFFIXES) or Path(text).is_file():
-        return LogSource(text)
+    if is_log(text) or Path(text).is_file():
+        return open_log(text)
     found = re.fullmatch(r"([A-Za-z_]\w*):([^?]*)(?:\?(.*))?", text)
     if not found:
-        raise UsageError(f"--bus {text}: interface:channel or a log file (.blf, .asc, .log) is needed")
+        raise UsageError(f"--bus {text}: interface:channel or a log file (.blf, .asc, .log, .mf4, .parquet) is needed")
     interface, channel, options = found[1], found[2], _options(text, found[3])
-    return BusSource(text, _open_bus(text, interface, channel, options))
+    if not reconnect:
+        return BusSource(text, _open_bus(text, interface, channel, options))
+    from aeolid.can.reconnect import ReconnectingSource
+
+    return ReconnectingSource(text, lambda: BusSource(text, _open_bus(text, interface, channel, options)))
 
 
 def _options(text: str, part: str | None) -> dict[str, Any]:
@@ -71,18 +90,21 @@ def _open_bus(text: str, interface: str, channel: str, options: dict[str, Any]) 
             return BulkSlcanBus(channel, **options)
         return can.Bus(interface=interface, channel=channel, **options)
     except Exception as error:  # each interface raises its own kinds
-        raise DataError(f"{text}: the bus cannot be opened: {_reason(error)}") from None
+        raise DataError(f"{text}: the bus cannot be opened: {reason_of(error)}") from None
 
 
 class BusSource:
     """Read a python-can bus; one that can read in bulk is read so."""
 
     is_log = False
+    interruptions = 0
 
     def __init__(self, name: str, bus: Any) -> None:
         self.name = name
         self.ended: str | None = None
+        self.status = ""
         self._bus = bus
+        self._ahead: float | None = None  # host clock less the interface's, where that is none of the day
 
     def read(self, timeout: float) -> Frames:
         """Return what has arrived, waiting up to `timeout` seconds."""
@@ -92,78 +114,38 @@ class BusSource:
             if hasattr(self._bus, "read_frames"):
                 frames: Frames = self._bus.read_frames(timeout)
                 return frames
-            return self._collect(timeout)
+            return self._stamped(self._collect(timeout))
         except Exception as error:  # interfaces raise can.CanError, OSError, serial.SerialException …
-            self.ended = _reason(error)
+            self.ended = reason_of(error)
             return no_frames()
 
-    def _collect(self, timeout: float) -> Frames:
-        rows = []
+    def _collect(self, timeout: float) -> list[Any]:
+        messages = []
         message = self._bus.recv(timeout)
         while message is not None:
-            row = _row(message)
-            if row is not None:
-                rows.append(row)
-            if len(rows) >= BATCH:
+            messages.append(message)
+            if len(messages) >= BATCH:
                 break
-            message = self._bus.recv(0)
-        return pack_frames(rows)
+            try:
+                message = self._bus.recv(0)
+            except Exception as error:  # the bus broke off: what came before it is delivered
+                self.ended = reason_of(error)
+                break
+        return messages
+
+    def _stamped(self, messages: list[Any]) -> Frames:
+        """Put the stamps of an adapter with a clock of its own on the host's."""
+        frames = pack_messages(messages)
+        if not messages:
+            return frames
+        now = time.time()
+        if self._ahead is None:
+            away = now - float(frames.time_s[-1])
+            self._ahead = away if abs(away) > STRANGE_S else 0.0
+        stamps = np.where(frames.time_s > 0, frames.time_s + self._ahead, now)
+        return replace(frames, time_s=stamps)
 
     def close(self) -> None:
         """Close the bus; a peer that has gone already is no failure here."""
         with suppress(Exception):
             self._bus.shutdown()
-
-
-class LogSource:
-    """Read a log file through python-can's readers."""
-
-    is_log = True
-
-    def __init__(self, path: str) -> None:
-        import can
-
-        self.name = path
-        self.ended: str | None = None
-        try:
-            if Path(path).stat().st_size == 0:
-                raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")
-            self._reader: Any = can.LogReader(path)
-            self._messages: Iterator[Any] = iter(self._reader)
-        except FileNotFoundError:
-            raise DataError(f"{path}: no such file") from None
-        except DataError:
-            raise
-        except Exception as error:  # each reader raises its own kinds
-            raise DataError(f"{path}: not a CAN log that python-can reads: {_reason(error)}") from None
-
-    def read(self, timeout: float) -> Frames:
-        """Return the next batch."""
-        rows = []
-        try:
-            for message in self._messages:
-                row = _row(message)
-                if row is not None:
-                    rows.append(row)
-                if len(rows) >= BATCH:
-                    return pack_frames(rows)
-            self.ended = "end of file"
-        except Exception as error:  # a log cut short: keep what came before
-            self.ended = f"damaged: {_reason(error)}"
-        return pack_frames(rows)
-
-    def close(self) -> None:
-        """Close the file."""
-        with suppress(Exception):
-            self._reader.stop()
-
-
-def _row(message: Any) -> tuple[int, bool, bytes] | None:
-    if message.is_error_frame or message.is_remote_frame:
-        return None
-    return int(message.arbitration_id), bool(message.is_extended_id), bytes(message.data)
-
-
-def _reason(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text[:200]

@@ -13,6 +13,20 @@ from aeolid.errors import DataError
 from aeolid.formats.headings import split_heading
 from aeolid.formats.table import Array, Choose, Table, guard_size, require_one_length, to_numbers
 
+FRAMES_COLUMNS = ("timestamp", "id", "flags", "data")  # of a raw CAN log kept as Parquet
+FRAMES_MARK = b"aeolid_can_frames"  # its metadata entry: the version of the layout, as JSON
+
+
+def holds_frames(path: Path) -> bool:
+    """Tell whether a Parquet file is a raw CAN log instead of a table of channels."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        return FRAMES_MARK in (parquet.read_schema(path).metadata or {})
+    except (pa.ArrowException, OSError):
+        return False  # read_parquet says what is wrong
+
 
 def read_parquet(path: Path, choose: Choose) -> Table:
     """Read the chosen columns of a Parquet file; a field's metadata entry `unit` is its unit."""

@@ -23,7 +23,7 @@ _SAME_INSTANT = 1e-9  # seconds: channels of one clock carry the same stamps
 def read_mdf(path: Path, choose: Choose) -> Table:
     """Read the chosen channels of an MDF file; they must share one clock, which becomes the column time_s."""
     refusal: DataError
-    with _quiet():
+    with quiet():
         try:
             with _opened(path) as file:
                 return _read(path, file, choose)
@@ -36,7 +36,7 @@ def read_mdf(path: Path, choose: Choose) -> Table:
 
 def holds_frames(path: Path) -> bool:
     """Tell whether an MDF file logs raw CAN frames instead of measured channels."""
-    with _quiet():
+    with quiet():
         try:
             with _opened(path) as file:
                 return any(name.startswith("CAN_DataFrame") for name in file.channels_db)
@@ -54,7 +54,7 @@ def _opened(path: Path) -> Any:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
+def quiet() -> Iterator[None]:
     """Silence the reader's warnings, and its finaliser, which fails aloud on an object that was never complete."""
     hook = sys.unraisablehook
     sys.unraisablehook = lambda unraisable: None

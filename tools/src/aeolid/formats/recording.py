@@ -103,6 +103,8 @@ def _reader(suffix: str, path: Path) -> Callable[[Path, Choose], Table]:
         return matlab.read_mat
     from aeolid.formats import binary
 
+    if suffix == ".parquet" and binary.holds_frames(path):
+        return _read_can_log
     return {
         ".parquet": binary.read_parquet,
         ".npz": binary.read_npz,

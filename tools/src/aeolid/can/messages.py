@@ -1,0 +1,85 @@
+"""Convert between messages of python-can and batches of frames, one for all interfaces and log formats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames
+
+# further flags of a frame, which never carry a message of a node
+PASSIVE, REMOTE, ERROR = 8, 16, 32  # sender was error passive (ESI); remote frame; error frame, or text that was none
+_WIDTHS = (8, 64)
+
+
+def pack_messages(messages: Sequence[Any]) -> Frames:
+    """Build a batch from messages of python-can, with their time stamps.
+
+    A message whose data do not have the length it announces (a line cut short) becomes an error frame.
+    """
+    count = len(messages)
+    flags = np.fromiter(map(_flags, messages), np.uint8, count)
+    length = np.fromiter((len(m.data) for m in messages), np.uint8, count)
+    width = _WIDTHS[bool((length > _WIDTHS[0]).any())]
+    data = b"".join(bytes(m.data).ljust(width, b"\0") for m in messages)
+    broken = flags == ERROR
+    ids = np.fromiter((m.arbitration_id & 0x1FFFFFFF for m in messages), np.uint32, count)
+    table = np.frombuffer(data, np.uint8).reshape(count, width)
+    if broken.any():
+        ids, length, table = np.where(broken, 0, ids), np.where(broken, 0, length), np.where(broken[:, None], 0, table)
+    stamps = np.fromiter((m.timestamp for m in messages), np.float64, count)
+    return Frames(ids.astype(np.uint32), flags, length.astype(np.uint8), table.astype(np.uint8, copy=False), stamps)
+
+
+def _flags(m: Any) -> int:
+    if m.is_error_frame:
+        return ERROR
+    flags: int = EXTENDED * m.is_extended_id
+    if m.is_remote_frame:
+        return flags | REMOTE
+    if len(m.data) != m.dlc:
+        return ERROR
+    flags |= FD * m.is_fd | FAST * m.bitrate_switch | PASSIVE * m.error_state_indicator
+    return flags
+
+
+def unpack_messages(frames: Frames) -> Iterator[Any]:
+    """Yield messages of python-can; a frame without a time stamp gets 0."""
+    from can import Message
+
+    columns = (frames.id, frames.flags, frames.length, frames.data, np.nan_to_num(frames.time_s))
+    for i, f, n, d, t in zip(*(c.tolist() for c in columns[:3]), columns[3], columns[4].tolist(), strict=True):
+        if f & ERROR:
+            yield Message(timestamp=t, is_error_frame=True)
+        elif f & REMOTE:
+            yield Message(timestamp=t, arbitration_id=i, is_extended_id=bool(f & EXTENDED), is_remote_frame=True)
+        else:
+            yield Message(
+                timestamp=t, arbitration_id=i, is_extended_id=bool(f & EXTENDED), is_fd=bool(f & FD),
+                bitrate_switch=bool(f & FAST), error_state_indicator=bool(f & PASSIVE), data=d[:n].tobytes(),
+            )  # fmt: skip
+
+
+def split_errors(frames: Frames) -> Frames:
+    """Return the data frames alone; error frames among them are counted as garbled, remote frames are left out."""
+    other = frames.flags & (REMOTE | ERROR)
+    if not other.any():
+        return frames
+    errors = int(np.count_nonzero(other & ERROR))
+    return replace(frames.take(other == 0), garbled=frames.garbled + errors)
+
+
+def with_errors(frames: Frames) -> Frames:
+    """Return a batch for a log: the texts that were no frame follow it as error frames, since a log keeps frames."""
+    if not frames.garbled:
+        return frames
+    count = frames.garbled
+    stamp = frames.time_s[-1] if len(frames) else np.nan
+    errors = Frames(
+        np.zeros(count, np.uint32), np.full(count, ERROR, np.uint8), np.zeros(count, np.uint8),
+        np.zeros((count, frames.data.shape[1]), np.uint8), np.full(count, stamp),
+    )  # fmt: skip
+    return join_frames([replace(frames, garbled=0), errors])

@@ -1,0 +1,133 @@
+"""Write raw CAN logs: every frame that an interface delivered, in a format that other tools read."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from aeolid.can.chunks import CHUNK, ChunkedLog
+from aeolid.can.messages import unpack_messages
+from aeolid.can.raw_mf4 import Mf4Log
+from aeolid.can.spare import SpareFile
+from aeolid.can.wire import Frames
+from aeolid.errors import UsageError
+from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
+
+RAW_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".parquet")
+_NOTE = "flags: 1 29-bit identifier, 2 CAN FD, 4 bit rate switched, 8 sender error passive, 16 remote, 32 error"
+
+
+class RawLog(Protocol):
+    """Take frames; `full` turns true when the disk has no room left: then close, what was taken is in the file."""
+
+    @property
+    def path(self) -> Path:
+        """Return where the log is written."""
+
+    @property
+    def frames(self) -> int:
+        """Return how many frames are in it."""
+
+    @property
+    def full(self) -> bool:
+        """Tell whether the disk has no room left."""
+
+    def write(self, frames: Frames) -> None:
+        """Add frames, in the order of arrival."""
+
+    def close(self) -> None:
+        """Complete the file."""
+
+
+def open_raw_log(path: Path) -> RawLog:
+    """Create a log in the format that its suffix names; an existing file is replaced.
+
+    Raises UsageError on another suffix or a place that cannot be written to.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in RAW_SUFFIXES:
+        raise UsageError(f"{path}: the suffix is none of {', '.join(RAW_SUFFIXES)}")
+    try:
+        if suffix == ".parquet":
+            return ParquetLog(path)
+        return Mf4Log(path) if suffix == ".mf4" else MessageLog(path, suffix)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+class MessageLog:
+    """Write BLF (Vector), ASC (Vector) or candump -L text with the writers of python-can."""
+
+    def __init__(self, path: Path, suffix: str) -> None:
+        import can
+
+        self.path = path
+        self.frames = 0
+        self._raw = SpareFile(path)
+        self._file: Any = io.BufferedWriter(self._raw, 1 << 16)
+        writers: dict[str, Callable[[Any], Any]] = {
+            ".blf": can.BLFWriter, ".asc": can.ASCWriter, ".log": can.CanutilsLogWriter
+        }  # fmt: skip
+        if suffix != ".blf":
+            self._file = io.TextIOWrapper(self._file, encoding="utf-8", newline="\n")
+        self._writer = writers[suffix](self._file)
+
+    @property
+    def full(self) -> bool:
+        """Tell whether the room kept for an orderly end is in use."""
+        return self._raw.full
+
+    def write(self, frames: Frames) -> None:
+        """Add frames; text reaches the disk at once, BLF by containers of 128 kB."""
+        for message in unpack_messages(frames):
+            self._writer.on_message_received(message)
+        self.frames += len(frames)
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write what the format ends with and close."""
+        self._writer.stop()
+        self._raw.close()
+
+
+class ParquetLog(ChunkedLog):
+    """Write Parquet: timestamp (ns, UTC), id, flags, data."""
+
+    def __init__(self, path: Path) -> None:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        super().__init__(path)
+        types = (pa.timestamp("ns", tz="UTC"), pa.uint32(), pa.uint8(), pa.binary())
+        fields = [pa.field(name, kind) for name, kind in zip(FRAMES_COLUMNS, types, strict=True)]
+        self._schema = pa.schema(fields, metadata={FRAMES_MARK: json.dumps(1), b"note": _NOTE})
+        self._raw = SpareFile(path)
+        self._file = io.BufferedWriter(self._raw, 1 << 16)
+        self._writer = parquet.ParquetWriter(self._file, self._schema, compression="zstd")
+
+    def _put(self, frames: Frames) -> None:
+        import pyarrow as pa
+
+        stamps = np.rint(np.nan_to_num(frames.time_s) * 1e9).astype(np.int64)
+        inside = np.arange(frames.data.shape[1])[None, :] < frames.length[:, None]
+        offsets = np.concatenate([[0], np.cumsum(inside.sum(axis=1))]).astype(np.int32)
+        flat = np.ascontiguousarray(frames.data[inside])
+        data = pa.Array.from_buffers(pa.binary(), len(frames), [None, pa.py_buffer(offsets), pa.py_buffer(flat)])
+        columns = [
+            pa.array(stamps, pa.timestamp("ns", tz="UTC"), mask=np.isnan(frames.time_s)),
+            pa.array(frames.id),
+            pa.array(frames.flags),
+            data,
+        ]
+        self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema), row_group_size=CHUNK)
+        self._file.flush()
+        self.full = self._raw.full
+
+    def _finish(self) -> None:
+        self._writer.close()
+        self._file.close()
