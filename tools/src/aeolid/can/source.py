@@ -88,6 +88,10 @@ def _open_bus(text: str, interface: str, channel: str, options: dict[str, Any]) 
             from aeolid.can.slcan import BulkSlcanBus
 
             return BulkSlcanBus(channel, **options)
+        if interface == "socketcan":
+            from aeolid.can.socketcan import BulkSocketcanBus
+
+            return BulkSocketcanBus(channel, **options)
         return can.Bus(interface=interface, channel=channel, **options)
     except Exception as error:  # each interface raises its own kinds
         raise DataError(f"{text}: the bus cannot be opened: {reason_of(error)}") from None

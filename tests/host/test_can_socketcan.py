@@ -1,0 +1,69 @@
+"""The kernel's frames, converted in bulk, are those that python-can's own code makes and reads, one by one."""
+
+from __future__ import annotations
+
+import random
+import socket
+
+import can
+import numpy as np
+import pytest
+from can.interfaces.socketcan.socketcan import build_can_frame
+
+from aeolid.can import open_source
+from aeolid.can.messages import pack_messages
+from aeolid.can.socketcan import unpack
+from aeolid.errors import DataError
+
+LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
+
+
+def draw(seed: int, fd: bool, count: int = 400) -> list[can.Message]:
+    """Draw messages of every kind: 11 and 29 bits, remote, error and, with fd, CAN FD frames of every length."""
+    rng = random.Random(seed)
+    messages = []
+    for k in range(count):
+        extended, kind = rng.random() < 0.5, rng.random()
+        identifier = rng.choice([0, 0x7FF, rng.randrange(0x800)])
+        identifier = rng.choice([identifier, 0x1FFFFFFF, rng.randrange(1 << 29)]) if extended else identifier
+        common = {"arbitration_id": identifier, "is_extended_id": extended, "timestamp": 1e9 + k / 8}
+        if kind < 0.1:
+            messages.append(can.Message(is_error_frame=True, dlc=8, data=rng.randbytes(8), **common))
+        elif kind < 0.2:
+            messages.append(can.Message(is_remote_frame=True, **common))
+        elif fd and kind < 0.6:
+            more = {"bitrate_switch": rng.random() < 0.5, "error_state_indicator": rng.random() < 0.5}
+            messages.append(can.Message(is_fd=True, data=rng.randbytes(rng.choice(LENGTHS)), **common, **more))
+        else:
+            messages.append(can.Message(data=rng.randbytes(rng.randrange(9)), **common))
+    return messages
+
+
+@pytest.mark.parametrize("fd", [False, True])
+@pytest.mark.parametrize("seed", range(5))
+def test_bulk_conversion_equals_one_by_one(seed: int, fd: bool) -> None:
+    messages = draw(seed, fd)
+    expected = pack_messages(messages)
+    found = unpack([build_can_frame(m) for m in messages], [m.timestamp for m in messages])
+    wrong = expected.flags == 32  # of an error frame only the fact is kept
+    for name in ("flags", "time_s"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+    for name in ("id", "length", "data"):
+        np.testing.assert_array_equal(getattr(found, name)[~wrong], getattr(expected, name)[~wrong], err_msg=name)
+        assert not getattr(found, name)[wrong].any()
+
+
+def test_padding_behind_the_length_is_not_believed() -> None:
+    raw = build_can_frame(can.Message(arbitration_id=5, is_extended_id=False, data=b"\1\2"))[:10] + b"rubbish"[:6]
+    found = unpack([raw], [0.0])
+    assert found.length.tolist() == [2] and found.data.tolist() == [[1, 2, 0, 0, 0, 0, 0, 0]]
+
+
+def test_nothing_received_is_an_empty_batch() -> None:
+    assert len(unpack([], [])) == 0
+
+
+def test_an_interface_that_is_not_there_is_named() -> None:
+    with pytest.raises(DataError, match="cannot be opened") as told:
+        open_source("socketcan:nosuchcan0")
+    assert "nosuchcan0" in str(told.value) or not hasattr(socket, "AF_CAN")
