@@ -37,9 +37,25 @@ class _Segment:
     first: int = 0
     last: int = 0
     shift: int | None = None
+    floor: int | None = None  # samples below it have been released
 
 
 Part = tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint32]]
+
+
+def follows(first: int, last: int, values: int, every: int) -> bool:
+    """Tell whether sample `first` goes on with a run of so many values that ended with sample `last`."""
+    return 0 <= first - last <= JUMP + SPARSE * values * max(every, 1)
+
+
+def _joined(segment: _Segment) -> Part:
+    """Return index, channel and value of a segment in one piece each."""
+    if len(segment.index) > 1:
+        segment.index = [np.concatenate(segment.index)]
+        segment.channel, segment.value = [np.concatenate(segment.channel)], [np.concatenate(segment.value)]
+    if not segment.index:
+        return np.zeros(0, np.int64), np.zeros(0, np.uint8), np.zeros(0, np.uint32)
+    return segment.index[0], segment.channel[0], segment.value[0]
 
 
 class SampleStore:
@@ -49,6 +65,8 @@ class SampleStore:
         self.arrived = 0
         self._channels = channels
         self._segments: list[_Segment] = []
+        self._before: int | None = None  # newest index that has been released
+        self._gone = (0, 0)  # values that arrived for released samples, and that were lost
 
     def add(self, channel: NDArray[np.uint8], index: NDArray[np.uint16], value: NDArray[np.uint32]) -> None:
         """Take a batch; channels that the description does not know are left out."""
@@ -77,10 +95,14 @@ class SampleStore:
             self._segments.append(_Segment(first=first, last=first))
         segment = self._segments[-1]
         index = segment.last + np.cumsum(step)
+        segment.last = int(index[-1])
+        if segment.floor is not None and index.min() < segment.floor:
+            late = index < segment.floor
+            self.arrived -= int(np.count_nonzero(late))
+            index, channel, value = index[~late], channel[~late], value[~late]
         segment.index.append(index)
         segment.channel.append(channel.copy())
         segment.value.append(value.copy())
-        segment.last = int(index[-1])
 
     def anchor(self, full: int) -> None:
         """Take a full sample index that the node sent about now."""
@@ -101,8 +123,48 @@ class SampleStore:
         """Return how many values are missing between the first and the newest sample, holes between segments aside."""
         step, expected = max(every, 1), 0
         for segment in self._segments:
-            expected += (segment.last - segment.first) // step + 1
-        return max(0, expected * self._channels - self.arrived)
+            expected += max(0, (segment.last - segment.first) // step + 1)
+        arrived, lost = self._gone
+        return lost + max(0, expected * self._channels - (self.arrived - arrived))
+
+    def release(self, keep: int, every: int) -> list[SampleTable]:
+        """Return the tables of all but about the newest `keep` samples, and forget them: memory stays bounded.
+
+        The first table may go on with the run that an earlier release ended with (`follows` tells). Nothing is released
+        before a full index has dated it, unless much more than `keep` has come without one.
+        """
+        many = keep * self._channels
+        held = sum(len(part) for segment in self._segments for part in segment.index)
+        if held <= many or (self._segments[-1].shift is None and held <= 8 * many):
+            return []
+        head = SampleStore(self._channels)
+        head._before = self._before
+        while held > many:
+            segment = self._segments.pop(0)
+            size = sum(map(len, segment.index))
+            if held - size < many:
+                segment, rest = self._split(segment, held - many, max(every, 1))
+                self._segments.insert(0, rest)
+                held = many
+            head.arrived += sum(map(len, segment.index))
+            head._segments.append(segment)
+            held -= size
+        lost = head.lost(every)
+        tables = head.tables(every)
+        if tables:
+            self._before = int(tables[-1].index[-1])
+        self._gone = (self._gone[0] + head.arrived, self._gone[1] + lost)
+        return tables
+
+    def _split(self, segment: _Segment, count: int, step: int) -> tuple[_Segment, _Segment]:
+        """Part a segment at the sample of its value number `count`; its shift is settled with that."""
+        shift = self._shift(segment, self._before)
+        index, channel, value = _joined(segment)
+        cut = segment.first + (int(index[count]) - segment.first) // step * step
+        old = index < cut
+        head = _Segment([index[old]], [channel[old]], [value[old]], segment.first, cut - step, shift)
+        rest = _Segment([index[~old]], [channel[~old]], [value[~old]], cut, segment.last, shift, cut)
+        return head, rest
 
     def tables(self, every: int) -> list[SampleTable]:
         """Return one table for each uninterrupted run of the node, NaN where a value was lost.
@@ -111,14 +173,16 @@ class SampleStore:
         node was restarted) or where almost everything is missing.
         """
         runs: list[list[Part]] = []
-        last, total = None, 0
+        last, total = self._before, 0
         for segment in self._segments:
-            index = np.concatenate(segment.index) + self._shift(segment, last)
-            hole = None if last is None else int(index.min()) - last
-            if hole is None or hole < 0 or hole > JUMP + SPARSE * total * max(every, 1):
+            index, channel, value = _joined(segment)
+            if not len(index):
+                continue
+            index = index + self._shift(segment, last)
+            if not runs or last is None or not follows(int(index.min()), last, total, every):
                 runs.append([])
                 total = 0
-            runs[-1].append((index, np.concatenate(segment.channel), np.concatenate(segment.value)))
+            runs[-1].append((index, channel, value))
             total += len(index)
             last = int(index.max())
         return [table for run in runs if (table := self._table(run, max(every, 1))) is not None]

@@ -1,0 +1,114 @@
+"""Samples that are handed out while a node streams: the same as all at once, in bounded memory."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aeolid.can.samples import SampleStore, SampleTable, follows
+
+CHANNELS = 3
+
+
+def stream(
+    pieces: list[tuple[int, int]], seed: int, every: int
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, int]]:
+    """Build batches of (channel, index, value) and the full index told after them; pieces: (first sample, samples)."""
+    generator = np.random.default_rng(seed)
+    batches = []
+    for first, count in pieces:
+        index = np.repeat(first + every * np.arange(count), CHANNELS)
+        channel = np.tile(np.arange(CHANNELS), count)
+        kept = generator.random(len(index)) > 0.05
+        index, channel = index[kept], channel[kept]
+        value = (index * 10 + channel).astype(np.float32).view(np.uint32)
+        for k in range(0, len(index), 40):
+            part = slice(k, k + 40)
+            if len(index[part]):
+                told = int(index[part][-1])
+                batches.append((channel[part].astype(np.uint8), index[part] & 0xFFFF, value[part], told))
+    return batches
+
+
+def fill(batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, int]], keep: int | None, every: int) -> tuple[
+    list[SampleTable], SampleStore
+]:  # fmt: skip
+    """Feed a store, releasing after each batch when `keep` is given."""
+    store, tables = SampleStore(CHANNELS), []
+    for channel, index, value, told in batches:
+        store.add(channel, index.astype(np.uint16), value)
+        store.anchor(told)
+        if keep is not None:
+            tables += store.release(keep, every)
+    return tables, store
+
+
+def flat(tables: list[SampleTable]) -> list[tuple[int, int, float]]:
+    """List what arrived: sample, channel, value."""
+    found = []
+    for table in tables:
+        row, channel = np.nonzero(np.isfinite(table.values))
+        found += list(
+            zip(table.index[row].tolist(), channel.tolist(), table.values[row, channel].tolist(), strict=True)
+        )
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    pieces=st.lists(st.tuples(st.integers(0, 200_000), st.integers(1, 120)), min_size=1, max_size=5),
+    seed=st.integers(0, 99),
+    keep=st.integers(40, 80),  # above the 16 samples by which frames may overtake each other
+    every=st.sampled_from([1, 4]),
+)
+def test_released_samples_are_those_of_one_table(
+    pieces: list[tuple[int, int]], seed: int, keep: int, every: int
+) -> None:
+    """Whatever the pauses and restarts: the same values under the same indices, the same losses."""
+    batches = stream([(first // every * every, count) for first, count in pieces], seed, every)
+    _, whole = fill(batches, None, every)
+    tables, rest = fill(batches, keep, every)
+    assert flat(tables + rest.tables(every)) == flat(whole.tables(every))
+    assert rest.lost(every) == whole.lost(every) and rest.arrived == whole.arrived
+    assert rest.last_index() == whole.last_index()
+
+
+def test_memory_is_bounded_and_the_run_goes_on() -> None:
+    """A long run in many batches: what is held stays near what is asked for, and each table follows the one before."""
+    batches = stream([(65_000, 20_000)], 1, 1)
+    store, tables = SampleStore(CHANNELS), []
+    for channel, index, value, told in batches:
+        store.add(channel, index.astype(np.uint16), value)
+        store.anchor(told)
+        tables += store.release(100, 1)
+        assert sum(len(t.values) for t in store.tables(1)) <= 100 * 1.2 + 40
+    for before, after in pairwise(tables):
+        assert follows(int(after.index[0]), int(before.index[-1]), len(before.values), 1)
+    assert int(tables[0].index[0]) == 65_000
+
+
+def test_what_comes_after_its_sample_was_released_is_lost() -> None:
+    """A frame that a gateway delays by more than is kept counts as lost, and makes no second row."""
+    store = SampleStore(1)
+    index = np.delete(np.arange(1000), 995)
+    store.add(np.zeros(999, np.uint8), index.astype(np.uint16), np.arange(999).astype(np.uint32))
+    store.anchor(999)
+    released = store.release(2, 1)
+    store.add(np.zeros(1, np.uint8), np.array([995], np.uint16), np.array([7], np.uint32))
+    assert len(released[-1].index) == 998 and store.lost(1) == 1
+    assert [t.index.tolist() for t in store.tables(1)] == [[998, 999]]
+
+
+@pytest.mark.parametrize("keep", [1, 50])
+def test_undated_samples_wait(keep: int) -> None:
+    """Without a full index nothing is released until eight times as much is held, which bounds the memory."""
+    store = SampleStore(1)
+    for k in range(8 * keep):
+        store.add(np.zeros(1, np.uint8), np.array([k], np.uint16), np.zeros(1, np.uint32))
+        assert store.release(keep, 1) == []
+    store.add(np.zeros(1, np.uint8), np.array([8 * keep], np.uint16), np.zeros(1, np.uint32))
+    assert sum(len(t.index) for t in store.release(keep, 1)) == 7 * keep + 1
