@@ -1,0 +1,357 @@
+"""Run inside User-Mode Linux: nodes and listeners on real CAN interfaces; what happened goes to OUT/results.json.
+
+python guest.py OUT; OUT/plan.json names the programs and the samples, and what this node's build offers. Every step
+writes its facts; judging them is left to the tests outside.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import fcntl
+import json
+import os
+import select
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+PATIENCE_S = 40.0
+MODULES = ("net/can/can", "net/can/can-raw", "drivers/net/can/dev/can-dev", "drivers/net/can/vcan",
+           "drivers/net/can/slcan/slcan")  # fmt: skip
+FINIT_MODULE = 313  # x86-64; a machine without kmod has no insmod
+TIOCSETD, N_SLCAN, SIOCGIFNAME = 0x5423, 17, 0x8910  # set the line discipline of a terminal; ask its interface
+REFUSED, BACK = "refused until it is back", "the interface is back"
+ERROR_FLAG, BUS_OFF, RESTARTED = 0x20000000, 0x40, 0x100
+
+started: list[int] = []  # processes of the step, for its end
+held: list[int] = []  # pipes of the step that a fork must let go, or their readers never see the end
+out = Path(sys.argv[1])
+plan: dict[str, Any] = json.loads((out / "plan.json").read_text())
+
+
+def load_modules() -> None:
+    """Load the CAN modules in the order of their dependencies; built-in ones have no file."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    for name in MODULES:
+        path = next(Path(plan["modules"]).glob(f"*/kernel/{name}.ko"))
+        with path.open("rb") as file:
+            if libc.syscall(FINIT_MODULE, file.fileno(), b"", 0) != 0:
+                raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(path))
+
+
+def ip(arguments: str) -> None:
+    """Configure an interface."""
+    done = subprocess.run(["ip", *arguments.split()], check=False, capture_output=True, text=True)
+    if done.returncode != 0:
+        raise OSError(f"ip {arguments}: {done.stderr}")
+
+
+def wait_for(condition: Callable[[], bool], what: str, seconds: float = PATIENCE_S) -> None:
+    """Wait until a condition holds."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError(f"waited in vain for {what}")
+        time.sleep(0.02)
+
+
+def receivers(kind: str, interface: str) -> int:
+    """Count the receive filters of one kind (all, err, eff …) on an interface."""
+    text = Path(f"/proc/net/can/rcvlist_{kind}").read_text()
+    return sum(line.split()[:1] == [interface] for line in text.splitlines())
+
+
+class Node:
+    """Own one software node; it gets the plan's samples at once, or as the step hands them over."""
+
+    def __init__(self, name: str, bus: str, *options: str, feed: bool = True) -> None:
+        self._log = out / f"{name}.node.log"
+        words = [plan["node"], *plan["channels"], "--bus", bus, "--dump", f"{out}/{name}.f32", *options]
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log)
+        assert self.process.stdout is not None and self.process.stdin is not None
+        held.append(self.process.stdin.fileno())
+        self.address = self.process.stdout.readline().decode().strip()
+        started.append(self.process.pid)
+        self._left = Path(plan["samples"]).read_bytes()
+        if feed:
+            self.feed()
+
+    def feed(self, samples: int | None = None) -> None:
+        """Hand over so many samples; all that are left, and the end, without a number."""
+        assert self.process.stdin is not None
+        size = len(self._left) if samples is None else samples * plan["sample_bytes"]
+        with suppress(BrokenPipeError):
+            self.process.stdin.write(self._left[:size])
+            self.process.stdin.flush()
+            self._left = self._left[size:]
+            if samples is None:
+                self.process.stdin.close()
+
+    def wait_until_said(self, words: str, times: int) -> None:
+        """Wait until it has said something so many times."""
+        wait_for(lambda: self._log.read_text().count(words) >= times, f"{words!r} of a node")
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end; returns exit code, what it said, and the counters of its last line."""
+        code = self.process.wait(PATIENCE_S)
+        said = self._log.read_text().splitlines()
+        counters = next((json.loads(line[7:]) for line in said if line.startswith("health ")), None)
+        return {"code": code, "said": [s for s in said if not s.startswith("health ")], "counters": counters}
+
+
+class Listener:
+    """Own one `aeolid listen`, forked: the imports, which take seconds here, are done once."""
+
+    def __init__(self, name: str, bus: str, *options: str) -> None:
+        files = ["--record", f"{out}/{name}.csv", "--markov", f"{out}/{name}.npz", "--json", f"{out}/{name}.json"]
+        self._log = out / f"{name}.listen.log"
+        self.pid = os.fork()
+        if self.pid == 0:
+            log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            os.dup2(log, 1)
+            os.dup2(log, 2)
+            for pipe in held:
+                with suppress(OSError):
+                    os.close(pipe)
+            code = 70
+            try:
+                from aeolid.cli.main import main
+
+                code = main(["listen", "--bus", bus, *files, *options])
+                sys.stdout.flush()
+            finally:
+                os._exit(code)
+        started.append(self.pid)
+
+    def wait_until_open(self, interface: str) -> None:
+        """Wait until its socket takes everything from the interface."""
+        wait_for(lambda: receivers("all", interface) > 0, f"a listener on {interface}")
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end; returns exit code and what it said."""
+        end = time.monotonic() + PATIENCE_S
+        while True:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                return {"code": os.waitstatus_to_exitcode(status), "said": self._log.read_text().splitlines()}
+            if time.monotonic() > end:
+                os.kill(self.pid, signal.SIGKILL)
+                os.waitpid(self.pid, 0)
+                raise TimeoutError(f"listener did not end: {self._log.read_text()}")
+            time.sleep(0.02)
+
+
+class Capture:
+    """See and put frames on an interface, as any other station."""
+
+    def __init__(self, interface: str) -> None:
+        self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self._socket.bind((interface,))
+
+    def count(self, wanted: int, seconds: float) -> int:
+        """Count frames until there are so many or the time is up."""
+        frames, end = 0, time.monotonic() + seconds
+        while frames < wanted and (left := end - time.monotonic()) > 0:
+            if select.select([self._socket], [], [], left)[0]:
+                self._socket.recv(72)
+                frames += 1
+        return frames
+
+    def send(self, identifier: int, data: bytes = b"") -> None:
+        """Put a frame on the bus."""
+        self._socket.send(struct.pack("=IB3x8s", identifier, len(data), data))
+
+    def close(self) -> None:
+        """Let go of the interface."""
+        self._socket.close()
+
+
+# ---- steps ----------------------------------------------------------------------------------------------------------
+
+
+def one_node(name: str, interface: str, *options: str) -> dict[str, Any]:
+    """Let one node stream to one listener."""
+    listener = Listener(name, f"socketcan:{interface}" + ("?fd=true" if "--fd" in options else ""), "--until-end")
+    listener.wait_until_open(interface)
+    node = Node(name, f"can:{interface}", "--speed", "max", *options)
+    return {"address": node.address, "node": node.finish(), "listener": listener.finish()}
+
+
+def classic() -> dict[str, Any]:
+    """Stream on a virtual classic interface."""
+    return one_node("classic", "vcan0")
+
+
+def fd() -> dict[str, Any]:
+    """Stream CAN FD frames on a virtual interface."""
+    return one_node("fd", "vcan1", "--fd")
+
+
+def attach_terminal(terminal: int) -> None:
+    """Make a terminal an interface of its own, as slcand does with an adapter; on "up" the driver sends S6 and O."""
+    fcntl.ioctl(terminal, TIOCSETD, struct.pack("i", N_SLCAN))
+    name = fcntl.ioctl(terminal, SIOCGIFNAME, bytes(16)).rstrip(b"\0").decode()
+    ip(f"link set {name} name slcan0")
+    ip("link set slcan0 type can bitrate 500000")
+    ip("link set slcan0 txqueuelen 100 up")
+
+
+def slcan() -> dict[str, Any]:
+    """Stream as text to the kernel's slcan driver, which makes frames of it."""
+    node = Node("slcan", "pty", "--speed", "40", feed=False)
+    terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
+    attach_terminal(terminal)
+    listener = Listener("slcan", "socketcan:slcan0", "--until-end")
+    listener.wait_until_open("slcan0")
+    node.feed()
+    facts = {"address": node.address, "node": node.finish(), "listener": listener.finish()}
+    os.close(terminal)
+    return facts
+
+
+def two_nodes() -> dict[str, Any]:
+    """Let two nodes with other filters share a bus."""
+    listener = Listener("two", "socketcan:vcan0", "--until-end")
+    listener.wait_until_open("vcan0")
+    nodes = [
+        Node("two-3", "can:vcan0", "--speed", "max", "--node-id", "3", feed=False),
+        Node("two-9", "can:vcan0", "--speed", "max", "--node-id", "9", "--past", "3", "--method", "lattice"),
+    ]
+    nodes[0].feed()
+    return {"nodes": [n.finish() for n in nodes], "listener": listener.finish()}
+
+
+def down_and_up() -> dict[str, Any]:
+    """Take the interface down under a running node, then away, then into bus-off; each time it comes back."""
+    node = Node("down", "can:vcan2", "--speed", "max", feed=False)
+    facts: dict[str, Any] = {"filters": {k: receivers(k, "vcan2") for k in ("all", "err", "fil", "inv", "eff", "sff")}}
+    listener = Listener("down", "socketcan:vcan2")
+    listener.wait_until_open("vcan2")
+    node.feed(60)
+    time.sleep(0.5)
+    ip("link set vcan2 down")
+    node.wait_until_said(REFUSED, 1)
+    node.feed(60)
+    time.sleep(0.5)
+    facts["listener"] = listener.finish()
+    ip("link set vcan2 up")
+    node.wait_until_said(BACK, 1)
+    facts["frames_after_down"] = feed_and_count(node, 30)
+    ip("link del vcan2")
+    node.wait_until_said(REFUSED, 2)
+    node.feed(30)
+    time.sleep(0.3)
+    ip("link add dev vcan2 type vcan")
+    ip("link set vcan2 up")
+    node.wait_until_said(BACK, 2)
+    facts["frames_after_away"] = feed_and_count(node, 30)
+    station = Capture("vcan2")
+    station.send(ERROR_FLAG | BUS_OFF, bytes(8))
+    node.wait_until_said(REFUSED, 3)
+    station.count(10_000, 0.3)  # what it had sent before
+    node.feed(30)
+    facts["frames_in_bus_off"] = station.count(1, 0.4)
+    station.send(ERROR_FLAG | RESTARTED, bytes(8))
+    node.wait_until_said(BACK, 3)
+    station.close()
+    facts["frames_after_restart"] = feed_and_count(node, 30)
+    node.feed()
+    facts["node"] = node.finish()
+    return facts
+
+
+def feed_and_count(node: Node, samples: int) -> int:
+    """Give the node samples and count the frames on the bus, up to those of these samples alone."""
+    station = Capture("vcan2")
+    node.feed(samples)
+    frames = station.count(samples * plan["width"], 10.0)
+    station.close()
+    return frames
+
+
+def full_queue() -> dict[str, Any]:
+    """Send to an adapter that takes nothing but its commands: the queue fills, the node is not held up."""
+    master, slave = os.openpty()
+    reader = threading.Thread(target=read_until_open, args=(master,))
+    reader.start()
+    attach_terminal(slave)
+    reader.join()
+    node = Node("full", "can:slcan0", "--speed", "max")
+    facts = {"node": node.finish()}
+    os.close(slave)
+    os.close(master)
+    return facts
+
+
+def read_until_open(adapter: int) -> None:
+    """Read commands as an adapter does, up to the one that opens its channel."""
+    text = b""
+    while b"O\r" not in text:
+        text += os.read(adapter, 64)
+
+
+def refusals() -> dict[str, Any]:
+    """Ask for what cannot be."""
+    ip("link add dev vcan9 type vcan")
+    asked = {"missing": ["can:vcan7"], "not_can": ["can:lo"], "down": ["can:vcan9"], "wait": ["can:vcan0", "--wait"]}
+    if plan["offers_fd"]:
+        asked["classic_only"] = ["can:vcan0", "--fd"]
+    facts = {}
+    for name, options in asked.items():
+        facts[name] = Node(f"refused-{name}", *options).finish()
+    return facts
+
+
+def program() -> dict[str, Any]:
+    """Run the port's own test program on vcan0."""
+    done = subprocess.run([plan["program"], "vcan0"], capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    return {"code": done.returncode, "said": (done.stdout + done.stderr).splitlines()}
+
+
+def main() -> None:
+    """Run every step; one that fails leaves its traceback and the others go on."""
+    begun = time.monotonic()
+    load_modules()
+    ip("link set lo up")
+    for interface in ("vcan0", "vcan1", "vcan2"):
+        ip(f"link add dev {interface} type vcan")
+    ip("link set vcan1 mtu 72")
+    for interface in ("vcan0", "vcan1", "vcan2"):
+        ip(f"link set {interface} up")
+    from aeolid.cli.main import main as command
+
+    command(["listen", "--bus", "virtual:nobody", "--seconds", "0.01"])  # all imports: the forks inherit them
+    import aeolid.can.socketcan
+
+    print(f"imports: {time.monotonic() - begun:.1f} s, {aeolid.__name__}", flush=True)
+
+    steps: list[Callable[[], dict[str, Any]]] = [classic, slcan, two_nodes, down_and_up, full_queue, refusals, program]
+    if plan["offers_fd"]:
+        steps.append(fd)
+    results: dict[str, Any] = {}
+    for step in steps:
+        begun = time.monotonic()
+        try:
+            results[step.__name__] = step()
+        except Exception:
+            results[step.__name__] = {"broken": traceback.format_exc()}
+        for pid in started:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        started.clear()
+        held.clear()
+        print(f"{step.__name__}: {time.monotonic() - begun:.1f} s", flush=True)
+        (out / "results.json").write_text(json.dumps(results, indent=1))
+
+
+main()

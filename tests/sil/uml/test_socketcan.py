@@ -1,0 +1,207 @@
+"""Nodes and listeners on real CAN interfaces, in a kernel of their own: User-Mode Linux, one boot for all tests."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.can.software_node import feed_from_record
+from aeolid.formats import read_record
+from aeolid.native import find_native
+from aeolid.plants import hawt
+from aeolid.record import Record, Roles
+
+pytestmark = pytest.mark.timeout(280)
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[2]
+KERNEL = ROOT / "build/uml/usr/bin/linux.uml"
+MODULES = ROOT / "build/uml/usr/lib/uml/modules"
+SAMPLES, PAST, PATIENCE_S = 300, 4, 240
+WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"]
+
+
+def play() -> Record:
+    """Make the recording that every node plays: the built-in turbine, with three samples missing."""
+    record = hawt.simulate_closed_loop(SAMPLES, 7)
+    kept = [i for i, c in enumerate(record.channels) if c.role in ("input", "output")]
+    values = record.values[:, kept].copy()
+    values[[50, 51, 120]] = np.nan
+    return replace(record, values=values, channels=tuple(record.channels[i] for i in kept))
+
+
+def write_plan(out: Path, record: Record) -> None:
+    """Write samples and plan for the guest; paths are the same inside, where the host's files are the root."""
+    feed = feed_from_record(record)
+    np.concatenate(list(feed.rows)).astype("<f8").tofile(out / "samples.f64")
+    words = ["--sample-time", repr(feed.sample_time_s), "--past", str(PAST), "--snapshot-every", "5"]
+    channels = [("--input", c) for c in feed.inputs] + [("--output", c) for c in feed.outputs]
+    for (option, channel), offset, scale in zip(channels, feed.offset.tolist(), feed.scale.tolist(), strict=True):
+        words += [option, channel.name, channel.unit, repr(offset), repr(scale)]
+    node = str(find_native("aeolid-node"))
+    usage = subprocess.run([node, "--fd"], capture_output=True, text=True, check=False).stderr
+    plan = {
+        "node": node,
+        "channels": words,
+        "samples": str(out / "samples.f64"),
+        "width": len(channels),
+        "sample_bytes": 8 * (2 + len(channels)),
+        "modules": str(MODULES),
+        "program": str(out / "threads"),
+        "offers_fd": "--fd" not in usage,  # an unknown option is named; a known one leaves the channels to be asked for
+    }
+    (out / "plan.json").write_text(json.dumps(plan))
+
+
+def build_program(out: Path) -> None:
+    """Compile the port's own test program."""
+    sources = [HERE / "threads.c", ROOT / "port/posix/socketcan.c", *sorted((ROOT / "src").glob("*.c"))]
+    flags = ["-D_XOPEN_SOURCE=700", "-D_DEFAULT_SOURCE", f"-I{ROOT}/include", f"-I{ROOT}/port/posix", "-pthread"]
+    command = ["gcc", "-std=c99", "-O2", *WARNINGS, *flags, *map(str, sources), "-lm", "-o", str(out / "threads")]
+    subprocess.run(command, check=True)
+
+
+@pytest.fixture(scope="module")
+def guest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Boot the guest once and let it run all its steps; returns the folder with what it left."""
+    if not KERNEL.exists():
+        pytest.skip("user-mode-linux is not there (sh tools/setup tests fetches it)")
+    if not Path("/usr/sbin/ip").exists() and not Path("/sbin/ip").exists():
+        pytest.skip("iproute2 is not installed")
+    out = tmp_path_factory.mktemp("uml")
+    write_plan(out, play())
+    build_program(out)
+    command = [str(KERNEL), "mem=768M", "root=/dev/root", "rootfstype=hostfs", "rw", f"init={HERE / 'init'}", "quiet"]
+    command += ["con=null", "con0=null,fd:1", f"guest_out={out}", f"guest_python={sys.executable}"]
+    with (out / "console.log").open("wb") as console:
+        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=console, stderr=subprocess.STDOUT,
+                                   start_new_session=True)  # fmt: skip
+        try:
+            process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            pytest.fail(f"the guest hung:\n{(out / 'guest.log').read_text()[-2000:]}")
+        finally:
+            process.kill()
+            process.wait()
+    if not (out / "booted").exists():
+        pytest.skip(f"user-mode-linux does not start on this machine: {(out / 'console.log').read_text()[-300:]}")
+    code = (out / "code").read_text().strip() if (out / "code").exists() else "none"
+    assert code == "0", (out / "guest.log").read_text()[-3000:]
+    return out
+
+
+def facts(guest: Path, step: str) -> dict[str, Any]:
+    """Read what one step left."""
+    found: dict[str, Any] = json.loads((guest / "results.json").read_text())[step]
+    assert "broken" not in found, found["broken"]
+    return found
+
+
+def assert_all_arrived(guest: Path, name: str, told: dict[str, Any]) -> None:
+    """Compare theta, samples and counters at both ends: nothing lost, every bit."""
+    assert (told["node"]["code"], told["listener"]["code"]) == (0, 0), told
+    assert_same_theta(guest / f"{name}.npz", guest / f"{name}.f32")
+    received = read_record(guest / f"{name}.csv", Roles.load(guest / f"{name}.roles.toml"))
+    np.testing.assert_array_equal(received.values, play().values.astype(np.float32))
+    report, counters = json.loads((guest / f"{name}.json").read_text()), told["node"]["counters"]
+    assert report["frames"] == counters["sent"] > 2000
+    assert (report["damaged"], counters["refused"], counters["dropped"]) == (0, 0, 0)
+
+
+def assert_same_theta(markov: Path, dump: Path) -> None:
+    """Compare the received theta with the filter's own, bit for bit."""
+    received = np.load(markov)["theta_scaled"].astype("<f4")
+    assert received.ravel().view("<u4").tolist() == np.fromfile(dump, "<u4").tolist()
+
+
+def test_classic_frames_on_a_virtual_interface(guest: Path) -> None:
+    """Node → vcan0 → listener: every sample and every parameter, bit for bit."""
+    told = facts(guest, "classic")
+    assert told["address"] == "socketcan:vcan0"
+    assert_all_arrived(guest, "classic", told)
+    assert told["node"]["counters"]["interface"]["sent"] == told["node"]["counters"]["sent"]
+
+
+def test_fd_frames_on_a_virtual_interface(guest: Path) -> None:
+    """The same in CAN FD frames."""
+    if not json.loads((guest / "plan.json").read_text())["offers_fd"]:
+        pytest.skip("this node sends classic frames only")
+    told = facts(guest, "fd")
+    assert told["address"] == "socketcan:vcan1?fd=true"
+    assert_all_arrived(guest, "fd", told)
+
+
+def test_slcan_terminal_as_an_interface(guest: Path) -> None:
+    """Node → slcan text on a terminal → the kernel's slcan driver → slcan0 → listener."""
+    told = facts(guest, "slcan")
+    assert told["address"].startswith("slcan:/dev/pts/")
+    assert_all_arrived(guest, "slcan", told)
+
+
+def test_two_nodes_on_one_interface(guest: Path) -> None:
+    """Two nodes with other filters do not disturb each other."""
+    told = facts(guest, "two_nodes")
+    assert [n["code"] for n in told["nodes"]] == [0, 0] and told["listener"]["code"] == 0, told
+    for number in (3, 9):
+        assert_same_theta(guest / f"two-node{number}.npz", guest / f"two-{number}.f32")
+        received = read_record(guest / f"two-node{number}.csv", Roles.load(guest / f"two-node{number}.roles.toml"))
+        np.testing.assert_array_equal(received.values, play().values.astype(np.float32))
+
+
+def test_interface_goes_and_comes_back(guest: Path) -> None:
+    """Down, away, in bus-off: frames are refused and counted, the node sends again; the listener says so."""
+    told = facts(guest, "down_and_up")
+    assert told["node"]["code"] == 0, told
+    fed = 30 * len(play().channels)
+    assert [told[f"frames_{when}"] for when in ("after_down", "after_away", "in_bus_off", "after_restart")] == [
+        fed, fed, 0, fed
+    ]  # fmt: skip
+    counters = told["node"]["counters"]
+    seen = counters["interface"]
+    assert counters["samples"] == SAMPLES and seen["down"] > 0
+    assert (seen["lost"], seen["returned"], seen["bus_off"], seen["errors"], seen["failed"]) == (3, 3, 1, 2, 0)
+    assert seen["sent"] == counters["sent"] and seen["down"] == counters["refused"] + counters["dropped"]
+    assert sum("refused until it is back" in line for line in told["node"]["said"]) == 3
+    assert "down" in " ".join(told["listener"]["said"]).lower(), told["listener"]
+
+
+def test_the_node_hears_nothing(guest: Path) -> None:
+    """The only filter on the interface is the one for error frames."""
+    assert facts(guest, "down_and_up")["filters"] == {"all": 0, "err": 1, "fil": 0, "inv": 0, "eff": 0, "sff": 0}
+
+
+def test_a_full_queue_refuses_and_does_not_hold_up(guest: Path) -> None:
+    """An adapter that takes nothing: refusals are counted; the end that could not be sent is told, with code 3."""
+    told = facts(guest, "full_queue")["node"]
+    assert told["code"] == 3 and "could not be sent" in " ".join(told["said"])
+    assert told["counters"]["interface"]["full"] > 100 and told["counters"]["samples"] == SAMPLES
+
+
+@pytest.mark.parametrize(
+    ("case", "code", "words"),
+    [
+        ("missing", 3, "no interface vcan7; plug it in, or make a virtual one: ip link add dev vcan7 type vcan"),
+        ("not_can", 3, "lo is not a CAN interface"),
+        ("down", 3, "vcan9 is down; ip link set vcan9 up"),
+        ("wait", 2, "--wait"),
+        ("classic_only", 3, "vcan0 carries classic frames only; set it down, then ip link set vcan0 mtu 72"),
+    ],
+)
+def test_refusals_name_the_remedy(case: str, code: int, words: str, guest: Path) -> None:
+    """Each thing that cannot be: one sentence, the right code."""
+    told = facts(guest, "refusals").get(case)
+    if told is None:
+        pytest.skip("this node sends classic frames only")
+    assert told["code"] == code and len(told["said"]) == 1 and words in told["said"][0], told
+
+
+def test_the_port_between_two_threads(guest: Path) -> None:
+    """Control task and background in threads of their own, held apart by the port's mutex."""
+    told = facts(guest, "program")
+    assert told["code"] == 0, told
