@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aeolid.cli.common import FILTERS
 from aeolid.cli.main import main
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.filters import METHODS, REGRESSORS_MAX, FilterResult, filter_record, replay_filter
@@ -370,6 +371,10 @@ def test_command_writes_what_the_contract_names(recording: Path, capsys: pytest.
         assert markov["theta"].shape == (2, 20) and markov["innovation"].shape == (400, 2)
         assert int(markov["health"]) == 0 and json.loads(str(markov["settings"]))["precision"] == "f64"
         assert markov["outputs"].tolist() == ["speed", "acc"]
+
+
+def test_command_offers_what_there_is() -> None:
+    assert FILTERS == METHODS
 
 
 def test_command_refuses_in_one_sentence(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:

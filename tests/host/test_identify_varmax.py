@@ -381,3 +381,11 @@ def test_holes_that_leave_no_longer_start_are_no_crash():
     result = identify_varmax([replace(record, values=values)], past=2, order=2)
     assert not result.extra["varmax"]["positive_real"]["holds"]
     assert result.extra["varmax"]["start"] == "varx, past window 2"
+
+
+def test_holes_that_leave_no_varmax_window_are_counted(loop_record):
+    """Every 16th sample missing: VARX windows of 9 samples there are, VARMAX ones of 17 none."""
+    values = loop_record.values.copy()
+    values[::16] = np.nan
+    with pytest.raises(NotIdentifiable, match=r": 0 complete windows of 17 samples \(3984 more hold a missing sample\)"):
+        identify_varmax([replace(loop_record, values=values)], past=8, order=4)

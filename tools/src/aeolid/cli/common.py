@@ -13,6 +13,8 @@ from rich.console import Console
 
 from aeolid.errors import UsageError
 
+FILTERS = ("rls", "els", "fast-rls", "lattice")  # aeolid.filters.METHODS, not imported for the sake of --help
+
 console = Console(highlight=False)
 progress_console = Console(stderr=True, highlight=False)
 

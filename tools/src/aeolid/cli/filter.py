@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json
 from aeolid.errors import UsageError
-
-OFFERED = ("rls", "els", "fast-rls", "lattice")
 
 
 def register(app: typer.Typer) -> None:
@@ -21,7 +19,7 @@ def register(app: typer.Typer) -> None:
 def run(
     recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording to replay.")],
     roles: RolesOption,
-    method: Annotated[str, typer.Option("--method", help=f"Filter: {', '.join(OFFERED)}.")],
+    method: Annotated[str, typer.Option("--method", help=f"Filter: {', '.join(FILTERS)}.")],
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
     out: Annotated[Path, typer.Option("--out", help="Where the Markov parameters go (.npz).")],
     forget: Annotated[
@@ -42,8 +40,8 @@ def run(
     The file holds theta (outputs x regressors, oldest block first, the channels' units), innovation (samples x
     outputs), health and the settings.
     """
-    if method not in OFFERED:
-        raise UsageError(f"--method {method}: there are {', '.join(OFFERED)}")
+    if method not in FILTERS:
+        raise UsageError(f"--method {method}: there are {', '.join(FILTERS)}")
     from aeolid.filters import filter_record, save_markov
     from aeolid.formats import read_record
     from aeolid.record import Roles

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, progress_console
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 METHODS = ("varx", "varmax")
 LATER = ("lpv", "lpv-kernel", "ort")
-FILTERS = ("rls", "els", "fast-rls", "lattice")
 
 
 def register(app: typer.Typer) -> None:

@@ -83,7 +83,10 @@ def make_settings(
 
 
 def compress(records: Sequence[Record], scaling: Scaling, past: int) -> Windows:
-    """Return the factor of the part that chooses the order from what is held out, and the factor of everything."""
+    """Return the factor of the part that chooses the order from what is held out, and the factor of everything.
+
+    Raises NotIdentifiable where there are fewer complete windows than unknowns. Cost: 2 N q² operations, q = (p + 1) m.
+    """
     require_windows(records, past, scaling.channels)
     fitted = factorise(records, scaling, past, last=FIT_PART)
     whole = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
@@ -98,7 +101,7 @@ def assemble(
     """Find states, order, system matrices, modes and fit from Ξ: paper 000 eq. (20)–(27).
 
     records: as measured, on which the fit is taken; estimate: Ξ from windows.whole, or from a stream; notes and extra
-    are what the method itself has to say.
+    are what the method itself has to say. Raises NotIdentifiable on an order beyond the singular values above rounding.
     """
     scaling, factor = windows.scaling, windows.whole
     through = tuple(name in settings.feedthrough for name in scaling.inputs)

@@ -2,9 +2,9 @@
 
 Two block estimators that need no regressor matrix: from sample covariances, and from the forward and backward residuals
 themselves. Corrections to the note: the lattice runs on all m channels (with 𝓘 = [0 I] eq. (13) and (16) do not close)
-and the last l rows are taken at the end; φ_{−t} = φ_tᵀ; covariances have 1/N, because with 1/(N − t) eq. (17) may lose
-its sign; reflections of residuals are geometric means, because those of eq. (22) do not keep E > 0; u_k is regressed on
-last, because the note has no D.
+and the last l rows are taken at the end; the products of eq. (7)–(10) are z_{k−j} z_{k−t}ᵀ; φ_{−t} = φ_tᵀ; covariances
+have 1/N, because with 1/(N − t) eq. (17) may lose its sign; reflections of residuals are geometric means, because those
+of eq. (22) do not keep E > 0; u_k is regressed on last, because the note has no D.
 """
 
 from __future__ import annotations

@@ -37,8 +37,9 @@ def identify_varmax(
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by VARMAX-based PBSIDopt (paper 000), open or closed loop.
 
-    The predictor y_k = Ξ z_k + e_k, z of blocks [u; y; e], eq. (12)–(14), needs p ≥ n/l samples of past and not the
-    memory of A − K C: a window of 10 does the work of a VARX window of 30. e is found from VARX (23) of the same
+    The predictor y_k = Ξ z_k + e_k, z of blocks [u; y; e], eq. (12)–(14), needs as much past as the outputs take to
+    show every state (n/l samples at best, n at most) and not the memory of A − K C: a window of 10 does the work of a
+    VARX window of 30. e is found from VARX (23) of the same
     window, then by `passes` passes of extended least squares (24), each started from the solution of the one before,
     then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
