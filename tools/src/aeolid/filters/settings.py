@@ -126,13 +126,17 @@ def check_ranges(settings: FilterSettings) -> None:
             f"growth_max / regularisation = {settings.growth_max:g} / {settings.regularisation:g} is above "
             f"{VARIANCE_MAX:g}; take a smaller growth_max or more regularisation"
         )
-    least, less = REMEMBERED.get(settings.method, (0.0, 0))
-    span = settings.past - less
-    if settings.forgetting**span < least:
+    check_memory(settings.method, settings.past, settings.forgetting)
+
+
+def check_memory(method: str, past: int, forgetting: float) -> None:
+    """Refuse a past window longer than what a filter of linear cost remembers."""
+    least, less = REMEMBERED.get(method, (0.0, 0))
+    span = past - less
+    if forgetting**span < least:
         raise UsageError(
-            f"forgetting = {settings.forgetting:g} leaves {settings.forgetting**span:.1g} of a sample after a past "
-            f"window of {settings.past}; {settings.method} needs {least:g}: take at least {least ** (1 / span):.4f}, a "
-            "shorter window, or rls"
+            f"forgetting = {forgetting:g} leaves {forgetting**span:.1g} of a sample after a past window of {past}; "
+            f"{method} needs {least:g}: take at least {least ** (1 / span):.4f}, a shorter window, or rls"
         )
 
 
