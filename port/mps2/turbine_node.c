@@ -1,0 +1,230 @@
+/* turbine_node.c: a node on an MPS2 board: its control task filters a recording of the built-in turbine and streams it.
+ *
+ * Argument (semihosting): the period of SysTick in microseconds. With the recording's sample time the node runs as in a
+ * turbine. With another one time counts samples, as if they had come when they should: shorter makes haste, 0 takes the
+ * next sample as soon as the UART's ring has room for all that one sample can send, so that none is lost.
+ * It begins when a host opens the channel, and ends with a last snapshot and the closing frames. Half-way it writes a line
+ * `half`, in the end one `node {json}` and exits with 0; with 2 for a wrong argument, with 1 when a setting is refused.
+ */
+#include <aeolid/regressor.h>
+#include <aeolid/rls.h>
+#include <aeolid/stream.h>
+
+#include "mps2_board.h"
+#include "mps2_port.h"
+/* cppcheck-suppress missingInclude; the build makes it */
+#include "turbine_recording.h"
+
+enum {
+    CHANNELS = TURBINE_INPUTS + TURBINE_OUTPUTS,
+    N = AEO_REGRESSOR_LENGTH(TURBINE_INPUTS, TURBINE_OUTPUTS, TURBINE_PAST, 0, 0),
+    PARAMETERS = N * TURBINE_OUTPUTS,
+    SNAPSHOT_EVERY = 100, /* samples */
+    BURST = 16,           /* frames a step */
+    LINE = 27,            /* characters of a classic frame */
+    ROOM = LINE * (BURST + 2 * CHANNELS)
+};
+
+static aeo_real_t window[AEO_REGRESSOR_WORDS(TURBINE_INPUTS, TURBINE_OUTPUTS, TURBINE_PAST, 0)];
+static aeo_real_t words[AEO_RLS_WORDS(N, TURBINE_OUTPUTS)];
+static uint32_t snapshot[AEO_STREAM_WORDS(PARAMETERS)];
+static aeo_regressor_t regressor;
+static aeo_rls_t filter;
+static aeo_stream_t stream;
+static aeo_port_t port;
+static mps2_port_t uart;
+
+static volatile uint32_t ticks; /* of the control task */
+static uint32_t taken;          /* samples */
+static uint32_t latest;         /* ticks of 40 ns from when the control task was due until it ran, at most */
+static uint32_t (*read_clock)(void *context);
+static uint32_t first_us, last_us; /* when the first and the last sample were taken, by the port's clock */
+static volatile uint32_t closed;   /* 1: the last snapshot is on its way and the end announced */
+
+/* ---- the control task -------------------------------------------------------------------------------------------- */
+
+static void report_health(void)
+{
+    const uint32_t counter[AEO_STREAM_COUNTERS] = {
+        regressor.count.samples, regressor.count.not_finite, regressor.count.range, regressor.count.time,
+        regressor.count.gaps,    filter.count.withheld,      filter.count.bounded,  filter.count.reinitialised};
+    (void)aeo_stream_health(&stream, aeo_rls_health(&filter), counter, AEO_STREAM_COUNTERS);
+}
+
+static void take_sample(uint32_t index)
+{
+    const aeo_real_t *u = turbine_values[index], *y = u + TURBINE_INPUTS;
+    if (aeo_regressor_push(&regressor, u, y, (uint64_t)index * TURBINE_PERIOD_US) == AEO_OK) {
+        (void)aeo_rls_update(&filter, aeo_regressor_z(&regressor), aeo_regressor_y(&regressor));
+    }
+    (void)aeo_stream_sample(&stream, index, u, y, NULL);
+    if (index % SNAPSHOT_EVERY == SNAPSHOT_EVERY - 1u) {
+        (void)aeo_stream_snapshot(&stream, index, aeo_rls_theta(&filter));
+    }
+    report_health();
+}
+
+void mps2_systick(void)
+{
+    const uint32_t late = mps2_systick_age();
+    latest = late > latest ? late : latest;
+    ticks++;
+    if (taken < TURBINE_SAMPLES) {
+        last_us = read_clock(&uart);
+        first_us = taken == 0u ? last_us : first_us;
+        take_sample(taken);
+        taken++;
+    } else if (closed == 0u && !aeo_stream_pending(&stream)) { /* the snapshot before has left: one of the last theta */
+        (void)aeo_stream_snapshot(&stream, TURBINE_SAMPLES - 1u, aeo_rls_theta(&filter));
+        aeo_stream_finish(&stream);
+        closed = 1;
+    }
+}
+
+void mps2_uart0(void)
+{
+    mps2_port_serve(&uart);
+}
+
+/* ---- the main loop ----------------------------------------------------------------------------------------------- */
+
+static uint32_t count_time(void *context)
+{
+    (void)context;
+    return ticks * TURBINE_PERIOD_US;
+}
+
+static int start(uint32_t period_us)
+{
+    const aeo_regressor_config_t layout = {.inputs = TURBINE_INPUTS,
+                                           .outputs = TURBINE_OUTPUTS,
+                                           .past = TURBINE_PAST,
+                                           .period_us = TURBINE_PERIOD_US,
+                                           .offset = turbine_offset,
+                                           .scale = turbine_scale};
+    const aeo_rls_config_t settings = {.regressors = N,
+                                       .outputs = TURBINE_OUTPUTS,
+                                       .forgetting = 1.0f,
+                                       .regularisation = 0.1f,
+                                       .excitation_min = 0.05f,
+                                       .growth_max = 10.0f};
+    aeo_stream_config_t config = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
+                                  .inputs = TURBINE_INPUTS,
+                                  .outputs = TURBINE_OUTPUTS,
+                                  .past = TURBINE_PAST,
+                                  .parameters = PARAMETERS,
+                                  .sample_time_s = 1e-6f * TURBINE_PERIOD_US,
+                                  .lambda = 1.0f,
+                                  .rho = 0.1f,
+                                  .channels = turbine_channels,
+                                  .sample_every = 1,
+                                  .health_every = 10,
+                                  .describe_every = 100,
+                                  .repair_percent = 25,
+                                  .burst = BURST,
+                                  .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
+#if AEO_WIRE_VERSION >= 2
+    config.seal = 1;
+#endif
+    mps2_port_init(&uart, &port, 921600);
+    read_clock = port.time_us;
+    if (period_us != TURBINE_PERIOD_US) {
+        port.time_us = count_time;
+    }
+    return aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window) == AEO_OK &&
+           aeo_rls_init(&filter, &settings, words, sizeof words / sizeof *words) == AEO_OK &&
+           aeo_stream_init(&stream, &config, &port, snapshot, PARAMETERS) == AEO_OK;
+}
+
+/* Sleep until the ring has room for all that one sample can send. */
+static void wait_for_room(void)
+{
+    uint32_t tail = uart.tail;
+    while (MPS2_RING - mps2_port_waiting(&uart) < ROOM) {
+        mps2_wait(&uart.tail, tail);
+        tail = uart.tail;
+    }
+}
+
+static void run(uint32_t period_us)
+{
+    uint32_t stepped = 0;
+    mps2_wait(&uart.open, 0);
+    mps2_start_systick(period_us);
+    while (closed == 0u || aeo_stream_pending(&stream)) {
+        if (period_us == 0u) {
+            wait_for_room();
+            mps2_raise_systick();
+        }
+        mps2_wait(&ticks, stepped);
+        stepped++;
+        (void)aeo_stream_step(&stream);
+        if (stepped == TURBINE_SAMPLES / 2u) {
+            mps2_write("half\n");
+        }
+    }
+    mps2_start_systick(0);
+    while (mps2_port_waiting(&uart) > 0u && uart.open != 0u) {
+        mps2_wait(&uart.tail, uart.tail);
+    }
+}
+
+static void write_fact(const char *name, uint32_t value)
+{
+    mps2_write(name);
+    mps2_write_decimal(value);
+}
+
+static void write_facts(void)
+{
+    const aeo_stream_counters_t *c = &stream.counters;
+    write_fact("node {\"samples\": ", taken);
+    write_fact(", \"accepted\": ", regressor.count.samples);
+    write_fact(", \"updates\": ", filter.count.updates);
+    write_fact(", \"ticks\": ", ticks);
+    write_fact(", \"elapsed_us\": ", last_us - first_us);
+    write_fact(", \"latest\": ", latest);
+    write_fact(", \"sent\": ", c->sent);
+    write_fact(", \"refused\": ", c->refused);
+    write_fact(", \"dropped\": ", c->dropped);
+    write_fact(", \"snapshots\": ", c->snapshots);
+    write_fact(", \"busy\": ", c->busy);
+    write_fact(", \"stack_used\": ", mps2_stack_used());
+    write_fact(", \"stack\": ", mps2_stack_size());
+    mps2_write("}\n");
+}
+
+/* Read the number that ends the command line; UINT32_MAX when there is none that SysTick can do. */
+static uint32_t read_period(void)
+{
+    char line[64];
+    uint32_t at = 0, value = 0;
+    mps2_arguments(line, sizeof line);
+    for (uint32_t i = 0; line[i] != '\0'; i++) {
+        at = line[i] == ' ' ? i + 1u : at;
+    }
+    if (line[at] == '\0') {
+        return UINT32_MAX;
+    }
+    for (; line[at] >= '0' && line[at] <= '9' && value <= MPS2_SYSTICK_MAX_US; at++) {
+        value = 10u * value + (uint32_t)(line[at] - '0');
+    }
+    return line[at] == '\0' && value <= MPS2_SYSTICK_MAX_US ? value : UINT32_MAX;
+}
+
+int main(void)
+{
+    const uint32_t period_us = read_period();
+    if (period_us == UINT32_MAX) {
+        mps2_write("turbine_node: a period of 0 to 671000 microseconds is needed as its argument\n");
+        return 2;
+    }
+    if (!start(period_us)) {
+        mps2_write("turbine_node: a setting is out of range (regressor.h, rls.h, stream.h)\n");
+        return 1;
+    }
+    run(period_us);
+    write_facts();
+    return 0;
+}
+/* SPDX-License-Identifier: MIT */
