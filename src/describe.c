@@ -64,7 +64,8 @@ static void describe_fixed(const aeo_stream_config_t *config, uint32_t hash, aeo
     case AEO_ITEM_SHAPE:
         message->index = (uint16_t)config->model_set;
         message->value[0] = (uint32_t)config->inputs | ((uint32_t)config->outputs << 8) |
-                            ((uint32_t)config->scheduling << 16) | (UINT32_C(1) << 24);
+                            ((uint32_t)config->scheduling << 16) |
+                            ((config->fd != 0u ? UINT32_C(14) : UINT32_C(1)) << 24);
         break;
     case AEO_ITEM_PARAMETERS:
         message->index = config->past;

@@ -4,8 +4,11 @@
 
 #include <string.h>
 
-#define HEAD_BYTES 4u
-#define CHECK_AT   3u
+#define CLASSIC_BYTES 8u
+#define CLASSIC_CHECK 3u /* where the CRC-8 is */
+#define FD_COUNT      3u
+#define FD_CHECK      4u
+#define FD_HEAD       8u
 
 typedef struct {
     uint32_t kind_step;  /* distance of two kinds */
@@ -39,59 +42,90 @@ static uint8_t continue_check(uint8_t crc, uint8_t byte)
     return (uint8_t)state;
 }
 
+static void put_word(uint8_t *at, uint32_t word)
+{
+    at[0] = (uint8_t)(word & 0xFFu);
+    at[1] = (uint8_t)((word >> 8) & 0xFFu);
+    at[2] = (uint8_t)((word >> 16) & 0xFFu);
+    at[3] = (uint8_t)((word >> 24) & 0xFFu);
+}
+
+static uint32_t get_word(const uint8_t *at)
+{
+    return (uint32_t)at[0] | ((uint32_t)at[1] << 8) | ((uint32_t)at[2] << 16) | ((uint32_t)at[3] << 24);
+}
+
 /* The node stays out, so that a gateway may renumber nodes; the kind and the base do not. */
-static uint8_t compute_check(uint32_t id_without_node, const aeo_can_frame_t *frame)
+static uint8_t check_classic(uint32_t id_without_node, const aeo_can_frame_t *frame)
 {
     uint8_t crc = 0xFF;
     unsigned i;
     for (i = 0; i < 4u; i++) {
         crc = continue_check(crc, (uint8_t)((id_without_node >> (8u * i)) & 0xFFu));
     }
-    crc = continue_check(crc, frame->length);
-    for (i = 0; i < frame->length; i++) {
-        if (i != CHECK_AT) {
+    crc = continue_check(crc, CLASSIC_BYTES);
+    for (i = 0; i < CLASSIC_BYTES; i++) {
+        if (i != CLASSIC_CHECK) {
             crc = continue_check(crc, frame->data[i]);
         }
     }
     return (uint8_t)(crc ^ 0xFFu);
 }
 
-/* Lengths that exist on CAN FD, as a count of values after the head. */
-static int count_exists(unsigned count)
+/* Here the node is part of it: no seal would tell a sample whose node was garbled from one of the other node. */
+static uint32_t check_fd(const aeo_can_frame_t *frame)
 {
-    return (count >= 1u && count <= 5u) || count == 7u || count == 11u || count == 15u;
+    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), frame->id);
+    unsigned i;
+    for (i = 0; i + 4u <= frame->length; i += 4u) { /* lengths are multiples of four: 12 ... 64 */
+        if (i != FD_CHECK) {
+            crc = aeo_frame_crc32(crc, get_word(&frame->data[i]));
+        }
+    }
+    return ~crc;
+}
+
+static int is_fd(unsigned kind)
+{
+    return kind == AEO_KIND_SAMPLE_FD || kind == AEO_KIND_INNOVATION_FD || kind == AEO_KIND_PARAMETER_FD ||
+           kind == AEO_KIND_REPAIR_FD;
+}
+
+static int is_classic(unsigned kind)
+{
+    return kind <= AEO_KIND_SEAL;
 }
 
 int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame)
 {
     const layout_t *layout;
-    uint32_t id;
-    unsigned i;
+    unsigned kind, i, head;
     if (address == NULL || message == NULL || frame == NULL) {
         return AEO_E_ARG;
     }
     layout = find_layout(address);
-    if (layout == NULL || address->node >= layout->node_limit || (unsigned)message->kind >= AEO_KIND_COUNT ||
-        !count_exists(message->count)) {
+    kind = (unsigned)message->kind;
+    if (layout == NULL || address->node >= layout->node_limit || (!is_classic(kind) && !is_fd(kind)) ||
+        message->count < 1u || message->count > (is_fd(kind) ? AEO_FRAME_VALUES_MAX : 1u)) {
         return AEO_E_ARG;
     }
-    id = address->base + (uint32_t)message->kind * layout->kind_step;
-    frame->id = id + address->node;
-    frame->length = (uint8_t)(HEAD_BYTES + 4u * message->count);
-    frame->flags = (uint8_t)((address->extended != 0u ? AEO_CAN_EXTENDED : 0u) |
-                             (message->count > 1u ? AEO_CAN_FD | AEO_CAN_BRS : 0u));
+    head = is_fd(kind) ? FD_HEAD : CLASSIC_BYTES - 4u;
+    frame->id = address->base + kind * layout->kind_step + address->node;
+    frame->length = (uint8_t)(is_fd(kind) ? AEO_FRAME_FD_LENGTH(message->count) : CLASSIC_BYTES);
+    frame->flags =
+        (uint8_t)((address->extended != 0u ? AEO_CAN_EXTENDED : 0u) | (is_fd(kind) ? AEO_CAN_FD | AEO_CAN_BRS : 0u));
     frame->data[0] = message->tag;
     frame->data[1] = (uint8_t)(message->index & 0xFFu);
     frame->data[2] = (uint8_t)(message->index >> 8);
-    for (i = 0; i < message->count; i++) {
-        const uint32_t value = message->value[i];
-        uint8_t *at = &frame->data[HEAD_BYTES + 4u * i]; /* i <= 14: at most byte 60 ... 63 */
-        at[0] = (uint8_t)(value & 0xFFu);
-        at[1] = (uint8_t)((value >> 8) & 0xFFu);
-        at[2] = (uint8_t)((value >> 16) & 0xFFu);
-        at[3] = (uint8_t)((value >> 24) & 0xFFu);
+    for (i = 0; head + 4u * i < frame->length; i++) { /* i <= 13: at most byte 60 ... 63 */
+        put_word(&frame->data[head + 4u * i], i < message->count ? message->value[i] : 0u);
     }
-    frame->data[CHECK_AT] = compute_check(id, frame);
+    if (is_fd(kind)) {
+        frame->data[FD_COUNT] = message->count;
+        put_word(&frame->data[FD_CHECK], check_fd(frame));
+    } else {
+        frame->data[CLASSIC_CHECK] = check_classic(frame->id - address->node, frame);
+    }
     return AEO_OK;
 }
 
@@ -99,18 +133,35 @@ static int belongs_here(const layout_t *layout, const aeo_address_t *address, co
 {
     const unsigned extended = address->extended != 0u ? AEO_CAN_EXTENDED : 0u;
     const uint32_t offset = frame->id - address->base; /* wraps far above the limit when the id is below the base */
-    const unsigned count = frame->length < 8u ? 0u : (frame->length - HEAD_BYTES) / 4u;
-    return (frame->flags & AEO_CAN_EXTENDED) == extended && frame->id < layout->id_limit &&
-           offset < AEO_KIND_COUNT * layout->kind_step && offset % layout->kind_step < layout->node_limit &&
-           count_exists(count) && HEAD_BYTES + 4u * count == frame->length &&
-           (count == 1u || (frame->flags & AEO_CAN_FD) != 0u);
+    const unsigned kind = offset / layout->kind_step;
+    const unsigned length = frame->length;
+    if ((frame->flags & AEO_CAN_EXTENDED) != extended || frame->id >= layout->id_limit || kind >= AEO_KIND_LIMIT ||
+        offset % layout->kind_step >= layout->node_limit) {
+        return 0;
+    }
+    if (is_fd(kind)) {
+        return (frame->flags & AEO_CAN_FD) != 0u && (length == 12u || length == 16u || length == 20u || length == 24u ||
+                                                     length == 32u || length == 48u || length == 64u);
+    }
+    return is_classic(kind) && length == CLASSIC_BYTES;
+}
+
+/* Check and, on CAN FD, a count whose shortest frame this is. */
+static int is_sound(unsigned kind, uint32_t id_without_node, const aeo_can_frame_t *frame)
+{
+    const unsigned count = frame->data[FD_COUNT];
+    if (is_fd(kind)) {
+        return count >= 1u && count <= AEO_FRAME_VALUES_MAX && AEO_FRAME_FD_LENGTH(count) == frame->length &&
+               get_word(&frame->data[FD_CHECK]) == check_fd(frame);
+    }
+    return frame->data[CLASSIC_CHECK] == check_classic(id_without_node, frame);
 }
 
 int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node)
 {
     const layout_t *layout;
     uint32_t offset;
-    unsigned i;
+    unsigned kind, i, head;
     if (address == NULL || frame == NULL || message == NULL || node == NULL) {
         return AEO_E_ARG;
     }
@@ -122,18 +173,18 @@ int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame,
         return AEO_E_MISMATCH;
     }
     offset = frame->id - address->base;
-    if (frame->data[CHECK_AT] != compute_check(frame->id - offset % layout->kind_step, frame)) {
+    kind = offset / layout->kind_step;
+    if (!is_sound(kind, frame->id - offset % layout->kind_step, frame)) {
         return AEO_E_DAMAGED;
     }
     *node = (uint8_t)(offset % layout->kind_step);
-    message->kind = (aeo_kind_t)(offset / layout->kind_step);
+    message->kind = (aeo_kind_t)kind;
     message->tag = frame->data[0];
     message->index = (uint16_t)(frame->data[1] | ((unsigned)frame->data[2] << 8));
-    message->count = (uint8_t)((frame->length - HEAD_BYTES) / 4u);
+    message->count = is_fd(kind) ? frame->data[FD_COUNT] : 1u;
+    head = is_fd(kind) ? FD_HEAD : CLASSIC_BYTES - 4u;
     for (i = 0; i < message->count; i++) {
-        const uint8_t *at = &frame->data[HEAD_BYTES + 4u * i];
-        message->value[i] =
-            (uint32_t)at[0] | ((uint32_t)at[1] << 8) | ((uint32_t)at[2] << 16) | ((uint32_t)at[3] << 24);
+        message->value[i] = get_word(&frame->data[head + 4u * i]);
     }
     return AEO_OK;
 }

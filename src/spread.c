@@ -1,5 +1,7 @@
 #include "spread.h"
 
+#include <string.h>
+
 #define GROUP_MAX 256u
 #define BURST     16u /* frames lost in a row that are to hit distant parameters */
 #define REACH     16u /* how far from the golden section a stride is looked for */
@@ -67,22 +69,34 @@ uint32_t aeo_spread_index(const aeo_spread_t *self, uint32_t position)
     return (position * self->stride) % self->count; /* 65535 * 40518 < 2^32; count >= 1 */
 }
 
-uint32_t aeo_spread_repair(const aeo_spread_t *self, const uint32_t *theta, uint16_t repair)
+/* Add one block to the sum, or what there is of it. */
+static void add_block(const uint32_t *theta, uint32_t parameters, uint32_t width, uint32_t block, uint32_t *sum)
+{
+    const uint32_t first = block * width; /* below parameters <= 65536, because block < ceil(parameters / width) */
+    const uint32_t left = parameters - first < width ? parameters - first : width;
+    uint32_t i;
+    for (i = 0; i < left; i++) {
+        sum[i] ^= theta[first + i];
+    }
+}
+
+void aeo_spread_repair(const aeo_spread_t *self, const uint32_t *theta, uint32_t parameters, uint32_t width,
+                       uint16_t repair, uint32_t *sum)
 {
     const uint32_t group = repair % self->groups;                     /* groups >= 1 */
     const uint32_t hop = (self->groups * self->stride) % self->count; /* 256 * 40518 < 2^32 */
     uint32_t at = (group * self->stride) % self->count;
-    uint32_t position, member = 0, set = 0, sum = 0;
+    uint32_t position, member = 0, set = 0;
+    memset(sum, 0, width * sizeof *sum);
     for (position = group; position < self->count; position += self->groups) {
         if (member % 32u == 0u) {
             set = aeo_frame_repair_set(repair, member / 32u);
         }
         if (((set >> (member % 32u)) & 1u) != 0u) {
-            sum ^= theta[at];
+            add_block(theta, parameters, width, at, sum);
         }
         at += hop; /* both below count: one subtraction brings it back */
         at -= at >= self->count ? self->count : 0u;
         member++;
     }
-    return sum;
 }

@@ -4,44 +4,29 @@
 
 #include "describe.h"
 #include "spread.h"
+#include "stream_send.h"
 
 #include <string.h>
 
-#define FAREWELLS        4u /* at 10 % loss all of them vanish once in 10^4 ends */
+#define FAREWELLS        6u /* at 10 % loss fewer than two of them arrive once in 18,000 ends */
 #define DESCRIPTION_TURN 4u /* one frame in so many is description while one is due */
 #define STREAM_ITEMS     5u /* own counters in health, before those of the filter */
 
 typedef enum { PHASE_IDLE, PHASE_BEGIN, PHASE_BLOCKS, PHASE_END, PHASE_REPAIR, PHASE_CLOSE } phase_t;
 typedef enum { FROM_NOTHING, FROM_DESCRIPTION, FROM_HEALTH, FROM_SNAPSHOT, FROM_FAREWELL } origin_t;
 
-static void lock(const aeo_stream_t *self)
-{
-    if (self->port.lock != NULL) {
-        self->port.lock(self->port.context);
-    }
-}
-
-static void unlock(const aeo_stream_t *self)
-{
-    if (self->port.unlock != NULL) {
-        self->port.unlock(self->port.context);
-    }
-}
-
-/* Pack and hand over one message; 1 when the port took it. The address was checked at init, so packing cannot fail. */
-static int send_message(aeo_stream_t *self, const aeo_message_t *message)
-{
-    aeo_can_frame_t frame;
-    if (aeo_frame_pack(&self->config.address, message, &frame) != AEO_OK ||
-        !self->port.send(self->port.context, &frame)) {
-        return 0;
-    }
-    self->counters.sent++;
-    self->credit_us -= (int32_t)self->frame_us;
-    return 1;
-}
-
 /* ---- start ------------------------------------------------------------------------------------------------------- */
+
+static uint32_t count_blocks(const aeo_stream_config_t *config)
+{
+    return config->fd != 0u ? AEO_STREAM_BLOCKS(config->parameters) : config->parameters;
+}
+
+/* Bits of the longest frame in use, at which a budget may begin: no frame then takes longer than a second. */
+static uint32_t find_least_budget(const aeo_stream_config_t *config)
+{
+    return config->fd != 0u ? 1000u : AEO_FRAME_BITS_EXTENDED;
+}
 
 static int config_is_valid(const aeo_stream_config_t *config)
 {
@@ -52,45 +37,63 @@ static int config_is_valid(const aeo_stream_config_t *config)
         config->repair_percent > 100u || config->burst < 1u || !aeo_describe_is_sound(config)) {
         return 0;
     }
+    if (config->fd != 0u && (config->fd_ratio < 1u || config->fd_ratio > 16u)) {
+        return 0;
+    }
     return h >= AEO_REAL(2e-5) && h <= AEO_REAL(1000.0) &&
-           (config->bits_per_s == 0u || config->bits_per_s >= AEO_FRAME_BITS_EXTENDED);
+           (config->bits_per_s == 0u || config->bits_per_s >= find_least_budget(config));
 }
 
-static uint32_t cost_frame_us(const aeo_stream_config_t *config)
+/* Time on the bus of `values` values of one sample; at most 65 frames of a second. */
+static uint32_t cost_values_us(const aeo_stream_config_t *config, unsigned values)
 {
-    const uint32_t bits = config->address.extended != 0u ? AEO_FRAME_BITS_EXTENDED : AEO_FRAME_BITS_STANDARD;
-    /* 160e6 < 2^32; rounding up keeps the share below its limit; at most 10^6 us because bits_per_s >= 160 */
-    return config->bits_per_s == 0u ? 0u : (bits * 1000000u + config->bits_per_s - 1u) / config->bits_per_s;
+    const unsigned rest = values % AEO_FRAME_VALUES_MAX;
+    if (values == 0u) {
+        return 0;
+    }
+    if (config->fd == 0u) {
+        return (values + (config->seal != 0u ? 1u : 0u)) * aeo_stream_cost_us(config, 8);
+    }
+    return values / AEO_FRAME_VALUES_MAX * aeo_stream_cost_us(config, 64) +
+           (rest > 0u ? aeo_stream_cost_us(config, AEO_FRAME_FD_LENGTH(rest)) : 0u);
+}
+
+/* Pack an empty message, which succeeds where node and base fit the identifiers. */
+static int address_is_valid(const aeo_address_t *address)
+{
+    static const aeo_message_t probe = {AEO_KIND_HEALTH, 0, 0, 1, {0}};
+    aeo_can_frame_t frame;
+    return aeo_frame_pack(address, &probe, &frame) == AEO_OK;
 }
 
 int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
                     uint32_t words)
 {
-    static const aeo_message_t probe = {AEO_KIND_HEALTH, 0, 0, 1, {0}};
-    aeo_can_frame_t frame;
-    uint32_t frame_us, period_us, frames;
+    uint32_t period_us, sample_us;
     if (self == NULL || config == NULL || port == NULL || memory == NULL || port->send == NULL ||
         (port->lock == NULL) != (port->unlock == NULL) || !config_is_valid(config) ||
-        aeo_frame_pack(&config->address, &probe, &frame) != AEO_OK) {
+        !address_is_valid(&config->address)) {
         return AEO_E_ARG;
     }
     if (words < AEO_STREAM_WORDS(config->parameters)) {
         return AEO_E_MEMORY;
     }
-    frame_us = cost_frame_us(config);
-    period_us = (uint32_t)(config->sample_time_s * AEO_REAL(1e6) + AEO_REAL(0.5));               /* at most 10^9 */
-    frames = aeo_describe_channels(config) + (config->innovations != 0u ? config->outputs : 0u); /* at most 128 */
-    if (config->sample_every > 0u && frames * frame_us / config->sample_every > period_us / 10u * 9u) {
+    period_us = (uint32_t)(config->sample_time_s * AEO_REAL(1e6) + AEO_REAL(0.5)); /* at most 10^9 */
+    sample_us = cost_values_us(config, aeo_describe_channels(config)) +
+                cost_values_us(config, config->innovations != 0u ? config->outputs : 0u); /* at most 1.3e8 */
+    if (config->sample_every > 0u && sample_us / config->sample_every > period_us / 10u * 9u) {
         return AEO_E_BUDGET;
     }
     memset(self, 0, sizeof *self);
     self->config = *config;
     self->port = *port;
     self->theta = memory;
-    self->frame_us = frame_us;
+    self->frame_us = aeo_stream_cost_us(config, 8);
+    self->longest_us = config->fd != 0u ? aeo_stream_cost_us(config, 64) : self->frame_us;
+    self->longest_us = self->longest_us > self->frame_us ? self->longest_us : self->frame_us;
     self->period_us = period_us;
     self->hash = aeo_describe_hash(config);
-    aeo_spread_choose(&self->spread, config->parameters, config->repair_percent);
+    aeo_spread_choose(&self->spread, count_blocks(config), config->repair_percent);
     aeo_stream_reset(self);
     return AEO_OK;
 }
@@ -100,7 +103,7 @@ void aeo_stream_reset(aeo_stream_t *self)
     if (self == NULL) {
         return;
     }
-    lock(self);
+    aeo_stream_lock(self);
     self->phase = PHASE_IDLE;
     self->cursor = 0;
     self->slot = 0;
@@ -116,96 +119,35 @@ void aeo_stream_reset(aeo_stream_t *self)
     self->farewells = 0;
     self->credit_us = 0;
     self->clock_us = self->port.time_us != NULL ? self->port.time_us(self->port.context) : 0u;
-    unlock(self);
+    aeo_stream_unlock(self);
 }
 
 /* ---- what the control task brings -------------------------------------------------------------------------------- */
 
-/* Send one value at once; deeper in debt than two samples it is dropped, so that the average keeps within the budget
- * even when samples come faster than declared. */
-static int send_value(aeo_stream_t *self, aeo_kind_t kind, unsigned channel, uint32_t index, aeo_real_t value)
-{
-    const int32_t deepest = -(int32_t)(2u * AEO_STREAM_CHANNELS_MAX * self->frame_us); /* >= -1.28e8 */
-    aeo_message_t message;
-    int taken;
-    message.kind = kind;
-    message.tag = (uint8_t)channel;
-    message.index = (uint16_t)(index & 0xFFFFu);
-    message.count = 1;
-    message.value[0] = aeo_float_bits(value);
-    lock(self);
-    taken = self->credit_us >= deepest && send_message(self, &message);
-    if (!taken) {
-        self->counters.dropped++;
-    }
-    self->last_index = index;
-    unlock(self);
-    return taken;
-}
-
-static int send_values(aeo_stream_t *self, aeo_kind_t kind, unsigned first, uint32_t index, const aeo_real_t *values,
-                       unsigned count)
-{
-    unsigned i;
-    int all = 1;
-    for (i = 0; i < count; i++) {
-        all &= send_value(self, kind, first + i, index, values[i]);
-    }
-    return all;
-}
-
-int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y, const aeo_real_t *s)
-{
-    const aeo_stream_config_t *config;
-    int all;
-    if (self == NULL || y == NULL || (u == NULL && self->config.inputs > 0u) ||
-        (s == NULL && self->config.scheduling > 0u)) {
-        return AEO_E_ARG;
-    }
-    config = &self->config;
-    self->last_index = index;
-    if (config->sample_every == 0u || index % config->sample_every != 0u) {
-        return AEO_OK;
-    }
-    all = send_values(self, AEO_KIND_SAMPLE, 0, index, u, config->inputs);
-    all &= send_values(self, AEO_KIND_SAMPLE, config->inputs, index, y, config->outputs);
-    all &= send_values(self, AEO_KIND_SAMPLE, (unsigned)config->inputs + config->outputs, index, s, config->scheduling);
-    return all ? AEO_OK : AEO_E_REFUSED;
-}
-
-int aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e)
-{
-    if (self == NULL || e == NULL) {
-        return AEO_E_ARG;
-    }
-    if (self->config.innovations == 0u || self->config.sample_every == 0u || index % self->config.sample_every != 0u) {
-        return AEO_OK;
-    }
-    return send_values(self, AEO_KIND_INNOVATION, 0, index, e, self->config.outputs) ? AEO_OK : AEO_E_REFUSED;
-}
-
 int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
 {
-    uint32_t i, crc = UINT32_C(0xFFFFFFFF);
+    uint32_t i, crc;
     if (self == NULL || theta == NULL) {
         return AEO_E_ARG;
     }
-    lock(self);
+    aeo_stream_lock(self);
     if (self->phase != PHASE_IDLE) {
         self->counters.busy++;
-        unlock(self);
+        aeo_stream_unlock(self);
         return AEO_E_BUSY;
     }
+    self->number = (uint8_t)((self->number + 1u) & 0xFFu);
+    self->taken_index = index;
+    crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->number | ((self->config.parameters - 1u) << 8));
+    crc = aeo_frame_crc32(crc, index);
     for (i = 0; i < self->config.parameters; i++) {
         self->theta[i] = aeo_float_bits(theta[i]);
         crc = aeo_frame_crc32(crc, self->theta[i]);
     }
     self->crc = ~crc;
-    self->taken_index = index;
-    self->number = (uint8_t)((self->number + 1u) & 0xFFu);
     self->phase = PHASE_BEGIN;
     self->cursor = 0;
-    unlock(self);
+    aeo_stream_unlock(self);
     return AEO_OK;
 }
 
@@ -214,21 +156,41 @@ int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counte
     if (self == NULL || count > AEO_STREAM_COUNTERS || (counter == NULL && count > 0u)) {
         return AEO_E_ARG;
     }
-    lock(self);
+    aeo_stream_lock(self);
     self->flags = (uint16_t)(flags & 0x7FFFu);
     if (count > 0u) {
         memcpy(self->counter, counter, count * sizeof *counter);
     }
     self->counters_used = (uint8_t)count;
-    unlock(self);
+    aeo_stream_unlock(self);
     return AEO_OK;
 }
 
 /* ---- the step ---------------------------------------------------------------------------------------------------- */
 
-static void choose_snapshot(const aeo_stream_t *self, aeo_message_t *message)
+/* Parameters of the block at the cursor, or their combination. */
+static void choose_block(aeo_stream_t *self)
 {
-    uint32_t at;
+    const int fd = self->config.fd != 0u, repairs = self->phase == PHASE_REPAIR;
+    const uint32_t width = fd ? AEO_FRAME_VALUES_MAX : 1u, parameters = self->config.parameters;
+    const unsigned kind = repairs ? AEO_KIND_REPAIR : AEO_KIND_PARAMETER;
+    aeo_message_t *message = &self->message;
+    message->kind = (aeo_kind_t)(kind + (fd ? AEO_KIND_FD : 0u));
+    if (repairs) {
+        message->index = (uint16_t)self->cursor;
+        message->count = (uint8_t)width;
+        aeo_spread_repair(&self->spread, self->theta, parameters, width, (uint16_t)self->cursor, message->value);
+    } else {
+        const uint32_t first = aeo_spread_index(&self->spread, self->cursor) * width; /* below parameters */
+        message->index = (uint16_t)first;
+        message->count = (uint8_t)(parameters - first < width ? parameters - first : width);
+        memcpy(message->value, &self->theta[first], message->count * sizeof *message->value);
+    }
+}
+
+static void choose_snapshot(aeo_stream_t *self)
+{
+    aeo_message_t *message = &self->message;
     message->tag = self->number;
     switch ((phase_t)self->phase) {
     case PHASE_BEGIN:
@@ -237,15 +199,8 @@ static void choose_snapshot(const aeo_stream_t *self, aeo_message_t *message)
         message->value[0] = self->taken_index;
         break;
     case PHASE_BLOCKS:
-        at = aeo_spread_index(&self->spread, self->cursor);
-        message->kind = AEO_KIND_PARAMETER;
-        message->index = (uint16_t)at;
-        message->value[0] = self->theta[at];
-        break;
     case PHASE_REPAIR:
-        message->kind = AEO_KIND_REPAIR;
-        message->index = (uint16_t)self->cursor;
-        message->value[0] = aeo_spread_repair(&self->spread, self->theta, (uint16_t)self->cursor);
+        choose_block(self);
         break;
     case PHASE_END:
     case PHASE_CLOSE:
@@ -258,12 +213,13 @@ static void choose_snapshot(const aeo_stream_t *self, aeo_message_t *message)
     }
 }
 
-static void choose_health(const aeo_stream_t *self, aeo_message_t *message)
+static void choose_health(aeo_stream_t *self)
 {
     const uint32_t own[STREAM_ITEMS] = {self->counters.sent, self->counters.refused, self->counters.dropped,
                                         self->counters.snapshots, self->counters.busy};
     /* every second frame tells the sample index: it dates the flags and lets late joiners count samples in full */
     const unsigned item = self->health_item % 2u == 0u ? AEO_HEALTH_INDEX : 1u + self->health_item / 2u;
+    aeo_message_t *message = &self->message;
     message->kind = AEO_KIND_HEALTH;
     message->index = self->flags;
     if (item == AEO_HEALTH_INDEX) {
@@ -279,13 +235,14 @@ static void choose_health(const aeo_stream_t *self, aeo_message_t *message)
 }
 
 /* Decide what leaves next; the state moves in `commit` alone, so a refusal repeats the very same message. */
-static origin_t choose(aeo_stream_t *self, aeo_message_t *message)
+static origin_t choose(aeo_stream_t *self)
 {
+    aeo_message_t *message = &self->message;
     const int due = self->describing != 0u && (self->phase == PHASE_IDLE || self->turn >= DESCRIPTION_TURN - 1u);
     memset(message, 0, sizeof *message);
     message->count = 1;
     if (self->described != 0u && self->health_in == 0u) {
-        choose_health(self, message);
+        choose_health(self);
         return FROM_HEALTH;
     }
     if (self->described == 0u || (due && self->finishing == 0u)) {
@@ -293,7 +250,7 @@ static origin_t choose(aeo_stream_t *self, aeo_message_t *message)
         return FROM_DESCRIPTION;
     }
     if (self->phase != PHASE_IDLE) {
-        choose_snapshot(self, message);
+        choose_snapshot(self);
         return FROM_SNAPSHOT;
     }
     if (self->finishing != 0u && self->farewells > 0u) {
@@ -310,7 +267,7 @@ static void commit_snapshot(aeo_stream_t *self)
     static const uint8_t next[] = {PHASE_IDLE, PHASE_BLOCKS, PHASE_END, PHASE_REPAIR, PHASE_CLOSE, PHASE_IDLE};
     uint32_t length = 1;
     if (self->phase == PHASE_BLOCKS) {
-        length = self->config.parameters;
+        length = self->spread.count;
     } else if (self->phase == PHASE_REPAIR) {
         length = self->spread.repairs;
     } else if (self->phase == PHASE_CLOSE) {
@@ -332,12 +289,11 @@ static void commit_snapshot(aeo_stream_t *self)
 /* Empty slots at the end of the list are passed here, so that the end of a description is seen when it happens. */
 static void commit_description(aeo_stream_t *self)
 {
-    aeo_message_t skipped;
     self->turn = 0;
     do {
         self->slot++;
     } while (self->slot < aeo_describe_slots(&self->config) &&
-             !aeo_describe(&self->config, self->hash, self->slot, &skipped));
+             !aeo_describe(&self->config, self->hash, self->slot, &self->message)); /* has left */
     if (self->slot >= aeo_describe_slots(&self->config)) {
         self->slot = 0;
         self->described = 1;
@@ -379,7 +335,7 @@ static void count_down(uint16_t *steps)
 /* Earn credit for the time since the last step; never more than one burst, so that silence is not saved up. */
 static void earn(aeo_stream_t *self)
 {
-    const int32_t most = (int32_t)(self->config.burst * self->frame_us); /* 255 * 10^6 < 2^31 */
+    const int32_t most = (int32_t)(self->config.burst * self->longest_us); /* 255 * 10^6 < 2^31 */
     uint32_t passed = self->period_us;
     if (self->port.time_us != NULL) {
         const uint32_t now = self->port.time_us(self->port.context);
@@ -401,20 +357,19 @@ static void earn(aeo_stream_t *self)
 
 int aeo_stream_step(aeo_stream_t *self)
 {
-    aeo_message_t message;
     origin_t origin = FROM_DESCRIPTION;
     int sent = 0, taken = 1;
     if (self == NULL) {
         return AEO_E_ARG;
     }
-    lock(self);
+    aeo_stream_lock(self);
     earn(self);
-    unlock(self);
+    aeo_stream_unlock(self);
     while (taken && origin != FROM_NOTHING && sent < (int)self->config.burst) {
-        lock(self);
-        origin = self->credit_us >= (int32_t)self->frame_us ? choose(self, &message) : FROM_NOTHING;
+        aeo_stream_lock(self);
+        origin = self->credit_us >= (int32_t)self->longest_us ? choose(self) : FROM_NOTHING;
         if (origin != FROM_NOTHING) {
-            taken = send_message(self, &message);
+            taken = aeo_stream_send(self);
             if (taken) {
                 commit(self, origin);
                 sent++;
@@ -422,7 +377,7 @@ int aeo_stream_step(aeo_stream_t *self)
                 self->counters.refused++;
             }
         }
-        unlock(self);
+        aeo_stream_unlock(self);
     }
     return sent;
 }
@@ -430,10 +385,10 @@ int aeo_stream_step(aeo_stream_t *self)
 void aeo_stream_finish(aeo_stream_t *self)
 {
     if (self != NULL && self->finishing == 0u) {
-        lock(self);
+        aeo_stream_lock(self);
         self->finishing = 1;
         self->farewells = FAREWELLS;
-        unlock(self);
+        aeo_stream_unlock(self);
     }
 }
 

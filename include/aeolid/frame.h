@@ -1,35 +1,50 @@
 /* frame.h: packs one message of the wire into one CAN frame and back, by shifts, the same on every machine.
  *
  * MODEL
- *   One shape for all messages, so that a decoder needs one rule:
+ *   Two shapes, one for every classic message and one for every CAN FD message:
  *
  *     identifier   29 bit: base + kind * 256 + node       (J1939: priority 7, proprietary B, source address node)
  *                  11 bit: base + kind * 16  + node
  *     byte 0       tag      what the kind says: channel, item or snapshot number
  *     byte 1..2    index    little endian: what the kind says
+ *
+ *     classic, 8 bytes
  *     byte 3       check    CRC-8 (polynomial 0x2F, start 0xFF, inverted) over identifier without node, length and all
- *                           other bytes; Hamming distance 4 on a classic frame
+ *                           other bytes; Hamming distance 4
  *     byte 4..7    value    little endian: binary32 pattern or unsigned number
- *     CAN FD       up to 14 further values: the range index ... index + values - 1 of a sample or a parameter message
  *
- *     kind           tag              index                         value
- *     0 health       item             flags                         sample index (item 0) or a counter
- *     1 description  item             channel + 256 * part, or u16  number, binary32 or four characters
- *     2 sample       channel          sample index modulo 65536     binary32 in the channel's unit
- *     3 innovation   output           sample index modulo 65536     binary32
- *     4 begin        snapshot number  number of parameters - 1      sample index at which the snapshot was taken
- *     5 parameter    snapshot number  parameter index               binary32
- *     6 repair       snapshot number  repair number                 exclusive or of a drawn set of parameters
- *     7 end          snapshot number  sample index modulo 65536     CRC-32 over all parameters, little endian, by index
+ *     CAN FD, 12, 16, 20, 24, 32, 48 or 64 bytes, the least that holds the values
+ *     byte 3       count    of values, 1 ... 14
+ *     byte 4..7    check    CRC-32 (IEEE 802.3), little endian, over the words identifier, bytes 0..3, values and the
+ *                           zero words after them; Hamming distance 5 or more up to 2974 bits
+ *     byte 8..     values   little endian, of consecutive channels or parameters
  *
- *   aeolid.dbc names the same fields; a test holds the two together. Source of the CRCs: Koopman and Chakravarty,
- *   "Cyclic redundancy code polynomial selection for embedded networks", DSN 2004; IEEE 802.3 for the 32 bit one.
- *   Deviation from a usual DBC layout: the check is there because serial CAN adapters carry frames as plain text,
- *   without the CRC-15 of the bus.
+ *     kind             tag              index                         value
+ *     0  health        item             flags                         sample index (item 0) or a counter
+ *     1  description   item             channel + 256 * part, or u16  number, binary32 or four characters
+ *     2  sample        channel          sample index modulo 65536     binary32 in the channel's unit
+ *     3  innovation    output           sample index modulo 65536     binary32
+ *     4  begin         snapshot number  number of parameters - 1      sample index at which the snapshot was taken
+ *     5  parameter     snapshot number  parameter index               binary32
+ *     6  repair        snapshot number  repair number                 exclusive or of a drawn set of parameters
+ *     7  end           snapshot number  sample index modulo 65536     CRC-32 over the words number + 256 * (parameters
+ *                                                                     - 1), sample index, all parameters by index
+ *     8  seal          channels, +128:  sample index modulo 65536     CRC-32 over the words sample index (32 bits) and
+ *                      of innovations                                 values by channel of the classic sample just sent
+ *     10 sample FD     first channel    sample index modulo 65536     binary32 each
+ *     11 innovation FD first output     sample index modulo 65536     binary32 each
+ *     13 parameter FD  snapshot number  index of the first            binary32 each: 14, in the last block less
+ *     14 repair FD     snapshot number  repair number                 exclusive or of a drawn set of blocks, 14 words
+ *
+ *   aeolid.dbc names the same fields; a test holds the two together. Sources of the CRCs: Koopman and Chakravarty,
+ *   "Cyclic redundancy code polynomial selection for embedded networks", DSN 2004; Koopman, "32-bit cyclic redundancy
+ *   codes for Internet applications", DSN 2002. Deviation from a usual DBC layout: the checks are there because serial
+ *   CAN adapters carry frames as plain text, without the CRC of the bus; a CRC-8 alone lets one in 128 of the errors of
+ *   four, six, ... bits pass, the CRC-32 of seal, end, description and CAN FD frames none that a lifetime would see.
  *
  * CONTRACT
- *   Memory: none beyond the arguments. Constant tables 80 bytes. About 330 instructions a classic frame. Stack 64
- *   bytes.
+ *   Memory: none beyond the arguments. Constant tables 80 bytes. About 330 instructions a classic frame, 60 more each
+ *   value on CAN FD. Stack 72 bytes.
  *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
  */
 #ifndef AEOLID_FRAME_H
@@ -42,17 +57,36 @@ extern "C" {
 #endif
 
 /* Version of everything above and of the description items below; a receiver refuses what it does not know. */
-#define AEO_WIRE_VERSION 1
+#define AEO_WIRE_VERSION 2
 
 /* Bases that leave room for 32 kinds and 256 nodes (29 bit) or 16 kinds and 16 nodes (11 bit, low 8 bits zero). */
 #define AEO_FRAME_BASE_EXTENDED UINT32_C(0x1CFF4000)
 #define AEO_FRAME_BASE_STANDARD UINT32_C(0x600)
 
-#define AEO_FRAME_VALUES_MAX 15 /* values in a CAN FD frame of 64 bytes */
+#define AEO_FRAME_VALUES_MAX 14 /* values in a CAN FD frame of 64 bytes */
 
-/* Longest frame on a classic bus in bits, stuffing and the three bits of space included: 29 and 11 bit identifier. */
+/* Longest classic frame of 8 bytes on the bus in bits, 29 and 11 bit identifier: the bits from start of frame to the
+ * end of the CRC, 54 + 64 or 34 + 64, one stuffed bit for each four of them after the first, and 13 for CRC delimiter,
+ * acknowledgement, end of frame and the space to the next. */
 #define AEO_FRAME_BITS_EXTENDED 160u
 #define AEO_FRAME_BITS_STANDARD 135u
+
+/* Longest CAN FD frame of `length` bytes in bits of the nominal rate, when the data phase is `ratio` times as fast.
+ * Source: ISO 11898-1:2015, 10.4.
+ *   nominal   start, 11 identifier, RRS, IDE, FDF, res, BRS: 17; 29 bit: 19 more (SRR and 18 identifier)
+ *             one stuffed bit for each four after the first: 4 of 17, 8 of 36
+ *             CRC delimiter 2, acknowledgement 2 and its delimiter, end of frame 7, space 3: 15      36 or 59 in all
+ *   data      ESI, 4 length code, 8 length, and what remains of the stuffed bits, (all bits - 1) / 4 - 4 or 8:
+ *             10 length + 6 or 7
+ *             4 stuff count, 17 CRC and 6 fixed stuffed bits; above 16 bytes 21 CRC and 7             27 or 32 */
+#define AEO_FRAME_FD_BITS_EXTENDED(length, ratio) (59u + AEO_FRAME_FD_DATA((length), 7u, (ratio)))
+#define AEO_FRAME_FD_BITS_STANDARD(length, ratio) (36u + AEO_FRAME_FD_DATA((length), 6u, (ratio)))
+#define AEO_FRAME_FD_DATA(length, head, ratio)                                                                         \
+    ((10u * (unsigned)(length) + (head) + ((length) > 16u ? 32u : 27u) + (unsigned)(ratio)-1u) / (unsigned)(ratio))
+
+/* Bytes of the CAN FD frame that carries so many values, 1 ... 14. */
+#define AEO_FRAME_FD_LENGTH(values)                                                                                    \
+    ((values) <= 4u ? 8u + 4u * (unsigned)(values) : (values) <= 6u ? 32u : (values) <= 10u ? 48u : 64u)
 
 /* aeo_can_frame_t.flags */
 #define AEO_CAN_EXTENDED 1u /* 29 bit identifier */
@@ -68,13 +102,24 @@ typedef enum {
     AEO_KIND_PARAMETER = 5,
     AEO_KIND_REPAIR = 6,
     AEO_KIND_END = 7,
-    AEO_KIND_COUNT = 8
+    AEO_KIND_SEAL = 8,
+    AEO_KIND_SAMPLE_FD = 10,
+    AEO_KIND_INNOVATION_FD = 11,
+    AEO_KIND_PARAMETER_FD = 13,
+    AEO_KIND_REPAIR_FD = 14
 } aeo_kind_t;
+
+#define AEO_KIND_LIMIT 16u /* kinds are below; those that are not listed do not exist */
+#define AEO_KIND_FD    8u  /* from a classic kind to its CAN FD form */
+
+/* tag of a seal: bit 7 tells innovations from samples */
+#define AEO_SEAL_INNOVATION 0x80u
 
 /* tag of a description message */
 typedef enum {
     AEO_ITEM_WIRE = 0,        /* index: wire version (this item never changes its place); value: configuration hash */
-    AEO_ITEM_SHAPE = 1,       /* index: model set; value: inputs, outputs, scheduling, values a frame, a byte each */
+    AEO_ITEM_SHAPE = 1,       /* index: model set; value: inputs, outputs, scheduling, values a frame (1, on
+                                 CAN FD 14), a byte each */
     AEO_ITEM_PARAMETERS = 2,  /* index: past window p; value: number of parameters */
     AEO_ITEM_SAMPLE_TIME = 3, /* index: every how many samples one is sent, 0 none; value: binary32 s */
     AEO_ITEM_FORGETTING = 4,  /* value: binary32 lambda */
@@ -114,12 +159,12 @@ typedef struct {
     uint8_t extended; /* 1: 29 bit identifiers, 0: 11 bit */
 } aeo_address_t;
 
-/* One message; on CAN FD `count` values of consecutive indices. */
+/* One message; on CAN FD `count` values. */
 typedef struct {
     aeo_kind_t kind;
     uint8_t tag;
     uint16_t index;
-    uint8_t count;                        /* 1 on classic CAN; on CAN FD also 2, 3, 4, 5, 7, 11, 15 */
+    uint8_t count;                        /* 1 for classic kinds; 1 ... 14 for CAN FD kinds */
     uint32_t value[AEO_FRAME_VALUES_MAX]; /* bit patterns; aeo_float_bits for numbers */
 } aeo_message_t;
 
@@ -127,14 +172,15 @@ typedef struct {
 #define aeo_float_bits aeo_float_bits_f64
 #endif
 
-/* Pack `message` into `frame` for the node at `address`; count > 1 makes a CAN FD frame with the fast data phase.
- * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind or count not in the lists
- * above. */
+/* Pack `message` into `frame` for the node at `address`; CAN FD kinds make a CAN FD frame with the fast data phase.
+ * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind that does not exist, count that
+ * does not fit it. */
 int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
 
 /* Unpack `frame` into `message` if it belongs to any node at address->base; its number goes to *node.
- * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, length). AEO_E_DAMAGED:
- * the check is wrong. On failure message and node are unchanged. */
+ * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, flags, length).
+ * AEO_E_DAMAGED: the check is wrong, or the count does not fit the length. On failure message and node are unchanged.
+ */
 int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node);
 
 /* Return the binary32 pattern of a number; the double build rounds to nearest first. */

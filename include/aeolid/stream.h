@@ -1,32 +1,36 @@
 /* stream.h: sends samples, parameters, description and health of one filter as CAN frames, within a share of the bus.
  *
  * MODEL
- *   A snapshot is one consistent copy of theta (l x n, taken between two updates), sent as N = l n parameter frames:
+ *   A snapshot is one consistent copy of theta (l x n, taken between two updates), sent as N = l n parameter frames, on
+ *   CAN FD as B = ceil(N / 14) frames of 14 parameters each, a block:
  *
- *     begin, parameter x N, end, repair x R, end, end          snapshot number modulo 256 in every frame
+ *     begin, parameter x N or B, end, repair x R, end, end     snapshot number modulo 256 in every frame
  *
- *   Position q = 0 ... N-1 carries parameter q S mod N, S coprime with N near 0.618 N: 16 neighbours in time are at
- *   least N / 40 apart in theta, so a burst of losses does not hit one block. A lost frame costs its own parameter
- *   only; the repair frames bring it back within the same cycle: positions fall into G = ceil(N / 256) interleaved
- *   groups q mod G; repair number k is the exclusive or of a drawn half of group k mod G (aeo_frame_repair_set). Any
- *   set of repair frames a few longer than the number of parameters missing in the group restores them exactly (random
- *   linear code over GF(2): Luby, "LT codes", FOCS 2002, is the sparse relative). Deviation: dense sets instead of
- *   sparse ones; groups of 256 keep a repair frame at 256 exclusive ors and need about 3 surplus frames instead of some
- *   percent.
+ *   Position q = 0 ... B-1 carries block q S mod B, S coprime with B near 0.618 B: 16 neighbours in time are at least
+ *   B / 40 apart in theta, so a burst of losses does not hit one place. (Classic: a block is one parameter, B = N.) A
+ *   lost frame costs its own block only; the repair frames bring it back within the same cycle: positions fall into
+ *   G = ceil(B / 256) interleaved groups q mod G; repair number k is the exclusive or of a drawn half of group k mod G
+ *   (aeo_frame_repair_set). Any set of repair frames a few longer than the number of blocks missing in the group
+ *   restores them exactly (random linear code over GF(2): Luby, "LT codes", FOCS 2002, is the sparse relative).
+ *   Deviation: dense sets instead of sparse ones; groups of 256 keep a repair frame at 256 exclusive ors and need about
+ *   3 surplus frames instead of some percent.
  *
- *   Pacing: time earns credit, a frame costs frame_us = frame bits / bits_per_s, and nothing but samples leaves without
- *   credit. Samples are time-critical: they go at once and leave a debt that the rest waits for.
- *   Share of the bus = bits_per_s / bit rate; AEO_STREAM_SHARE(500000, 50) is 5 % of 500 kbit/s.
+ *   A classic sample is one frame a channel, then a seal over all of it; a CAN FD sample is ceil(channels / 14) frames,
+ *   each sealed by its own CRC-32.
+ *
+ *   Pacing: time earns credit, a frame costs its longest time on the bus at bits_per_s, and nothing but samples leaves
+ *   without credit for the longest frame in use. Samples are time-critical: they go at once and leave a debt that the
+ *   rest waits for. Share of the bus = bits_per_s / bit rate; AEO_STREAM_SHARE(500000, 50) is 5 % of 500 kbit/s.
  *   Order in a step: first description, health when due, description when due (every fourth frame), snapshot.
  *
  * CONTRACT
  *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
  *   n = 44.
- *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 240 bytes (64-bit
- *   pointers).
- *   Instructions, measured on x86-64 at -O2: sample 410 a channel; snapshot 80 N; step at most `burst` frames of 560, a
- *   repair frame 560 + 16 min(N, 256). Worst stack 288 bytes (Cortex-M4F), the port's own aside; a quarter of it is one
- *   CAN FD frame. Deterministic. Never blocks, never retries within a call.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 384 bytes (64-bit
+ *   pointers), 140 of them the message and frame under way, so that no call chain needs them on the stack.
+ *   Instructions, measured on x86-64 at -O2: sample 460 a channel, on CAN FD 150; snapshot 80 N; step at most `burst`
+ *   frames of 570 (CAN FD 1500), a repair frame 20 min(N, 256) more (CAN FD 60 min(B, 256)). Worst stack 256 bytes
+ *   (Cortex-M4F), the port's own aside. Deterministic. Never blocks, never retries within a call.
  *   Threads: sample, innovation, snapshot and health belong to the control task, step to one context of lower priority;
  *   where these differ the port needs lock and unlock (drawing in port.h).
  *   Failures: a frame the port refuses is counted. A sample is then lost (counters.dropped); everything else keeps its
@@ -44,6 +48,57 @@ extern "C" {
 
 /* Words of 32 bits for a snapshot of so many parameters, 1 ... 65536. */
 #define AEO_STREAM_WORDS(parameters) (parameters)
+
+/* Frames of 14 parameters on CAN FD. */
+#define AEO_STREAM_BLOCKS(parameters) (((uint32_t)(parameters) + AEO_FRAME_VALUES_MAX - 1u) / AEO_FRAME_VALUES_MAX)
+
+/* Repair frames for so many parameters (CAN FD: blocks). Above 52,000 with high percentages 65535. */
+#define AEO_STREAM_REPAIRS(blocks, repair_percent)                                                                     \
+    ((repair_percent) > 0u                                                                                             \
+         ? (uint32_t)(blocks) * (uint32_t)(repair_percent) / 100u + 8u * (((uint32_t)(blocks) + 255u) / 256u)          \
+         : 0u)
+
+/* Frames of one snapshot, begin and three ends included: 582 for N = 450 and 25 %, on CAN FD 53. */
+#define AEO_STREAM_FRAMES(parameters, repair_percent)                                                                  \
+    ((uint32_t)(parameters) + AEO_STREAM_REPAIRS((parameters), (repair_percent)) + 4u)
+#define AEO_STREAM_FRAMES_FD(parameters, repair_percent)                                                               \
+    AEO_STREAM_FRAMES(AEO_STREAM_BLOCKS(parameters), (repair_percent))
+
+/* Longest time on the bus in bits of the nominal rate, 29 bit identifiers (11 bits take less): a snapshot; a sample of
+ * so many channels with so many innovations (0: not sent); ratio: fd_ratio. */
+#define AEO_STREAM_SNAPSHOT_BITS(parameters, repair_percent)                                                           \
+    (AEO_STREAM_FRAMES((parameters), (repair_percent)) * AEO_FRAME_BITS_EXTENDED)
+#define AEO_STREAM_SNAPSHOT_BITS_FD(parameters, repair_percent, ratio)                                                 \
+    ((AEO_STREAM_FRAMES_FD((parameters), (repair_percent)) - 4u) * AEO_FRAME_FD_BITS_EXTENDED(64u, (ratio)) +          \
+     4u * AEO_FRAME_BITS_EXTENDED)
+#define AEO_STREAM_SAMPLE_BITS(channels, innovations, seal)                                                            \
+    (((uint32_t)(channels) + (uint32_t)(innovations) + ((seal) ? 1u + ((innovations) > 0u ? 1u : 0u) : 0u)) *          \
+     AEO_FRAME_BITS_EXTENDED)
+#define AEO_STREAM_SAMPLE_BITS_FD(channels, innovations, ratio)                                                        \
+    (AEO_STREAM_VALUES_BITS_FD((channels), (ratio)) + AEO_STREAM_VALUES_BITS_FD((innovations), (ratio)))
+#define AEO_STREAM_VALUES_BITS_FD(values, ratio)                                                                       \
+    ((uint32_t)(values) / AEO_FRAME_VALUES_MAX * AEO_FRAME_FD_BITS_EXTENDED(64u, (ratio)) +                            \
+     ((uint32_t)(values) % AEO_FRAME_VALUES_MAX > 0u                                                                   \
+          ? AEO_FRAME_FD_BITS_EXTENDED(AEO_FRAME_FD_LENGTH((uint32_t)(values) % AEO_FRAME_VALUES_MAX), (ratio))        \
+          : 0u))
+
+/* Frames of a description, at most: eight parts of a name and four of a unit a channel. */
+#define AEO_STREAM_DESCRIPTION_MAX(channels) (7u + 14u * (uint32_t)(channels))
+
+/* Worst load of the bus by this node in thousandths, rounded up: a sample of sample_bits every sample_every, a snapshot
+ * of snapshot_bits every snapshot_every, health every health_every and `description` frames every describe_every
+ * sample times (all above 0). bits_per_s bounds the load whatever this says; where this says more than the share,
+ * snapshots take longer than snapshot_every and counters.busy counts. A constant expression:
+ *   typedef char bus_has_room[AEO_STREAM_LOAD(500000, 100000, AEO_STREAM_SAMPLE_BITS(5, 0, 1), 1,
+ *                             AEO_STREAM_SNAPSHOT_BITS(450, 25), 100, 10, 77, 100) <= 50 ? 1 : -1]; */
+#define AEO_STREAM_LOAD(bit_rate, sample_us, sample_bits, sample_every, snapshot_bits, snapshot_every, health_every,   \
+                        description, describe_every)                                                                   \
+    ((uint32_t)(((1000000ull * (sample_bits) / (sample_every) + 1000000ull * (snapshot_bits) / (snapshot_every) +      \
+                  1000000ull * AEO_FRAME_BITS_EXTENDED / (health_every) +                                              \
+                  1000000ull * AEO_FRAME_BITS_EXTENDED * (description) / (describe_every)) /                           \
+                     (sample_us)*1000ull +                                                                             \
+                 (bit_rate)-1u) /                                                                                      \
+                (bit_rate)))
 
 /* Bits a second for so many thousandths of a bus: AEO_STREAM_SHARE(500000, 50) = 25000. */
 #define AEO_STREAM_SHARE(bits_per_s, permille) ((uint32_t)(bits_per_s) / 1000u * (uint32_t)(permille))
@@ -63,7 +118,7 @@ extern "C" {
 enum {
     AEO_E_BUSY = -32,   /* the snapshot before this one is still being sent; it stays what it was */
     AEO_E_BUDGET = -33, /* the samples alone need more than nine tenths of the budget */
-    AEO_E_REFUSED = -34 /* at least one frame of this sample was dropped; counters.dropped tells how many */
+    AEO_E_REFUSED = -34 /* at least one frame of this sample or its seal was dropped; counters.dropped tells how many */
 };
 
 /* One channel; inputs first, then outputs, then scheduling. */
@@ -76,14 +131,19 @@ typedef struct {
 
 typedef struct {
     aeo_address_t address;
-    uint8_t inputs;       /* r, 0 ... */
-    uint8_t outputs;      /* l, 1 ... */
-    uint8_t scheduling;   /* further channels sent with a sample; the three together at most AEO_STREAM_CHANNELS_MAX */
-    uint8_t innovations;  /* 1: aeo_stream_innovation sends, and the budget has room for it; 0 to start with */
-    uint16_t model_set;   /* aeo_model_set_t of regressor.h, for the description only */
-    uint16_t past;        /* p */
-    uint32_t parameters;  /* N = l n, 1 ... 65536 */
-    uint32_t feedthrough; /* bit j: input j has a current-sample parameter */
+    uint8_t inputs;      /* r, 0 ... */
+    uint8_t outputs;     /* l, 1 ... */
+    uint8_t scheduling;  /* further channels sent with a sample; the three together at most AEO_STREAM_CHANNELS_MAX */
+    uint8_t innovations; /* 1: aeo_stream_innovation sends, and the budget has room for it; 0 to start with */
+    uint8_t seal;        /* 1: a seal after each classic sample, one frame more; without it a receiver believes samples
+                             only while nothing on the bus is garbled. Start: 1. CAN FD needs none */
+    uint8_t fd;       /* 1: samples, innovations and parameters as CAN FD frames; every node of the bus must bear it */
+    uint8_t fd_ratio; /* CAN FD: data bit rate over nominal bit rate, rounded down, 1 ... 16; too large: the share is
+                             exceeded. Start: 1 */
+    uint16_t model_set;                   /* aeo_model_set_t of regressor.h, for the description only */
+    uint16_t past;                        /* p */
+    uint32_t parameters;                  /* N = l n, 1 ... 65536 */
+    uint32_t feedthrough;                 /* bit j: input j has a current-sample parameter */
     aeo_real_t sample_time_s;             /* 2e-5 ... 1000 s */
     aeo_real_t lambda;                    /* forgetting factor of the filter, for the description only */
     aeo_real_t rho;                       /* regularisation of the filter, for the description only */
@@ -94,12 +154,13 @@ typedef struct {
     uint8_t repair_percent;  /* repair frames per 100 parameters, plus 8 a group, 0 ... 100. Start: 25, which makes good
                                 10 % loss in the same cycle; 0: none, only the next snapshot makes good a loss */
     uint8_t burst;           /* frames in one step at most, 1 ...; many make a step long. Start: 16 */
-    uint32_t bits_per_s;     /* budget, 160 ...; 0: no limit (virtual buses). Start: AEO_STREAM_SHARE(500000, 50) */
+    uint32_t bits_per_s;     /* budget in bits of the nominal rate, 160 ..., on CAN FD 1000 ...; 0: no limit (virtual
+                                buses). Start: AEO_STREAM_SHARE(500000, 50) */
 } aeo_stream_config_t;
 
-/* Order of the parameters within a snapshot. */
+/* Order of the parameters within a snapshot, in blocks. */
 typedef struct {
-    uint32_t count;   /* N */
+    uint32_t count;   /* B, on classic CAN N */
     uint32_t stride;  /* S */
     uint32_t groups;  /* G */
     uint32_t repairs; /* R */
@@ -109,7 +170,7 @@ typedef struct {
 typedef struct {
     uint32_t sent;      /* frames the port took */
     uint32_t refused;   /* frames the port refused that are offered again */
-    uint32_t dropped;   /* sample and innovation frames lost: refused by the port, or debt too deep */
+    uint32_t dropped;   /* sample, innovation and seal frames lost: refused by the port, or debt too deep */
     uint32_t snapshots; /* snapshots sent to their last frame */
     uint32_t busy;      /* snapshots not taken because the one before was still being sent */
 } aeo_stream_counters_t;
@@ -119,16 +180,19 @@ typedef struct {
     aeo_stream_config_t config;
     aeo_port_t port;
     aeo_stream_counters_t counters;
-    uint32_t *theta;    /* parameters words, by index */
-    uint32_t hash;      /* of the description */
-    uint32_t frame_us;  /* cost of a frame; 0 without a limit */
-    uint32_t period_us; /* sample time */
-    uint32_t clock_us;  /* last reading of port.time_us */
-    int32_t credit_us;  /* -2 channels frame_us ... burst frame_us */
+    aeo_message_t message; /* under way, like the frame; used while the lock is held */
+    aeo_can_frame_t frame;
+    uint32_t *theta;     /* parameters words, by index */
+    uint32_t hash;       /* of the description */
+    uint32_t frame_us;   /* cost of a classic frame; 0 without a limit */
+    uint32_t longest_us; /* cost of the longest frame in use */
+    uint32_t period_us;  /* sample time */
+    uint32_t clock_us;   /* last reading of port.time_us */
+    int32_t credit_us;   /* -130 frame_us ... burst longest_us */
     aeo_spread_t spread;
     uint32_t cursor;      /* position within the phase */
     uint32_t taken_index; /* sample index of the snapshot */
-    uint32_t crc;         /* over the parameters of the snapshot */
+    uint32_t crc;         /* of the snapshot */
     uint32_t last_index;  /* newest sample index, for health */
     uint32_t slot;        /* next part of the description */
     uint32_t counter[AEO_STREAM_COUNTERS];
@@ -165,8 +229,8 @@ typedef struct {
 int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
                     uint32_t words);
 
-/* Send sample `index`: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as binary32;
- * a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
+/* Send sample `index` and its seal: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as
+ * binary32; a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
  * AEO_E_REFUSED. */
 int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
                       const aeo_real_t *s);

@@ -134,6 +134,9 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.innovations = o->innovations;
+    config.seal = o->seal;
+    config.fd = o->fd;
+    config.fd_ratio = o->fd_ratio;
     config.model_set = chosen_filter_wire_set(&self->filter.config);
     config.past = o->past;
     config.parameters = parameters;
@@ -175,7 +178,7 @@ static int open_bus(node_t *self)
 /* In lossless mode wait until every listener has room for what one sample can send. */
 static void wait_for_room(node_t *self)
 {
-    const size_t needed = BURST + 2u * AEO_STREAM_CHANNELS_MAX;
+    const size_t needed = BURST + 2u * AEO_STREAM_CHANNELS_MAX + 2u; /* in CAN FD frames fewer, and less text */
     double since = clock_s();
     size_t before = node_bus_waiting(&self->bus);
     while (node_bus_room(&self->bus) < needed) {

@@ -105,7 +105,8 @@ enum {
     SNAPSHOT_EVERY,
     SAMPLE_EVERY,
     REPAIR,
-    VARX_SAMPLES
+    VARX_SAMPLES,
+    FD_RATIO
 };
 
 static void take_settings(node_options_t *self, const setting_t *setting)
@@ -127,6 +128,7 @@ static void take_settings(node_options_t *self, const setting_t *setting)
     self->sample_every = (uint16_t)setting[SAMPLE_EVERY].value;
     self->repair_percent = (uint8_t)setting[REPAIR].value;
     self->varx_samples = (uint32_t)setting[VARX_SAMPLES].value;
+    self->fd_ratio = (uint8_t)setting[FD_RATIO].value;
     if (self->varx_samples == 0u) {
         self->varx_samples =
             10u * self->past * (uint32_t)AEO_REGRESSOR_BLOCK(self->inputs, self->outputs, self->varmax);
@@ -158,6 +160,25 @@ static int read_setting(node_options_t *self, setting_t *setting, size_t count, 
     return 1;
 }
 
+/* Read one option without a value; 1 when it was one. */
+static int read_switch(node_options_t *self, const char *option)
+{
+    if (strcmp(option, "--wait") == 0) {
+        self->wait = 1;
+    } else if (strcmp(option, "--varmax") == 0) {
+        self->varmax = 1;
+    } else if (strcmp(option, "--innovations") == 0) {
+        self->innovations = 1;
+    } else if (strcmp(option, "--fd") == 0) {
+        self->fd = 1;
+    } else if (strcmp(option, "--seal") == 0 || strcmp(option, "--no-seal") == 0) {
+        self->seal = option[2] == 's';
+    } else {
+        return 0;
+    }
+    return 1;
+}
+
 int node_options_read(node_options_t *self, int argc, char **argv)
 {
     setting_t setting[] = {
@@ -173,20 +194,15 @@ int node_options_read(node_options_t *self, int argc, char **argv)
         {"--sample-every", 0, 65535, 1},
         {"--repair", 0, 100, 25},
         {"--varx-samples", 16, AEO_ELS_VARX_SAMPLES_MAX, 0},
+        {"--fd-ratio", 1, 16, 1},
     };
     int at = 1, result;
     memset(self, 0, sizeof *self);
     self->speed = 1.0;
+    self->seal = 1;
     while (at < argc) {
         const int left = argc - at - 1;
-        if (strcmp(argv[at], "--wait") == 0) {
-            self->wait = 1;
-            at += 1;
-        } else if (strcmp(argv[at], "--varmax") == 0) {
-            self->varmax = 1;
-            at += 1;
-        } else if (strcmp(argv[at], "--innovations") == 0) {
-            self->innovations = 1;
+        if (read_switch(self, argv[at])) {
             at += 1;
         } else if ((strcmp(argv[at], "--input") == 0 || strcmp(argv[at], "--output") == 0) && left >= 4) {
             if (read_channel(self, argv + at, strcmp(argv[at], "--input") == 0)) {

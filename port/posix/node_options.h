@@ -23,6 +23,9 @@
  *   --sample-every K    send every K-th sample, default 1; 0: none
  *   --innovations       send innovations too
  *   --repair PERCENT    repair frames per 100 parameters, default 25
+ *   --seal, --no-seal   send a seal after each classic sample (stream.h), default --seal
+ *   --fd                send CAN FD frames
+ *   --fd-ratio N        data bit rate over nominal bit rate, default 1
  *   --dump FILE         write the last theta (l x n, binary32, little endian) after the last snapshot
  */
 #ifndef AEOLID_POSIX_NODE_OPTIONS_H
@@ -53,6 +56,7 @@ typedef struct {
     uint16_t sample_every;
     uint8_t innovations;
     uint8_t repair_percent;
+    uint8_t seal, fd, fd_ratio;
     const char *dump; /* null: none */
 } node_options_t;
 

@@ -11,7 +11,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 import gate
 
-STREAMING = {"describe", "frame", "spread", "stream"}
+STREAMING = {"describe", "frame", "spread", "stream", "stream_send", "stream_values"}
 NEITHER = {"status"}
 FILTERS_MOST, STREAMING_MOST = 16 * 1024, 6 * 1024  # bytes, Cortex-M4F
 

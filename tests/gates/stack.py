@@ -1,4 +1,4 @@
-"""Gate: no function takes more than 256 bytes of stack, and on a Cortex-M4F no chain of calls of a filter does."""
+"""Gate: no function takes more than 256 bytes of stack, and on a Cortex-M4F no chain of calls does."""
 
 import re
 import sys
@@ -8,7 +8,6 @@ sys.path.insert(0, str(Path(__file__).parent))
 import gate
 
 LIMIT = 256  # bytes
-STREAM_LIMIT = 288  # chains that end in the port's send hold a whole CAN FD frame
 
 
 def read_graph(directory: Path) -> tuple[dict[str, int], dict[str, set[str]]]:
@@ -36,11 +35,6 @@ def deepest(name: str, frames: dict[str, int], calls: dict[str, set[str]], above
     return frames[name] + max(below, default=0)
 
 
-def limit_of(function: str) -> int:
-    """Return what a function, named file:function, may take."""
-    return STREAM_LIMIT if function.split("/")[-1].startswith("stream.c") or "aeo_stream_" in function else LIMIT
-
-
 def main() -> None:
     findings, figures = [], []
     for name, command in gate.compilers().items():
@@ -57,7 +51,7 @@ def main() -> None:
             frames, calls = read_graph(directory)
             chains = {f: deepest(f, frames, calls) for f in frames}
             measured = chains if name == "cortex-m4f" else frames
-            findings += [f"{name} {precision}: {f} takes {b} bytes" for f, b in measured.items() if b > limit_of(f)]
+            findings += [f"{name} {precision}: {f} takes {b} bytes" for f, b in measured.items() if b > LIMIT]
             findings += [f"{name} {precision}: {f} calls itself" for f, b in chains.items() if b >= 10**6]
             worst = max(chains, key=lambda f: chains[f])
             figures.append(f"{name} {precision}: deepest chain {chains[worst]} bytes from {worst.split(':')[-1]}")

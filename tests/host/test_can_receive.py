@@ -247,8 +247,8 @@ def test_new_configuration_starts_anew() -> None:
 
 def test_unknown_wire_version_is_said_and_not_guessed() -> None:
     """Nothing of another version is decoded; a node of the known version beside it is."""
-    assembly = receive([*describe(version=2), *samples(0, 5), *snapshot(THETA), *describe(2), *samples(0, 5, node=2)])
-    assert assembly.nodes[1].problem == "speaks wire version 2; this tool reads version 1"
+    assembly = receive([*describe(version=3), *samples(0, 5), *snapshot(THETA), *describe(2), *samples(0, 5, node=2)])
+    assert assembly.nodes[1].problem == "speaks wire version 3; this tool reads versions 1 and 2"
     assert assembly.nodes[1].now is None and build_records(assembly.nodes[1], "t") == []
     assert len(build_records(assembly.nodes[2], "t")[0][0]) == 5
 
@@ -409,7 +409,7 @@ def test_undetermined_parameters_stay_missing() -> None:
         have[generator.choice(200, 20, replace=False)] = False
         sets = {k: repair_sets(np.array([k]), 200)[0] for k in range(repairs)}
         combined = {k: int(np.bitwise_xor.reduce(truth[member][s])) for k, s in sets.items()}
-        values = np.where(have, truth, np.uint32(0))
-        restore(values, have, combined)
-        assert (values[have] == truth[have]).all()
+        values = np.where(have, truth, np.uint32(0))[:, None]
+        restore(values, have, {k: np.array([v], np.uint32) for k, v in combined.items()})
+        assert (values[have, 0] == truth[have]).all()
         assert have.all() or repairs < 26

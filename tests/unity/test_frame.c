@@ -50,12 +50,17 @@ static void assert_same(const aeo_message_t *a, const aeo_message_t *b)
     TEST_ASSERT_EQUAL_UINT32_ARRAY(a->value, b->value, a->count);
 }
 
-/* Computed bit by bit with CRC-8/AUTOSAR outside this library. */
+/* Computed bit by bit with CRC-8/AUTOSAR and with zlib's CRC-32 outside this library. */
 static void golden_frames(void)
 {
     static const uint8_t sample[8] = {0x03, 0xF4, 0x01, 0x90, 0x00, 0x00, 0xC0, 0x3F};
     static const uint8_t parameter[8] = {0xC8, 0xFF, 0xFF, 0x5A, 0xEF, 0xBE, 0xAD, 0xDE};
-    static const uint8_t range[16] = {0x01, 0x11, 0x00, 0x44, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0, 0, 0};
+    static const uint8_t seal[8] = {0x05, 0xF4, 0x01, 0x29, 0x26, 0x39, 0xF4, 0xCB};
+    static const uint8_t block[20] = {0x01, 0x0E, 0x00, 0x03, 0x78, 0xDC, 0x45, 0x41, 0x01, 0x00,
+                                      0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00};
+    static const uint8_t values[32] = {0x00, 0xF4, 0x01, 0x05, 0xCB, 0x3F, 0x4A, 0xD2, 0x01, 0x00, 0x00,
+                                       0x00, 0x02, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00, 0x04, 0x00,
+                                       0x00, 0x00, 0x05, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00};
     const aeo_address_t last = {AEO_FRAME_BASE_EXTENDED, 253, 1};
     aeo_message_t message = {AEO_KIND_SAMPLE, 3, 500, 1, {0}};
     aeo_can_frame_t frame;
@@ -70,12 +75,22 @@ static void golden_frames(void)
     TEST_ASSERT_EQUAL_HEX32(0x659u, frame.id);
     TEST_ASSERT_EQUAL_UINT8(0, frame.flags);
     TEST_ASSERT_EQUAL_HEX8_ARRAY(parameter, frame.data, 8);
-    message = (aeo_message_t){AEO_KIND_PARAMETER, 1, 17, 3, {1, 2, 3}};
+    message = (aeo_message_t){AEO_KIND_SEAL, 5, 500, 1, {0xCBF43926u}};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x1CFF4807u, frame.id);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(seal, frame.data, 8);
+    message = (aeo_message_t){AEO_KIND_PARAMETER_FD, 1, 14, 3, {1, 2, 3}};
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&last, &message, &frame));
-    TEST_ASSERT_EQUAL_HEX32(0x1CFF45FDu, frame.id);
-    TEST_ASSERT_EQUAL_UINT8(16, frame.length);
+    TEST_ASSERT_EQUAL_HEX32(0x1CFF4DFDu, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(20, frame.length);
     TEST_ASSERT_EQUAL_UINT8(AEO_CAN_EXTENDED | AEO_CAN_FD | AEO_CAN_BRS, frame.flags);
-    TEST_ASSERT_EQUAL_HEX8_ARRAY(range, frame.data, 16);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(block, frame.data, 20);
+    memset(&frame, 0x5A, sizeof frame); /* what pads a frame is zero, whatever was there */
+    message = (aeo_message_t){AEO_KIND_SAMPLE_FD, 0, 500, 5, {1, 2, 3, 4, 5, 6}};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&standard, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x6A9u, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(32, frame.length);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(values, frame.data, 32);
 }
 
 static void crc32_is_ieee(void)
@@ -86,20 +101,25 @@ static void crc32_is_ieee(void)
     TEST_ASSERT_EQUAL_HEX32(0x9AE0DAAFu, ~crc);
 }
 
+static unsigned most_values(unsigned kind) /* 0: no such kind */
+{
+    return kind <= 8u ? 1u : kind == 10u || kind == 11u || kind == 13u || kind == 14u ? 14u : 0u;
+}
+
 static void round_trips(void)
 {
-    static const unsigned counts[] = {1, 2, 3, 4, 5, 7, 11, 15};
-    unsigned kind, node, i;
-    for (kind = 0; kind < AEO_KIND_COUNT; kind++) {
+    unsigned kind, node, count;
+    for (kind = 0; kind < AEO_KIND_LIMIT; kind++) {
         for (node = 0; node < 254; node++) {
-            for (i = 0; i < sizeof counts / sizeof *counts; i++) {
-                aeo_address_t address = node < 16u && i % 2u == 1u ? standard : extended;
-                const aeo_message_t message = make_message((aeo_kind_t)kind, counts[i]);
+            for (count = 1; count <= most_values(kind); count++) {
+                aeo_address_t address = node < 16u && count % 2u == 1u ? standard : extended;
+                const aeo_message_t message = make_message((aeo_kind_t)kind, count);
                 aeo_message_t back;
                 aeo_can_frame_t frame;
                 uint8_t found = 255;
                 address.node = (uint8_t)node;
                 TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&address, &message, &frame));
+                TEST_ASSERT_EQUAL_UINT8(most_values(kind) > 1u ? AEO_FRAME_FD_LENGTH(count) : 8u, frame.length);
                 address.node = 0; /* the receiver names the node, whatever its own number */
                 TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&address, &frame, &back, &found));
                 TEST_ASSERT_EQUAL_UINT8(node, found);
@@ -146,6 +166,36 @@ static void three_wrong_bits_are_seen(void)
     }
 }
 
+/* CAN FD: any one wrong bit of data or identifier, node and padding included, and any two of 2000 drawn pairs. */
+static void wrong_bits_of_can_fd_are_seen(void)
+{
+    unsigned count, i, k;
+    for (count = 1; count <= 14u; count++) {
+        const aeo_message_t message = make_message(AEO_KIND_PARAMETER_FD, count);
+        aeo_can_frame_t frame, bad;
+        aeo_message_t back;
+        uint8_t node;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
+        for (i = 0; i < 8u * frame.length + 29u + 2000u; i++) {
+            unsigned bit[2];
+            const unsigned bits = 8u * frame.length + 29u, wrong = i < bits ? 1u : 2u;
+            bit[0] = i < bits ? i : draw_word() % bits;
+            bit[1] = draw_word() % bits;
+            bad = frame;
+            for (k = 0; k < wrong; k++) {
+                if (bit[k] < 29u) {
+                    bad.id ^= UINT32_C(1) << bit[k];
+                } else {
+                    bad.data[(bit[k] - 29u) / 8u] ^= (uint8_t)(1u << ((bit[k] - 29u) % 8u));
+                }
+            }
+            if (wrong == 1u || bit[0] != bit[1]) {
+                TEST_ASSERT_TRUE(aeo_frame_unpack(&extended, &bad, &back, &node) < 0);
+            }
+        }
+    }
+}
+
 static void foreign_frames_are_left_alone(void)
 {
     const aeo_message_t message = make_message(AEO_KIND_SAMPLE, 1);
@@ -159,7 +209,13 @@ static void foreign_frames_are_left_alone(void)
     other = frame;
     other.id = AEO_FRAME_BASE_EXTENDED - 1u;
     TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
-    other.id = AEO_FRAME_BASE_EXTENDED + 256u * AEO_KIND_COUNT;
+    other.id = AEO_FRAME_BASE_EXTENDED + 256u * AEO_KIND_LIMIT;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other.id = AEO_FRAME_BASE_EXTENDED + 256u * 9u; /* no such kind */
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other.id = AEO_FRAME_BASE_EXTENDED + 256u * AEO_KIND_SAMPLE_FD; /* a CAN FD kind in a classic frame */
+    TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
+    other.length = 12;
     TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&extended, &other, &back, &node));
     other = frame;
     other.flags = 0;
@@ -188,7 +244,7 @@ static void bad_arguments(void)
     aeo_address_t address = extended;
     aeo_can_frame_t frame;
     uint8_t node;
-    unsigned count;
+    unsigned count, kind;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(NULL, &good, &frame));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, NULL, &frame));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, &good, NULL));
@@ -207,13 +263,14 @@ static void bad_arguments(void)
     address = standard;
     address.node = 16;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
-    message.kind = AEO_KIND_COUNT;
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&extended, &message, &frame));
-    for (count = 0; count < 256u; count++) {
-        const int exists = (count >= 1u && count <= 5u) || count == 7u || count == 11u || count == 15u;
-        message = good;
-        message.count = (uint8_t)count;
-        TEST_ASSERT_EQUAL_INT(exists ? AEO_OK : AEO_E_ARG, aeo_frame_pack(&extended, &message, &frame));
+    for (kind = 0; kind < 20u; kind++) {
+        for (count = 0; count < 256u; count++) {
+            const int exists = count >= 1u && count <= most_values(kind);
+            message = make_message(AEO_KIND_END, 1);
+            message.kind = (aeo_kind_t)kind;
+            message.count = (uint8_t)count;
+            TEST_ASSERT_EQUAL_INT(exists ? AEO_OK : AEO_E_ARG, aeo_frame_pack(&extended, &message, &frame));
+        }
     }
 }
 
@@ -226,7 +283,7 @@ static void random_bytes_rarely_pass(void)
     unsigned i, j, passed = 0;
     for (i = 0; i < 100000u; i++) {
         memset(&frame, 0, sizeof frame);
-        frame.id = AEO_FRAME_BASE_EXTENDED + draw_word() % (256u * AEO_KIND_COUNT);
+        frame.id = AEO_FRAME_BASE_EXTENDED + draw_word() % (256u * (AEO_KIND_SEAL + 1u));
         frame.length = 8;
         frame.flags = AEO_CAN_EXTENDED;
         for (j = 0; j < 8u; j++) {
@@ -244,6 +301,7 @@ int main(void)
     RUN_TEST(crc32_is_ieee);
     RUN_TEST(round_trips);
     RUN_TEST(three_wrong_bits_are_seen);
+    RUN_TEST(wrong_bits_of_can_fd_are_seen);
     RUN_TEST(foreign_frames_are_left_alone);
     RUN_TEST(bad_arguments);
     RUN_TEST(random_bytes_rarely_pass);

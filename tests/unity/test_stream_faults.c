@@ -15,13 +15,16 @@ void tearDown(void)
 }
 
 /* For every k: refuse the k-th call. A sample is lost and counted; everything else comes all the same, in order. */
-static void refusal_at_every_call(void)
+static void refuse_each_call(uint8_t fd)
 {
     static aeo_can_frame_t reference[KEPT], found[KEPT];
     aeo_stream_config_t config = make_config();
     unsigned total, sent, lasting, k;
     config.parameters = 40;
-    start(&config);
+    config.seal = 1;
+    config.fd = fd;
+    config.fd_ratio = 1;
+    start_stream(&config);
     run_all();
     total = fake.calls;
     sent = fake.kept;
@@ -30,7 +33,7 @@ static void refusal_at_every_call(void)
     for (k = 0; k < total; k++) {
         set_up_bus();
         fake.refuse_at = k;
-        start(&config);
+        start_stream(&config);
         run_all();
         TEST_ASSERT_EQUAL_UINT32(1, stream.counters.refused + stream.counters.dropped);
         TEST_ASSERT_EQUAL_UINT32(fake.kept, stream.counters.sent);
@@ -41,11 +44,21 @@ static void refusal_at_every_call(void)
     }
 }
 
+static void refusal_at_every_call(void)
+{
+    refuse_each_call(0);
+}
+
+static void refusal_at_every_call_on_can_fd(void)
+{
+    refuse_each_call(1);
+}
+
 static void a_dead_bus_blocks_nothing(void)
 {
     aeo_stream_config_t config = make_config();
     unsigned k;
-    start(&config);
+    start_stream(&config);
     fake.refuse_all = 1;
     for (k = 0; k < 1000u; k++) {
         TEST_ASSERT_EQUAL_INT(AEO_E_REFUSED, aeo_stream_sample(&stream, k, u, y, NULL));
@@ -65,7 +78,7 @@ static void refuse(const aeo_stream_config_t *config, int expected)
     aeo_stream_t before;
     memset(&stream, 0x5A, sizeof stream);
     before = stream;
-    TEST_ASSERT_EQUAL_INT(expected, aeo_stream_init(&stream, config, &port, memory, 65536));
+    TEST_ASSERT_EQUAL_INT(expected, aeo_stream_init(&stream, config, &port, words, 65536));
     TEST_ASSERT_EQUAL_MEMORY(&before, &stream, sizeof stream);
 }
 
@@ -103,6 +116,23 @@ static void settings_out_of_range(void)
     REFUSE_WITH(bits_per_s, 159);
     REFUSE_WITH(address.node, 254);
     REFUSE_WITH(address.base, 1);
+    REFUSE_WITH(fd, 1); /* without a ratio */
+}
+
+static void can_fd_settings_out_of_range(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.fd = 1;
+    config.fd_ratio = 17;
+    refuse(&config, AEO_E_ARG);
+    config.fd_ratio = 16;
+    config.bits_per_s = 999;
+    refuse(&config, AEO_E_ARG);
+    config.bits_per_s = 1000; /* a sample of five channels is 59 + 22 bits, sixteen times as fast in the data phase */
+    config.sample_time_s = AEO_REAL(0.09);
+    refuse(&config, AEO_E_BUDGET);
+    config.sample_time_s = AEO_REAL(0.1);
+    start_stream(&config);
 }
 
 static void bad_channels_pointers_and_memory(void)
@@ -119,20 +149,20 @@ static void bad_channels_pointers_and_memory(void)
     bad[2].offset = make_nan();
     refuse(&config, AEO_E_ARG);
     config = make_config();
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(NULL, &config, &port, memory, N));
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, NULL, &port, memory, N));
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, &config, NULL, memory, N));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(NULL, &config, &port, words, N));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, NULL, &port, words, N));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, &config, NULL, words, N));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, &config, &port, NULL, N));
-    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_stream_init(&stream, &config, &port, memory, N - 1u));
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_stream_init(&stream, &config, &port, words, N - 1u));
     config.bits_per_s = 8000; /* five frames of 160 bits in 0.1 s are the whole of it */
     refuse(&config, AEO_E_BUDGET);
     config.sample_every = 2;
-    start(&config);
+    start_stream(&config);
     port.unlock = NULL;
     config = make_config();
     refuse(&config, AEO_E_ARG);
     port.lock = NULL;
-    start(&config);
+    start_stream(&config);
     port.send = NULL;
     refuse(&config, AEO_E_ARG);
 }
@@ -140,7 +170,7 @@ static void bad_channels_pointers_and_memory(void)
 static void null_arguments_later(void)
 {
     const aeo_stream_config_t config = make_config();
-    start(&config);
+    start_stream(&config);
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_sample(NULL, 0, u, y, NULL));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_sample(&stream, 0, NULL, y, NULL));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_sample(&stream, 0, u, NULL, NULL));
@@ -150,7 +180,7 @@ static void null_arguments_later(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_snapshot(&stream, 0, NULL));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_health(NULL, 0, NULL, 0));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_health(&stream, 0, NULL, 1));
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_health(&stream, 0, memory, AEO_STREAM_COUNTERS + 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_health(&stream, 0, words, AEO_STREAM_COUNTERS + 1));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_step(NULL));
     TEST_ASSERT_EQUAL_INT(0, aeo_stream_pending(NULL));
     aeo_stream_finish(NULL);
@@ -162,8 +192,10 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(refusal_at_every_call);
+    RUN_TEST(refusal_at_every_call_on_can_fd);
     RUN_TEST(a_dead_bus_blocks_nothing);
     RUN_TEST(settings_out_of_range);
+    RUN_TEST(can_fd_settings_out_of_range);
     RUN_TEST(bad_channels_pointers_and_memory);
     RUN_TEST(null_arguments_later);
     return UNITY_END();

@@ -15,31 +15,46 @@ void tearDown(void)
     tear_down_bus();
 }
 
+/* CRC-32 of a snapshot as the header writes it: number and count, sample index, parameters. */
+static uint32_t make_crc(const uint32_t *expected, uint32_t count, uint32_t number, uint32_t index)
+{
+    uint32_t crc = UINT32_C(0xFFFFFFFF), i;
+    crc = aeo_frame_crc32(crc, number | ((count - 1u) << 8));
+    crc = aeo_frame_crc32(crc, index);
+    for (i = 0; i < count; i++) {
+        crc = aeo_frame_crc32(crc, expected[i]);
+    }
+    return ~crc;
+}
+
 /* Check that the frames kept are one whole snapshot of `expected`, other kinds aside. */
 static void assert_snapshot(const uint32_t *expected, uint32_t count, uint32_t index)
 {
     static uint8_t seen[65536];
-    uint32_t crc = UINT32_C(0xFFFFFFFF), i, parameters = 0, begins = 0, ends = 0, repairs = 0;
+    const uint32_t crc = make_crc(expected, count, stream.number, index);
+    const unsigned fd = stream.config.fd != 0u ? AEO_KIND_FD : 0u;
+    uint32_t i, j, parameters = 0, begins = 0, ends = 0, repairs = 0, frames = 0;
     memset(seen, 0, sizeof seen);
-    for (i = 0; i < count; i++) {
-        crc = aeo_frame_crc32(crc, expected[i]);
-    }
     for (i = 0; i < fake.kept; i++) {
         const aeo_message_t m = message_at(i);
+        frames += m.kind != AEO_KIND_HEALTH && m.kind != AEO_KIND_DESCRIPTION;
         if (m.kind == AEO_KIND_BEGIN) {
             begins++;
             TEST_ASSERT_EQUAL_UINT32(index, m.value[0]);
             TEST_ASSERT_EQUAL_UINT32(count - 1u, m.index);
-        } else if (m.kind == AEO_KIND_PARAMETER) {
-            parameters++;
-            TEST_ASSERT_EQUAL_UINT8(0, seen[m.index]);
-            seen[m.index] = 1;
-            TEST_ASSERT_EQUAL_HEX32(expected[m.index], m.value[0]);
+        } else if ((unsigned)m.kind == AEO_KIND_PARAMETER + fd) {
+            TEST_ASSERT_EQUAL_UINT(fd ? (count - m.index < 14u ? count - m.index : 14u) : 1u, m.count);
+            for (j = 0; j < m.count; j++) {
+                parameters++;
+                TEST_ASSERT_EQUAL_UINT8(0, seen[m.index + j]);
+                seen[m.index + j] = 1;
+                TEST_ASSERT_EQUAL_HEX32(expected[m.index + j], m.value[j]);
+            }
         } else if (m.kind == AEO_KIND_END) {
             ends++;
-            TEST_ASSERT_EQUAL_HEX32(~crc, m.value[0]);
+            TEST_ASSERT_EQUAL_HEX32(crc, m.value[0]);
             TEST_ASSERT_EQUAL_UINT16(index & 0xFFFFu, m.index);
-        } else if (m.kind == AEO_KIND_REPAIR) {
+        } else if ((unsigned)m.kind == AEO_KIND_REPAIR + fd) {
             TEST_ASSERT_EQUAL_UINT16(repairs, m.index);
             repairs++;
         }
@@ -48,15 +63,20 @@ static void assert_snapshot(const uint32_t *expected, uint32_t count, uint32_t i
     TEST_ASSERT_EQUAL_UINT32(count, parameters);
     TEST_ASSERT_EQUAL_UINT32(3, ends);
     TEST_ASSERT_EQUAL_UINT32(stream.spread.repairs, repairs);
+    TEST_ASSERT_EQUAL_UINT32(fd ? AEO_STREAM_FRAMES_FD(count, stream.config.repair_percent)
+                                : AEO_STREAM_FRAMES(count, stream.config.repair_percent),
+                             frames);
 }
 
-static void theta_arrives_bit_for_bit(void)
+static void theta_arrives(uint8_t fd)
 {
     static const uint32_t odd[] = {0x80000000u, 0x7F800000u, 0xFF800000u, 0x7FC00000u, 0x7F7FFFFFu, 0x00800000u};
-    const aeo_stream_config_t config = make_config();
+    aeo_stream_config_t config = make_config();
     static uint32_t expected[N];
     unsigned i;
-    start(&config);
+    config.fd = fd;
+    config.fd_ratio = 4;
+    start_stream(&config);
     describe_first();
     for (i = 0; i < 6u; i++) { /* -0, infinities, NaN, largest, smallest normal */
         float value;
@@ -76,7 +96,42 @@ static void theta_arrives_bit_for_bit(void)
     TEST_ASSERT_EQUAL_UINT32(1, stream.counters.snapshots);
 }
 
-/* Every size has each parameter once, and a burst of 16 lost frames takes parameters that are N / 40 apart. */
+static void theta_arrives_bit_for_bit(void)
+{
+    theta_arrives(0);
+}
+
+static void theta_arrives_on_can_fd(void)
+{
+    theta_arrives(1);
+}
+
+/* Sizes around the edges of blocks and groups, with and without repair frames: the number of frames is the formula's. */
+static void frames_are_as_many_as_the_formula_says(void)
+{
+    static const uint32_t sizes[] = {1, 2, 13, 14, 15, 28, 29, 255, 256, 257, 450, 1000};
+    static uint32_t expected[1000];
+    unsigned s, i, variant;
+    for (i = 0; i < 1000u; i++) {
+        expected[i] = aeo_float_bits(theta[i]);
+    }
+    for (s = 0; s < sizeof sizes / sizeof *sizes; s++) {
+        for (variant = 0; variant < 4u; variant++) {
+            aeo_stream_config_t config = make_config();
+            config.parameters = sizes[s];
+            config.fd = variant & 1u;
+            config.fd_ratio = 2;
+            config.repair_percent = (variant & 2u) != 0u ? 25 : 0;
+            start_stream(&config);
+            describe_first();
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 123456, theta));
+            step_until_idle();
+            assert_snapshot(expected, sizes[s], 123456);
+        }
+    }
+}
+
+/* Every size has each block once, and a burst of 16 lost frames takes parameters that are N / 40 apart. */
 static void order_is_a_spread_permutation(void)
 {
     static const uint32_t sizes[] = {1,   2,   3,   5,   7,   16,   40,   255,   256,
@@ -107,32 +162,40 @@ static void order_is_a_spread_permutation(void)
     }
 }
 
-/* Any one lost parameter is the exclusive or of a repair frame and the other members of its set, at every size. */
-static void repair_restores_a_lost_parameter(void)
+/* Any one lost block is the exclusive or of a repair frame and the other members of its set, at every size. */
+static void repair_restores_a_lost_block(void)
 {
     static const uint32_t sizes[] = {1, 2, 33, 256, 257, 600, 65536};
-    unsigned s;
-    for (s = 0; s < sizeof sizes / sizeof *sizes; s++) {
+    unsigned s, width;
+    for (s = 0; s < 2u * sizeof sizes / sizeof *sizes; s++) {
+        const uint32_t parameters = sizes[s / 2u];
+        const uint32_t count = s % 2u == 0u ? parameters : AEO_STREAM_BLOCKS(parameters);
         aeo_spread_t spread;
         uint32_t i, lost;
-        aeo_spread_choose(&spread, sizes[s], 25);
-        for (i = 0; i < sizes[s]; i++) {
-            memory[i] = i * UINT32_C(2654435761) + 12345u;
+        width = s % 2u == 0u ? 1u : 14u;
+        aeo_spread_choose(&spread, count, 25);
+        for (i = 0; i < parameters; i++) {
+            words[i] = i * UINT32_C(2654435761) + 12345u;
         }
-        for (lost = 0; lost < sizes[s]; lost += 1u + sizes[s] / 50u) { /* position of the lost one */
+        for (lost = 0; lost < count; lost += 1u + count / 50u) { /* position of the lost one */
             const uint32_t group = lost % spread.groups, member = lost / spread.groups,
-                           at = aeo_spread_index(&spread, lost);
-            const uint32_t truth = memory[at];
+                           at = aeo_spread_index(&spread, lost) * width;
+            uint32_t truth[14], with[14], without[14];
             uint32_t repair = group;
-            uint32_t with;
             while (((aeo_frame_repair_set((uint16_t)repair, member / 32u) >> (member % 32u)) & 1u) == 0u) {
                 repair += spread.groups;
                 TEST_ASSERT_TRUE(repair < 65536u);
             }
-            with = aeo_spread_repair(&spread, memory, (uint16_t)repair);
-            memory[at] = 0;
-            TEST_ASSERT_EQUAL_HEX32(truth, with ^ aeo_spread_repair(&spread, memory, (uint16_t)repair));
-            memory[at] = truth;
+            aeo_spread_repair(&spread, words, parameters, width, (uint16_t)repair, with);
+            for (i = 0; i < width; i++) {
+                truth[i] = at + i < parameters ? words[at + i] : 0u;
+                words[at + i] = at + i < parameters ? 0u : words[at + i];
+            }
+            aeo_spread_repair(&spread, words, parameters, width, (uint16_t)repair, without);
+            for (i = 0; i < width; i++) {
+                TEST_ASSERT_EQUAL_HEX32(truth[i], with[i] ^ without[i]);
+                words[at + i] = at + i < parameters ? truth[i] : words[at + i];
+            }
         }
     }
 }
@@ -141,7 +204,9 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(theta_arrives_bit_for_bit);
+    RUN_TEST(theta_arrives_on_can_fd);
+    RUN_TEST(frames_are_as_many_as_the_formula_says);
     RUN_TEST(order_is_a_spread_permutation);
-    RUN_TEST(repair_restores_a_lost_parameter);
+    RUN_TEST(repair_restores_a_lost_block);
     return UNITY_END();
 }

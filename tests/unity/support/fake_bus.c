@@ -8,7 +8,7 @@
 fake_bus_t fake;
 aeo_port_t port;
 aeo_stream_t stream;
-uint32_t memory[PARAMETERS_MAX];
+uint32_t words[PARAMETERS_MAX];
 aeo_real_t theta[PARAMETERS_MAX], u[INPUTS], y[OUTPUTS];
 
 const aeo_stream_channel_t channels[CHANNELS] = {
@@ -74,9 +74,9 @@ aeo_stream_config_t make_config(void)
     return config;
 }
 
-void start(const aeo_stream_config_t *config)
+void start_stream(const aeo_stream_config_t *config)
 {
-    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_init(&stream, config, &port, memory, config->parameters));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_init(&stream, config, &port, words, config->parameters));
 }
 
 void set_up_bus(void)
@@ -108,6 +108,17 @@ aeo_message_t message_at(unsigned i)
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&address, &fake.frame[i], &message, &node));
     TEST_ASSERT_EQUAL_UINT8(5, node);
     return message;
+}
+
+unsigned long bits_taken(void)
+{
+    unsigned long bits = 0;
+    unsigned i;
+    for (i = 0; i < fake.kept; i++) {
+        const unsigned length = fake.frame[i].length;
+        bits += length == 8u ? AEO_FRAME_BITS_EXTENDED : AEO_FRAME_FD_BITS_EXTENDED(length, stream.config.fd_ratio);
+    }
+    return bits;
 }
 
 void step_until_idle(void)
@@ -145,7 +156,8 @@ void run_all(void)
 
 int is_sample(unsigned i)
 {
-    return message_at(i).kind == AEO_KIND_SAMPLE;
+    const aeo_kind_t kind = message_at(i).kind;
+    return kind == AEO_KIND_SAMPLE || kind == AEO_KIND_SAMPLE_FD || kind == AEO_KIND_SEAL;
 }
 
 int is_health(unsigned i)

@@ -20,7 +20,7 @@ typedef struct {
 extern fake_bus_t fake;
 extern aeo_port_t port;
 extern aeo_stream_t stream;
-extern uint32_t memory[PARAMETERS_MAX];
+extern uint32_t words[PARAMETERS_MAX];
 extern aeo_real_t theta[PARAMETERS_MAX], u[INPUTS], y[OUTPUTS];
 extern const aeo_stream_channel_t channels[CHANNELS];
 
@@ -32,12 +32,15 @@ void tear_down_bus(void);
 uint32_t read_clock(void *context);
 
 aeo_stream_config_t make_config(void);
-void start(const aeo_stream_config_t *config);
+void start_stream(const aeo_stream_config_t *config);
 
 /* The message in frame i of those taken; fails the test when it is none or of another node. */
 aeo_message_t message_at(unsigned i);
 int is_sample(unsigned i);
 int is_health(unsigned i);
+
+/* Bits that the frames taken are long at most, in nominal bits, for 29 bit identifiers. */
+unsigned long bits_taken(void);
 
 void step_until_idle(void);
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.can.wire import WIRE_VERSION
+from aeolid.can.wire import FD_VALUES, WIRE_VERSIONS
 
 Array = NDArray[np.float64]
 WIRE, SHAPE, PARAMETERS, SAMPLE_TIME, FORGETTING, REGULARISATION, FEEDTHROUGH, OFFSET, SCALE, NAME, UNIT = range(11)
@@ -24,7 +24,7 @@ class Description:
     """Hold a node's configuration; channels are inputs, then outputs, then scheduling.
 
     offset, scale (channels,) in the channels' units: the filter works on (value - offset) / scale. parameters is
-    outputs x regressors; feedthrough lists inputs with a current-sample parameter.
+    outputs x regressors; feedthrough lists inputs with a current-sample parameter. values_a_frame: 1, on CAN FD 14.
     """
 
     wire_version: int
@@ -45,6 +45,7 @@ class Description:
     names: tuple[str, ...]
     units: tuple[str, ...]
     method: str = "rls"
+    values_a_frame: int = 1
 
     @property
     def channels(self) -> int:
@@ -77,7 +78,7 @@ class DescriptionCollector:
                 self._take_head(index, value)
             elif self._fits(item, index):
                 self._parts[item, index] = value
-        if self._hash is None or self.version != WIRE_VERSION or (SHAPE not in {i for i, _ in self._parts}):
+        if self._hash is None or self.version not in WIRE_VERSIONS or (SHAPE not in {i for i, _ in self._parts}):
             return None
         return self._try()
 
@@ -87,8 +88,9 @@ class DescriptionCollector:
             if self.version is not None:
                 self._parts.clear()
             self.version, self._hash, self.problem = version, value, None
-        if version != WIRE_VERSION:
-            self.problem = f"speaks wire version {version}; this tool reads version {WIRE_VERSION}"
+        if version not in WIRE_VERSIONS:
+            known = " and ".join(map(str, WIRE_VERSIONS))
+            self.problem = f"speaks wire version {version}; this tool reads versions {known}"
 
     @staticmethod
     def _fits(item: int, index: int) -> bool:
@@ -124,13 +126,13 @@ class DescriptionCollector:
             np.array([number(self._parts.get((item, i), 0)) for i in range(m)]) for item in (OFFSET, SCALE)
         )
         result = Description(
-            WIRE_VERSION, self._hash or 0, model_set,
+            self.version or 0, self._hash or 0, model_set,
             r, l, s, single[PARAMETERS][0], single[PARAMETERS][1], single[SAMPLE_TIME][0],
             _short(number(single[SAMPLE_TIME][1])), _short(number(single[FORGETTING][1])),
             _short(number(single[REGULARISATION][1])),
             tuple(j for j in range(32) if single[FEEDTHROUGH][1] >> j & 1), offset, scale,
             _names([self._text(NAME, i, _NAME_PARTS) for i in range(m)], r, l),
-            tuple(self._text(UNIT, i, _UNIT_PARTS) for i in range(m)), method,
+            tuple(self._text(UNIT, i, _UNIT_PARTS) for i in range(m)), method, max(1, shape >> 24),
         )  # fmt: skip
         self.problem = _find_problem(result)
         return None if self.problem else result
@@ -172,6 +174,8 @@ def _find_problem(d: Description) -> str | None:
     """Say what in a description cannot be; a forged one may hold anything."""
     if d.outputs < 1 or d.channels > CHANNELS_MAX:
         return f"describes {d.outputs} outputs and {d.channels} channels; 1 output and at most {CHANNELS_MAX} are read"
+    if d.values_a_frame not in ((1, FD_VALUES) if d.wire_version > 1 else (1,)):
+        return f"describes {d.values_a_frame} values a frame; 1 and on CAN FD {FD_VALUES} are read"
     if not (np.isfinite(d.offset).all() and np.isfinite(d.scale).all() and (d.scale > 0).all()):
         return "describes an offset or scale that is no number or not above 0"
     if not 1e-6 <= d.sample_time_s <= 1e4:

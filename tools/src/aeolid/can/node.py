@@ -14,9 +14,17 @@ from aeolid.can.wire import (
     BASE,
     BEGIN,
     DESCRIPTION,
+    END,
     HEALTH,
     INNOVATION,
+    INNOVATION_FD,
+    KINDS,
+    PARAMETER,
+    PARAMETER_FD,
+    REPAIR,
+    REPAIR_FD,
     SAMPLE,
+    SAMPLE_FD,
     STOPPED,
     Frames,
     Messages,
@@ -24,6 +32,7 @@ from aeolid.can.wire import (
     health_names,
 )
 
+SNAPSHOT_KINDS = np.isin(np.arange(KINDS), (BEGIN, PARAMETER, REPAIR, END, PARAMETER_FD, REPAIR_FD))
 NODES_MAX = 32  # nodes followed at once; forged node numbers cost no more than this
 EARLY_MAX = 200_000  # messages kept for a node that has not described itself yet
 PREVIOUS_MAX = 64  # configurations of one node that are kept
@@ -133,26 +142,27 @@ class Node:
             self.early_lost += len(m)
 
     def _use(self, now: Configuration, m: Messages) -> None:
-        samples = m.kind == SAMPLE
+        samples = (m.kind == SAMPLE) | (m.kind == SAMPLE_FD)
+        channel = m.tag + m.lane
         tells_index = ((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN)
         start = 0
         for stop in [*np.flatnonzero(tells_index).tolist(), len(m)]:  # a full index holds for the samples before it
             part = slice(start, stop)
             chosen = samples[part]
             if chosen.any():
-                now.samples.add(m.tag[part][chosen], m.index[part][chosen], m.value[part][chosen])
+                now.samples.add(channel[part][chosen], m.index[part][chosen], m.value[part][chosen])
             if stop < len(m):
                 now.samples.anchor(int(m.value[stop]))
             start = stop
-        innovations = m.kind == INNOVATION
+        innovations = (m.kind == INNOVATION) | (m.kind == INNOVATION_FD)
         if innovations.any():
-            now.innovations.add(m.tag[innovations], m.index[innovations], m.value[innovations])
+            now.innovations.add(channel[innovations], m.index[innovations], m.value[innovations])
         if samples.any():
             self.stopped = False
         health = m.take(m.kind == HEALTH)
         if len(health):
             self._take_health(now, health)
-        snapshot = m.kind >= BEGIN
+        snapshot = SNAPSHOT_KINDS[m.kind]
         if snapshot.any():
             now.snapshots.add(m.take(snapshot), self._newest(now))
 

@@ -29,7 +29,7 @@ def choose_stride(count: int) -> int:
 
 @lru_cache(maxsize=4)
 def group_members(count: int) -> tuple[NDArray[np.int64], ...]:
-    """List the parameters (indices) of each group in the order of their bits: positions g, g + G, g + 2 G …"""
+    """List the blocks (indices) of each group in the order of their bits: positions g, g + G, g + 2 G …"""
     order = np.arange(count, dtype=np.int64) * choose_stride(count) % count
     groups = -(-count // GROUP_MAX)
     return tuple(order[g::groups] for g in range(groups))
@@ -50,21 +50,21 @@ def repair_sets(numbers: NDArray[np.int64], size: int) -> Mask:
     return bits[:, :size].astype(bool)
 
 
-def restore(values: Words, have: Mask, repairs: Mapping[int, int]) -> None:
-    """Fill in `values` (N,) and `have` (N,) wherever the repair frames (number -> combination) determine a parameter.
+def restore(values: Words, have: Mask, repairs: Mapping[int, Words]) -> None:
+    """Fill in `values` (B, w) and `have` (B,) wherever the repair frames (number -> w words) determine a block.
 
     Cost: per group at most missing² · repairs bit operations, 256 missing at most.
     """
     members = group_members(len(values))
     numbers = np.fromiter(repairs.keys(), np.int64, len(repairs))
-    combined = np.fromiter(repairs.values(), np.uint32, len(repairs))
+    combined = np.array(list(repairs.values()), np.uint32).reshape(len(repairs), values.shape[1])
     for g, member in enumerate(members):
         missing = ~have[member]
         mine = numbers % len(members) == g
         if not missing.any() or not mine.any():
             continue
         sets = repair_sets(numbers[mine], len(member))  # (repairs, members)
-        known = np.where(sets & ~missing, values[member], np.uint32(0))
+        known = np.where((sets & ~missing)[:, :, None], values[member], np.uint32(0))  # (repairs, members, w)
         right = combined[mine] ^ np.bitwise_xor.reduce(known, axis=1)
         solved, solution = _eliminate(sets[:, missing], right)
         at = member[missing][solved]
@@ -72,7 +72,7 @@ def restore(values: Words, have: Mask, repairs: Mapping[int, int]) -> None:
 
 
 def _eliminate(rows: Mask, right: Words) -> tuple[Mask, Words]:
-    """Solve rows (k, m) · x = right (k,) over GF(2); returns which x (m,) are determined, and x."""
+    """Solve rows (k, m) · x = right (k, w) over GF(2); returns which x (m,) are determined, and x (m, w)."""
     rows, right = rows.copy(), right.copy()
     unknowns = rows.shape[1]
     used, pivots = 0, np.full(unknowns, -1)
@@ -91,7 +91,7 @@ def _eliminate(rows: Mask, right: Words) -> tuple[Mask, Words]:
         if used == len(rows):
             break
     solved = np.zeros(unknowns, bool)
-    solution = np.zeros(unknowns, np.uint32)
+    solution = np.zeros((unknowns, right.shape[1]), np.uint32)
     for column in np.flatnonzero(pivots >= 0).tolist():
         row = int(pivots[column])
         if np.count_nonzero(rows[row]) == 1:  # depends on no undetermined parameter

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.description import Description
-from aeolid.can.repair import restore
-from aeolid.can.wire import BEGIN, END, PARAMETER, REPAIR, Messages
+from aeolid.can.gathering import Gathering
+from aeolid.can.wire import BEGIN, Messages
 
 Array = NDArray[np.float64]
+RIVALS = 4  # snapshots under way at once; frames garbled past their check may bear any number
+SWITCH = 3  # messages after which another snapshot number is believed to be the one being sent
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,38 +47,6 @@ def physical(theta_scaled: Array, d: Description) -> Array:
     return result
 
 
-class _Assembly:
-    """Hold one snapshot under way."""
-
-    def __init__(self, number: int, count: int) -> None:
-        self.number = number
-        self.values = np.zeros(count, np.uint32)
-        self.have = np.zeros(count, bool)
-        self.repairs: dict[int, int] = {}
-        self.repaired = 0
-        self.begin: int | None = None
-        self.low: int | None = None
-        self.crc: int | None = None
-        self.ends = 0
-        self.done = False
-
-    def crc_fits(self) -> bool:
-        """Tell whether the values are those the checksum was made of."""
-        return self.crc is not None and zlib.crc32(self.values.astype("<u4").tobytes()) == self.crc
-
-    def repair(self) -> None:
-        """Restore missing parameters from the repair frames."""
-        if not self.have.all() and self.repairs:
-            before = int(np.count_nonzero(self.have))
-            restore(self.values, self.have, self.repairs)
-            self.repaired += int(np.count_nonzero(self.have)) - before
-
-    def sample_index(self, newest: int | None) -> int | None:
-        if self.begin is not None or self.low is None or newest is None:
-            return self.begin
-        return newest + (self.low - newest + 32768) % 65536 - 32768
-
-
 class SnapshotStore:
     """Assemble the snapshots of one configuration; keeps the latest complete one and the latest at all."""
 
@@ -89,75 +58,71 @@ class SnapshotStore:
         self.incomplete = 0
         self.damaged = 0  # all parameters there, CRC wrong
         self.repaired = 0  # parameters restored from repair frames
-        self._now: _Assembly | None = None
+        self._open: dict[int, Gathering] = {}  # by number, the one touched last at the end
 
     def add(self, messages: Messages, newest: int | None) -> None:
         """Take begin, parameter, repair and end messages in the order of arrival; newest sample index so far."""
         change = np.flatnonzero(np.diff(messages.tag)) + 1
         for start, stop in zip([0, *change.tolist()], [*change.tolist(), len(messages)], strict=True):
             if stop > start:
-                self._run(messages.take(np.arange(start, stop)), newest)
+                self._run(messages.take(slice(start, stop)), newest)
 
     def close(self, newest: int | None = None) -> None:
-        """Finish the snapshot under way with what there is."""
-        if self._now is not None and not self._now.done:
-            self._settle(self._now, newest)
-        self._now = None
+        """Finish what is under way with what there is."""
+        for number in list(self._open):
+            self._drop(number, newest)
 
     def _run(self, m: Messages, newest: int | None) -> None:
         """Take messages of one snapshot number."""
-        begins = m.value[m.kind == BEGIN]
         number = int(m.tag[0])
-        now = self._now
-        restarted = now is not None and now.begin is not None and len(begins) and int(begins[-1]) != now.begin
-        if now is None or now.number != number or restarted:
-            self.close(newest)
-            now = self._now = _Assembly(number, self.description.parameters)
+        begins = m.value[m.kind == BEGIN]
+        now = self._open.pop(number, None)
+        if now is not None and now.begin is not None and len(begins) and int(begins[-1]) != now.begin:
+            self._settle(now, newest)  # the node was restarted, or has counted round
+            now = None
+        if now is None:
+            now = Gathering(number, self.description)
+        self._open[number] = now
+        now.messages += len(m)
+        if now.messages >= SWITCH or len(self._open) > RIVALS:
+            for other in list(self._open)[:-1]:
+                self._drop(other, newest)
         if now.done:
             return
-        if len(begins):
-            now.begin = int(begins[-1])
-        self._take(now, m)
-        complete = bool(now.have.all())
-        if now.crc is not None and (complete or now.ends >= 2):
+        now.take(m)
+        if now.may_be_complete():
             now.repair()
-            if now.have.all() or now.ends >= 3:
+            if now.fits(newest) or now.ends >= 3:
                 self._settle(now, newest)
 
-    def _take(self, now: _Assembly, m: Messages) -> None:
-        is_parameter = (m.kind == PARAMETER) & (m.index < self.description.parameters)
-        index = m.index[is_parameter]
-        now.values[index] = m.value[is_parameter]
-        now.have[index] = True
-        for at in np.flatnonzero(m.kind == REPAIR):
-            now.repairs[int(m.index[at])] = int(m.value[at])
-        ends = np.flatnonzero(m.kind == END)
-        if len(ends):
-            now.crc, now.low = int(m.value[ends[-1]]), int(m.index[ends[-1]])
-            now.ends += len(ends)
+    def _drop(self, number: int, newest: int | None) -> None:
+        self._settle(self._open.pop(number), newest)
 
-    def _settle(self, now: _Assembly, newest: int | None) -> None:
+    def _settle(self, now: Gathering, newest: int | None) -> None:
+        """Judge an assembly once; a stray frame or two make no snapshot."""
+        if now.done or now.messages < SWITCH:
+            return
         now.repair()
         now.done = True
         self.repaired += now.repaired
-        whole = bool(now.have.all())
-        fits = whole and now.crc_fits()
+        fits = now.fits(newest)
         snapshot = self._snapshot(now, fits, newest)
         self.latest = snapshot
         if fits:
             self.complete = snapshot
             self.completed += 1
-        elif whole and now.crc is not None:
+        elif now.is_whole() and now.crc is not None:
             self.damaged += 1
         else:
             self.incomplete += 1
 
-    def _snapshot(self, now: _Assembly, complete: bool, newest: int | None) -> MarkovSnapshot:
+    def _snapshot(self, now: Gathering, complete: bool, newest: int | None) -> MarkovSnapshot:
         d = self.description
-        flat = now.values.copy().view(np.float32)
-        flat[~now.have] = np.nan
+        words, have = now.parameters()
+        flat: NDArray[np.float32] = words.view(np.float32)
+        flat[~have] = np.nan
         scaled = flat.reshape(d.outputs, d.regressors)
-        missing = tuple(np.flatnonzero(~now.have).tolist())
+        missing = tuple(np.flatnonzero(~have).tolist())
         return MarkovSnapshot(
             scaled, physical(scaled.astype(np.float64), d), d, complete, missing, now.sample_index(newest), now.repaired
         )

@@ -1,10 +1,10 @@
-"""Decode frames of the wire in bulk; aeolid.dbc is the reference, a test holds this module to it bit for bit."""
+"""Decode frames of the wire in bulk, versions 1 and 2; aeolid.dbc is the reference, a test holds the two together."""
 
 from __future__ import annotations
 
 import sysconfig
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,15 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
+from aeolid.can.crc import check_8, crc_32, start_8
 from aeolid.errors import UsageError
 
-WIRE_VERSION = 1
+WIRE_VERSIONS = (1, 2)
 BASE = 0x1CFF4000  # AEO_FRAME_BASE_EXTENDED
 NODES = 254
-HEALTH, DESCRIPTION, SAMPLE, INNOVATION, BEGIN, PARAMETER, REPAIR, END = range(8)
-KINDS = 8
+HEALTH, DESCRIPTION, SAMPLE, INNOVATION, BEGIN, PARAMETER, REPAIR, END, SEAL = range(9)
+SAMPLE_FD, INNOVATION_FD, PARAMETER_FD, REPAIR_FD = 10, 11, 13, 14
+KINDS = 16
+FD_VALUES = 14  # values in a CAN FD frame of 64 bytes
+SEAL_INNOVATION = 0x80  # bit of a seal's tag
 EXTENDED, FD, FAST = 1, 2, 4  # flags of a frame: 29-bit identifier, CAN FD, its data phase at the fast rate
 STOPPED = 0x8000  # flag of a health message: the node has ended its stream on purpose
+_IS_CLASSIC = np.array([kind <= SEAL for kind in range(KINDS)])
+_IS_FD = np.array([kind in (SAMPLE_FD, INNOVATION_FD, PARAMETER_FD, REPAIR_FD) for kind in range(KINDS)])
+_FD_LENGTH = np.array([0, 12, 16, 20, 24, 32, 32, 48, 48, 48, 48, 64, 64, 64, 64], np.uint8)  # by count of values
 
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.uint32]
@@ -55,7 +62,8 @@ class Frames:
 class Messages:
     """Hold decoded messages, all arrays (n,), in the order of arrival; value is a bit pattern.
 
-    foreign: frames of somebody else; damaged: frames whose check is wrong.
+    A CAN FD frame gives one message a value; lane: its position in the frame, else 0. place: number of the frame.
+    foreign: frames of somebody else; damaged_at: places of the frames whose check is wrong.
     """
 
     node: Bytes
@@ -63,15 +71,32 @@ class Messages:
     tag: Bytes
     index: NDArray[np.uint16]
     value: Words
-    foreign: int = 0
-    damaged: int = 0
+    lane: Bytes
+    place: NDArray[np.int64]
+    foreign: int
+    damaged_at: NDArray[np.int64]
 
     def __len__(self) -> int:
         return len(self.kind)
 
-    def take(self, chosen: NDArray[Any]) -> Messages:
-        """Return the messages that a mask or an index array chooses, without the counts."""
-        return Messages(self.node[chosen], self.kind[chosen], self.tag[chosen], self.index[chosen], self.value[chosen])
+    @property
+    def damaged(self) -> int:
+        """Count the frames whose check is wrong."""
+        return len(self.damaged_at)
+
+    def take(self, chosen: NDArray[Any] | slice) -> Messages:
+        """Return the messages that a mask, an index array or a slice chooses, without the counts."""
+        return Messages(
+            self.node[chosen],
+            self.kind[chosen],
+            self.tag[chosen],
+            self.index[chosen],
+            self.value[chosen],
+            self.lane[chosen],
+            self.place[chosen],
+            0,
+            np.zeros(0, np.int64),
+        )
 
 
 def no_frames(garbled: int = 0) -> Frames:
@@ -120,54 +145,96 @@ def join_frames(parts: Sequence[Frames]) -> Frames:
     )
 
 
-def decode(frames: Frames, base: int = BASE) -> Messages:
-    """Decode a batch: identifier, check, fields.
+def decode(frames: Frames, base: int = BASE, place: int = 0) -> Messages:
+    """Decode a batch: identifier, check, fields; `place` is the number of its first frame.
 
-    Frames of other systems and damaged ones are counted and left out. Cost: about 0.2 µs a frame in large batches.
+    Frames of other systems and damaged ones are counted and left out. Cost: about 0.15 µs a classic frame in large
+    batches, 1 µs a CAN FD frame.
     """
     offset = frames.id - np.uint32(base)  # wraps far above the limit when the identifier is below the base
-    node, kind = offset & np.uint32(0xFF), offset >> np.uint32(8)
-    ours = (
-        (kind < KINDS) & (node < NODES) & (frames.id < 1 << 29) & (frames.flags & EXTENDED > 0) & (frames.length == 8)
-    )
-    node, kind, data = node[ours], kind[ours], frames.data[ours, :8]
-    sound = _check(np.uint32(base) + (kind << np.uint32(8)), data, 8) == data[:, 3]
-    data = np.ascontiguousarray(data[sound])
+    kind = offset >> np.uint32(8)
+    possible = (kind < KINDS) & (offset & np.uint32(0xFF) < NODES) & (frames.flags & EXTENDED > 0)
+    possible &= frames.id < 1 << 29
+    kind = np.where(possible, kind, np.uint32(9))  # there is no kind 9
+    classic = np.flatnonzero(_IS_CLASSIC[kind] & (frames.length == 8))
+    is_fd = _IS_FD[kind] & (frames.flags & FD > 0)
+    messages = _decode_classic(frames, classic, kind[classic].astype(np.uint8), base)
+    if is_fd.any():
+        long = np.flatnonzero(is_fd & np.isin(frames.length, _FD_LENGTH[1:]))
+        messages = _merge(messages, _decode_fd(frames, long, kind[long].astype(np.uint8)))
+        foreign = len(frames) - len(classic) - len(long)
+    else:
+        foreign = len(frames) - len(classic)
+    return replace(messages, place=messages.place + place, damaged_at=messages.damaged_at + place, foreign=foreign)
+
+
+@lru_cache(maxsize=4)
+def _starts(base: int) -> Bytes:
+    """Return the register of the CRC-8 after the identifier of each kind and the length."""
+    return np.array([start_8((base + (kind << 8)) & 0xFFFFFFFF) for kind in range(KINDS)], np.uint8)
+
+
+def _decode_classic(frames: Frames, at: NDArray[np.int64], kind: Bytes, base: int) -> Messages:
+    data = frames.data[at, :8]
+    sound = check_8(_starts(base)[kind], data) == data[:, 3]
+    damaged_at = at[~sound]
+    if len(damaged_at):
+        at, kind, data = at[sound], kind[sound], data[sound]
     return Messages(
-        node[sound].astype(np.uint8),
-        kind[sound].astype(np.uint8),
+        (frames.id[at] & np.uint32(0xFF)).astype(np.uint8),  # the base ends in zeros
+        kind,
         data[:, 0],
-        data[:, 1:3].copy().view("<u2")[:, 0],
-        data[:, 4:8].copy().view("<u4")[:, 0],
-        int(len(ours) - np.count_nonzero(ours)),
-        int(len(sound) - np.count_nonzero(sound)),
+        data[:, 1:3].copy().view("<u2")[:, 0].astype(np.uint16, copy=False),
+        data[:, 4:8].copy().view("<u4")[:, 0].astype(np.uint32, copy=False),
+        np.zeros(len(at), np.uint8),
+        at,
+        0,
+        damaged_at,
     )
 
 
-def _check_table() -> Bytes:
-    rows = []
-    for byte in range(256):
-        crc = byte
-        for _ in range(8):
-            crc = (crc << 1 ^ (0x2F if crc & 0x80 else 0)) & 0xFF
-        rows.append(crc)
-    return np.array(rows, np.uint8)
+def _decode_fd(frames: Frames, at: NDArray[np.int64], kind: Bytes) -> Messages:
+    """Decode CAN FD frames of lengths that exist: one message a value."""
+    data, length = np.ascontiguousarray(frames.data[at]), frames.length[at]
+    words = data.view("<u4").astype(np.uint32, copy=False)  # (n, 16): head, check, 14 values
+    count = data[:, 3]
+    sound = (count >= 1) & (count <= FD_VALUES)
+    sound[sound] = _FD_LENGTH[count[sound]] == length[sound]
+    for n in np.unique(length).tolist():
+        mine = np.flatnonzero(length == n)
+        covered = np.column_stack([frames.id[at[mine]], words[mine, 0], words[mine, 2 : n // 4]])
+        sound[mine] &= crc_32(covered) == words[mine, 1]
+    good = np.flatnonzero(sound)
+    repeat = np.repeat(good, count[good])
+    lane = np.arange(len(repeat)) - np.repeat(np.cumsum(count[good], dtype=np.int64) - count[good], count[good])
+    index = data[:, 1].astype(np.uint16) | data[:, 2].astype(np.uint16) << np.uint16(8)
+    return Messages(
+        (frames.id[at[repeat]] & np.uint32(0xFF)).astype(np.uint8),
+        kind[repeat],
+        data[repeat, 0],
+        index[repeat],
+        words[repeat, 2 + lane],
+        lane.astype(np.uint8),
+        at[repeat],
+        0,
+        at[~sound],
+    )
 
 
-_TABLE = _check_table()
-
-
-def _check(identifier: Words, data: Bytes, length: int) -> Bytes:
-    """Compute the CRC-8 of frame.h over identifier without node, length and all bytes but the check."""
-    crc = np.full(len(identifier), 0xFF, np.uint8)
-    for shift in (0, 8, 16, 24):
-        crc = _TABLE[crc ^ ((identifier >> np.uint32(shift)) & np.uint32(0xFF)).astype(np.uint8)]
-    crc = _TABLE[crc ^ np.uint8(length)]
-    for i in range(length):
-        if i != 3:
-            crc = _TABLE[crc ^ data[:, i]]
-    result: Bytes = crc ^ np.uint8(0xFF)
-    return result
+def _merge(a: Messages, b: Messages) -> Messages:
+    """Put the messages of two kinds of frames into the order of arrival."""
+    order = np.argsort(np.concatenate([a.place, b.place]), kind="stable")
+    return Messages(
+        np.concatenate([a.node, b.node])[order],
+        np.concatenate([a.kind, b.kind])[order],
+        np.concatenate([a.tag, b.tag])[order],
+        np.concatenate([a.index, b.index])[order],
+        np.concatenate([a.value, b.value])[order],
+        np.concatenate([a.lane, b.lane])[order],
+        np.concatenate([a.place, b.place])[order],
+        0,
+        np.sort(np.concatenate([a.damaged_at, b.damaged_at])),
+    )
 
 
 def encode(node: int, kind: int, tag: int, index: int, value: int, base: int = BASE) -> tuple[int, bytes]:
@@ -175,9 +242,19 @@ def encode(node: int, kind: int, tag: int, index: int, value: int, base: int = B
     data = np.zeros((1, 8), np.uint8)
     data[0, 0], data[0, 1], data[0, 2] = tag, index & 0xFF, index >> 8
     data[0, 4:] = np.frombuffer(np.uint32(value).astype("<u4").tobytes(), np.uint8)
-    identifier = base + (kind << 8)
-    data[0, 3] = _check(np.array([identifier], np.uint32), data, 8)[0]
-    return identifier + node, data.tobytes()
+    data[0, 3] = check_8(_starts(base)[[kind]], data)[0]
+    return base + (kind << 8) + node, data.tobytes()
+
+
+def encode_fd(node: int, kind: int, tag: int, index: int, values: Sequence[int], base: int = BASE) -> tuple[int, bytes]:
+    """Build one CAN FD frame of 1 to 14 values: identifier and 12 to 64 bytes; for tests and simulators."""
+    identifier = base + (kind << 8) + node
+    words = np.zeros(int(_FD_LENGTH[len(values)]) // 4, np.uint32)
+    words[0] = tag | index << 8 | len(values) << 24
+    words[2 : 2 + len(values)] = values
+    covered = np.concatenate([[identifier], words[:1], words[2:]]).astype(np.uint32)
+    words[1] = crc_32(covered[None, :])[0]
+    return identifier, words.astype("<u4").tobytes()
 
 
 def find_dbc() -> Path:

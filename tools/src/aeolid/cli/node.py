@@ -50,6 +50,13 @@ def run(
     bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus in bit/s.")] = 500_000,
     repair: Annotated[int, typer.Option("--repair", help="Repair frames per 100 parameters.")] = 25,
     innovations: Annotated[bool, typer.Option("--innovations", help="Send innovations too.")] = False,
+    seal: Annotated[
+        bool, typer.Option("--seal/--no-seal", help="Seal each sample with a CRC-32; serial adapters need it.")
+    ] = True,
+    fd: Annotated[bool, typer.Option("--fd", help="Send CAN FD frames.")] = False,
+    fd_ratio: Annotated[
+        int, typer.Option("--fd-ratio", help="CAN FD: data bit rate over nominal bit rate.", min=1, max=16)
+    ] = 1,
     dump: Annotated[Path | None, typer.Option("--dump", help="Write the last theta as float32.")] = None,
     json: JsonOption = None,
 ) -> None:
@@ -64,6 +71,7 @@ def run(
     options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
     options += (["--wait"] if wait else []) + (["--innovations"] if innovations else [])
+    options += ["--seal" if seal else "--no-seal", *(["--fd"] if fd else []), "--fd-ratio", fd_ratio]
     options += ["--dump", dump] if dump else []
     health = _run(feed, [str(o) for o in options])
     facts = json_module.loads(health)
