@@ -1,0 +1,83 @@
+#include "frame_log.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+int frame_log_open(frame_log_t *self, const char *path)
+{
+    struct stat facts;
+    struct rlimit most;
+    self->fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC, 0666);
+    self->held = 0;
+    self->size = 0;
+    self->limit = UINT64_MAX;
+    if (self->fd < 0) {
+        return errno;
+    }
+    if (fstat(self->fd, &facts) != 0 || !S_ISREG(facts.st_mode)) {
+        (void)close(self->fd);
+        self->fd = -1;
+        return EINVAL;
+    }
+    if (getrlimit(RLIMIT_FSIZE, &most) == 0 && most.rlim_cur != RLIM_INFINITY) {
+        self->limit = most.rlim_cur;
+    }
+    return 0;
+}
+
+int frame_log_put(frame_log_t *self, uint64_t time_us, const aeo_can_frame_t *frame)
+{
+    static const char digits[] = "0123456789ABCDEF";
+    char *line = self->text + self->held;
+    int at;
+    if (self->fd < 0 || FRAME_LOG_ROOM - self->held < FRAME_LOG_LINE || frame->length > sizeof frame->data) {
+        return 0;
+    }
+    at = snprintf(line, FRAME_LOG_LINE,
+                  (frame->flags & AEO_CAN_EXTENDED) != 0u ? "(%010llu.%06u) can0 %08X#" : "(%010llu.%06u) can0 %03X#",
+                  (unsigned long long)(time_us / 1000000u), (unsigned)(time_us % 1000000u), (unsigned)frame->id);
+    if ((frame->flags & AEO_CAN_FD) != 0u) {
+        line[at++] = '#';
+        line[at++] = (frame->flags & AEO_CAN_BRS) != 0u ? '1' : '0';
+    }
+    for (unsigned i = 0; i < frame->length; i++) {
+        line[at++] = digits[frame->data[i] >> 4];
+        line[at++] = digits[frame->data[i] & 15u];
+    }
+    line[at++] = '\n';
+    self->held += (size_t)at;
+    return 1;
+}
+
+void frame_log_flush(frame_log_t *self)
+{
+    size_t length = self->held;
+    ssize_t put;
+    if (self->fd < 0 || length == 0u) {
+        return;
+    }
+    if (self->size + length > self->limit) {
+        return;
+    }
+    put = write(self->fd, self->text, length);
+    if (put > 0) { /* less than asked for: the disk is full, and the rest waits */
+        memmove(self->text, self->text + put, length - (size_t)put);
+        self->held -= (size_t)put;
+        self->size += (uint64_t)put;
+    }
+}
+
+void frame_log_close(frame_log_t *self)
+{
+    frame_log_flush(self);
+    if (self->fd >= 0) {
+        (void)close(self->fd);
+        self->fd = -1;
+    }
+}
+/* SPDX-License-Identifier: MIT */

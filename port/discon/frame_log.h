@@ -1,0 +1,40 @@
+/* frame_log.h: writes frames to a file as candump does (can-utils, log format), which `aeolid listen --bus` replays.
+ *
+ *   (0000000012.300000) can0 1CFF4201#0001002A3F800000          classic frame
+ *   (0000000012.300000) can0 1CFF4A01##1…                        CAN FD, flags 1: fast data phase
+ *
+ * CONTRACT
+ *   Memory: the structure. A call writes what it has; a disk that is full or slow to answer costs frames, which are then
+ *   refused. The file must be a regular one: a pipe would hold the simulator up. Beyond the process's limit on file
+ *   sizes nothing is written, since the system would end the process.
+ */
+#ifndef AEOLID_DISCON_FRAME_LOG_H
+#define AEOLID_DISCON_FRAME_LOG_H
+
+#include <aeolid/frame.h>
+
+#define FRAME_LOG_ROOM 16384u /* characters kept until the end of a call */
+#define FRAME_LOG_LINE 192u   /* the longest line */
+
+typedef struct {
+    int fd;         /* -1: closed */
+    uint64_t limit; /* bytes the file may have */
+    uint64_t size;
+    size_t held;
+    char text[FRAME_LOG_ROOM];
+} frame_log_t;
+
+/* Begin a new file; 0, or an errno. */
+int frame_log_open(frame_log_t *self, const char *path);
+
+/* Keep one frame for time_us; 1 taken, 0 no room. */
+int frame_log_put(frame_log_t *self, uint64_t time_us, const aeo_can_frame_t *frame);
+
+/* Write what is kept, as much as the file takes. */
+void frame_log_flush(frame_log_t *self);
+
+/* Write what is kept and close. */
+void frame_log_close(frame_log_t *self);
+
+#endif
+/* SPDX-License-Identifier: MIT */

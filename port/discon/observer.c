@@ -1,0 +1,338 @@
+#include "observer.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define BURST         16u
+#define HEALTH_EVERY  10.0   /* samples between two health frames */
+#define DESCRIBE_S    10.0   /* what a late joiner waits at most for the description */
+#define BITS_LEAST    160u   /* a second; less than one frame is no stream (stream.h) */
+#define FINISH_STEPS  200000 /* calls' worth of simulated time that the end of the stream may take */
+#define FINISH_PAUSES 500    /* of 2 ms in which a bus that takes nothing may hold up the end */
+
+static int fail(observer_t *self, const char *what, char *why, size_t room)
+{
+    (void)snprintf(why, room, "%s", what);
+    observer_drop(self);
+    return -1;
+}
+
+/* ---- start ------------------------------------------------------------------------------------------------------- */
+
+static chosen_config_t choose_filter(const settings_t *s)
+{
+    chosen_config_t config;
+    memset(&config, 0, sizeof config);
+    config.method = (chosen_method_t)s->method;
+    config.model_set = s->varmax ? AEO_VARMAX : AEO_VARX;
+    config.inputs = (uint16_t)s->taps[ROLE_INPUT];
+    config.outputs = (uint16_t)s->taps[ROLE_OUTPUT];
+    config.past = (uint16_t)s->past;
+    config.feedthrough = s->feedthrough;
+    config.forgetting = s->lambda;
+    config.regularisation = s->rho;
+    config.excitation_min = AEO_REAL(0.05);
+    config.growth_max = AEO_REAL(10.0);
+    config.varx_samples = s->varx_samples;
+    config.forgetting_start = s->lambda < 0.99F ? s->lambda : AEO_REAL(0.99);
+    config.forgetting_rate = AEO_REAL(0.99);
+    config.guard_ratio = AEO_REAL(4.0);
+    return config;
+}
+
+static aeo_status_t start_regressor(observer_t *self, aeo_real_t *memory, size_t words)
+{
+    const settings_t *s = self->settings;
+    aeo_real_t offset[SETTINGS_CHANNELS_MAX], scale[SETTINGS_CHANNELS_MAX];
+    aeo_real_t minimum[SETTINGS_CHANNELS_MAX], maximum[SETTINGS_CHANNELS_MAX];
+    aeo_regressor_config_t layout;
+    for (unsigned i = 0; i < settings_taps(s); i++) {
+        offset[i] = s->tap[i].offset;
+        scale[i] = s->tap[i].scale;
+        minimum[i] = s->tap[i].minimum;
+        maximum[i] = s->tap[i].maximum;
+    }
+    memset(&layout, 0, sizeof layout);
+    layout.inputs = (uint16_t)s->taps[ROLE_INPUT];
+    layout.outputs = (uint16_t)s->taps[ROLE_OUTPUT];
+    layout.past = (uint16_t)s->past;
+    layout.model_set = s->varmax ? AEO_VARMAX : AEO_VARX;
+    layout.feedthrough = s->feedthrough;
+    layout.period_us = self->period_us;
+    layout.offset = offset;
+    layout.scale = scale;
+    layout.minimum = minimum;
+    layout.maximum = maximum;
+    return aeo_regressor_init(&self->regressor, &layout, memory, words);
+}
+
+static uint16_t choose_steps(double steps)
+{
+    return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
+}
+
+static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters, uint32_t *memory)
+{
+    const settings_t *s = self->settings;
+    aeo_stream_config_t config;
+    aeo_port_t port;
+    memset(&config, 0, sizeof config);
+    config.address.base = AEO_FRAME_BASE_EXTENDED;
+    config.address.node = (uint8_t)((s->node_id + turbine - 1u) % 254u);
+    config.address.extended = 1;
+    config.inputs = (uint8_t)s->taps[ROLE_INPUT];
+    config.outputs = (uint8_t)s->taps[ROLE_OUTPUT];
+    config.scheduling = (uint8_t)s->taps[ROLE_SCHEDULING];
+    config.innovations = (uint8_t)s->innovations;
+    config.model_set = chosen_filter_wire_set(&self->filter.config);
+    config.past = (uint16_t)s->past;
+    config.parameters = parameters;
+    config.feedthrough = s->feedthrough;
+    config.sample_time_s = (aeo_real_t)(self->clock.step_s * s->decimation);
+    config.lambda = s->lambda;
+    config.rho = s->rho;
+    config.channels = self->channel;
+    config.sample_every = (uint16_t)s->sample_every;
+    config.health_every = choose_steps(HEALTH_EVERY * s->decimation);
+    config.describe_every = choose_steps(DESCRIBE_S / self->clock.step_s);
+    config.repair_percent = (uint8_t)s->repair;
+    config.burst = BURST;
+    config.bits_per_s = (uint32_t)((double)s->bit_rate * s->share / 100.0);
+    if (s->share > 0 && config.bits_per_s < BITS_LEAST) {
+        return AEO_E_BUDGET;
+    }
+    bus_port(&self->bus, &port);
+    return aeo_stream_init(&self->stream, &config, &port, memory, parameters);
+}
+
+static void name_channels(observer_t *self)
+{
+    for (unsigned i = 0; i < settings_taps(self->settings); i++) {
+        const tap_t *tap = &self->settings->tap[i];
+        self->channel[i].name = tap->name;
+        self->channel[i].unit = tap->unit;
+        self->channel[i].offset = tap->offset;
+        self->channel[i].scale = tap->scale;
+    }
+}
+
+/* Regressor, filter and streamer in one array. */
+static int start_filter(observer_t *self, unsigned turbine, char *why, size_t room)
+{
+    const settings_t *s = self->settings;
+    const chosen_config_t config = choose_filter(s);
+    const size_t window = AEO_REGRESSOR_WORDS(s->taps[ROLE_INPUT], s->taps[ROLE_OUTPUT], s->past, s->varmax ? 1u : 0u);
+    const size_t words = chosen_filter_words(&config);
+    const size_t parameters = chosen_filter_regressors(&config) * s->taps[ROLE_OUTPUT];
+    aeo_real_t *memory;
+    int result;
+    if (chosen_filter_regressors(&config) > AEO_REGRESSOR_LENGTH_MAX) {
+        return fail(self, "past: the window has more than 1024 entries; choose a shorter one", why, room);
+    }
+    self->memory = calloc(window + words + AEO_STREAM_WORDS(parameters), sizeof(aeo_real_t));
+    memory = self->memory;
+    if (memory == NULL) {
+        return fail(self, "filter: out of memory; choose a shorter past or fewer channels", why, room);
+    }
+    if (start_regressor(self, memory, window) != AEO_OK) {
+        return fail(self, "regressor: past, scale, offset or sample time out of range (regressor.h)", why, room);
+    }
+    if (chosen_filter_init(&self->filter, &config, memory + window, words) != AEO_OK) {
+        return fail(self, "filter: past, forget or regularize out of range (the filter's header)", why, room);
+    }
+    result = start_stream(self, turbine, (uint32_t)parameters, (uint32_t *)(void *)(memory + window + words));
+    if (result == AEO_E_BUDGET) {
+        return fail(self, "share: the samples alone need more than nine tenths of it; raise share or sample_every", why,
+                    room);
+    }
+    return result == AEO_OK ? 0 : fail(self, "stream: a setting is out of range (stream.h)", why, room);
+}
+
+int observer_start(observer_t *self, const settings_t *settings, unsigned turbine, double step_s, char *why,
+                   size_t room)
+{
+    double period_us, samples;
+    memset(self, 0, sizeof *self);
+    self->settings = settings;
+    self->due = CLOCK_REPEATED;
+    self->bus.log.fd = -1;
+    if (sample_clock_init(&self->clock, step_s, settings->decimation) != 0) {
+        return fail(self, "record 3, the time between two calls, is not 1e-6 ... 1000 s; the simulator must set it",
+                    why, room);
+    }
+    period_us = self->clock.step_s * settings->decimation * 1e6 + 0.5;
+    if (!(period_us >= 20.0 && period_us <= 1e9)) {
+        return fail(self, "decimation: the sample time must be 2e-5 ... 1000 s", why, room);
+    }
+    self->period_us = (uint32_t)period_us;
+    samples = settings->snapshot_s / (period_us * 1e-6) + 0.5;
+    self->snapshot_samples = samples < 4e9 ? (uint32_t)samples : 0u;
+    name_channels(self);
+    if (bus_open(&self->bus, settings, turbine, why, room) != 0) {
+        return -1;
+    }
+    if (start_filter(self, turbine, why, room) != 0) {
+        return -1;
+    }
+    bus_wait(&self->bus, settings->wait_s);
+    self->on = 1;
+    return 0;
+}
+
+/* ---- a call ------------------------------------------------------------------------------------------------------ */
+
+static float mean_of_blades(const float *swap, unsigned first, unsigned second, unsigned third)
+{
+    const unsigned number[3] = {first, second, third};
+    const unsigned blades = records_blades(swap);
+    double sum = 0;
+    for (unsigned b = 0; b < blades; b++) {
+        sum += (double)records_get(swap, number[b]);
+    }
+    return (float)(sum / blades);
+}
+
+static float read_after(const tap_t *tap, const float *swap, const demands_t *demands)
+{
+    double sum = 0;
+    const unsigned blades = records_blades(swap);
+    switch (tap->source) {
+    case SOURCE_COMMAND:
+        return records_individual(swap)
+                   ? mean_of_blades(swap, RECORD_COMMAND_1, RECORD_COMMAND_1 + 1, RECORD_COMMAND_1 + 2)
+                   : records_get(swap, RECORD_COMMAND);
+    case SOURCE_EXCITED_PITCH:
+        for (unsigned b = 0; b < blades; b++) {
+            sum += (double)demands->added[b];
+        }
+        return (float)(sum / blades);
+    case SOURCE_EXCITED_PITCH_AT:
+        return demands->added[tap->record];
+    case SOURCE_EXCITED_TORQUE:
+        return demands->added[EXCITATION_BLADES];
+    case SOURCE_MEASURED:
+    case SOURCE_PITCH:
+    case SOURCE_DEMANDED:
+    default:
+        return records_get(swap, tap->record);
+    }
+}
+
+clock_tick_t observer_before(observer_t *self, const float *swap)
+{
+    const clock_tick_t tick = self->clock.step_s > 0
+                                  ? sample_clock_take(&self->clock, (double)records_get(swap, RECORD_TIME))
+                                  : CLOCK_REPEATED;
+    self->due = (int)tick;
+    self->bus.clock_us = (uint64_t)((double)self->clock.elapsed * self->clock.step_s * 1e6 + 0.5);
+    if (!self->on || (tick != CLOCK_SAMPLE && tick != CLOCK_JUMPED)) {
+        return tick;
+    }
+    for (unsigned i = 0; i < settings_taps(self->settings); i++) {
+        const tap_t *tap = &self->settings->tap[i];
+        if (tap->source == SOURCE_MEASURED) {
+            self->value[i] = records_get(swap, tap->record);
+        } else if (tap->source == SOURCE_PITCH) {
+            self->value[i] = mean_of_blades(swap, RECORD_PITCH_1, RECORD_PITCH_2, RECORD_PITCH_3);
+        }
+    }
+    return tick;
+}
+
+static void report_health(observer_t *self)
+{
+    const aeo_regressor_count_t *count = &self->regressor.count;
+    const uint32_t counter[AEO_STREAM_COUNTERS] = {count->samples,
+                                                   count->not_finite,
+                                                   count->range,
+                                                   count->time,
+                                                   count->gaps,
+                                                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
+                                                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
+                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED)};
+    (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
+}
+
+/* Begin to send the parameters of this instant; 0 while those before are under way or where there are none. */
+static int send_snapshot(observer_t *self)
+{
+    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
+    return theta != NULL && aeo_stream_snapshot(&self->stream, self->clock.index, theta) == AEO_OK;
+}
+
+static void take_sample(observer_t *self)
+{
+    const settings_t *s = self->settings;
+    const float *u = self->value, *y = u + s->taps[ROLE_INPUT], *scheduling = y + s->taps[ROLE_OUTPUT];
+    const uint32_t index = self->clock.index;
+    if (aeo_regressor_push(&self->regressor, u, y, (uint64_t)index * self->period_us) == AEO_OK &&
+        chosen_filter_take(&self->filter, &self->regressor) == AEO_OK) {
+        (void)aeo_stream_innovation(&self->stream, index, chosen_filter_innovation(&self->filter));
+    }
+    (void)aeo_stream_sample(&self->stream, index, u, y, s->taps[ROLE_SCHEDULING] > 0u ? scheduling : NULL);
+    self->since_snapshot++;
+    if (self->snapshot_samples > 0u && self->since_snapshot >= self->snapshot_samples && send_snapshot(self)) {
+        self->since_snapshot = 0;
+    }
+    report_health(self);
+}
+
+void observer_after(observer_t *self, const float *swap, const demands_t *demands)
+{
+    if (!self->on || self->due == (int)CLOCK_REPEATED) {
+        return;
+    }
+    if (self->due != (int)CLOCK_STEP) {
+        for (unsigned i = 0; i < settings_taps(self->settings); i++) {
+            const tap_t *tap = &self->settings->tap[i];
+            if (tap->source != SOURCE_MEASURED && tap->source != SOURCE_PITCH) {
+                self->value[i] = read_after(tap, swap, demands);
+            }
+        }
+        take_sample(self);
+    }
+    (void)aeo_stream_step(&self->stream);
+    bus_service(&self->bus);
+}
+
+/* ---- the end ----------------------------------------------------------------------------------------------------- */
+
+/* Let simulated time run on until nothing is pending, the bus takes nothing any more, or it takes too long. */
+static void drain(observer_t *self)
+{
+    int pauses = 0;
+    for (int32_t i = 0; i < FINISH_STEPS && pauses < FINISH_PAUSES && aeo_stream_pending(&self->stream); i++) {
+        const uint32_t refused = self->bus.refused;
+        self->clock.elapsed++;
+        self->bus.clock_us = (uint64_t)((double)self->clock.elapsed * self->clock.step_s * 1e6 + 0.5);
+        (void)aeo_stream_step(&self->stream);
+        bus_service(&self->bus);
+        if (self->bus.refused != refused) {
+            bus_pause(&self->bus);
+            pauses++;
+        }
+    }
+}
+
+void observer_finish(observer_t *self)
+{
+    if (self->on) {
+        drain(self); /* first the snapshot under way, then one of the last theta */
+        (void)send_snapshot(self);
+        aeo_stream_finish(&self->stream);
+        drain(self);
+        bus_linger(&self->bus);
+    }
+    observer_drop(self);
+}
+
+void observer_drop(observer_t *self)
+{
+    bus_close(&self->bus);
+    free(self->memory);
+    self->memory = NULL;
+    self->on = 0;
+}
+/* SPDX-License-Identifier: MIT */
