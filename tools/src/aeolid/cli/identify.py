@@ -12,10 +12,12 @@ from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_js
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
+    from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.result import Identification
 
-METHODS = ("varx", "varmax")
-LATER = ("lpv", "lpv-kernel", "ort")
+METHODS = ("varx", "varmax", "lpv", "lpv-kernel")
+SCHEDULED = METHODS[2:]
+LATER = ("ort",)
 
 
 def register(app: typer.Typer) -> None:
@@ -30,7 +32,12 @@ def identify(
         int, typer.Option("--past", help="Past window p in samples, about one period of the slowest mode.")
     ],
     out: Annotated[Path, typer.Option("--out", help="Where to write the model (model.json).")],
-    method: Annotated[str, typer.Option("--method", help="varx, or varmax: a short window does.")] = "varx",
+    method: Annotated[
+        str,
+        typer.Option(
+            "--method", help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling."
+        ),
+    ] = "varx",
     future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
     markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
@@ -45,15 +52,39 @@ def identify(
     forget: Annotated[
         float | None, typer.Option("--forget", help="varmax: forgetting of the first pass, 0.9 to 1; default 1.")
     ] = None,
+    scheduling: Annotated[
+        list[str] | None, typer.Option("--scheduling", help="lpv: channel to schedule with; default those of the role.")
+    ] = None,
+    varying: Annotated[
+        str | None, typer.Option("--varying", help="lpv: matrices that depend on it, of A,B,C,D,K; default A,B,K.")
+    ] = None,
+    kernel_rows: Annotated[
+        int | None, typer.Option("--kernel-rows", help="lpv-kernel: rows of the kernel to use; default all.")
+    ] = None,
+    kernel_selection: Annotated[
+        str | None, typer.Option("--kernel-selection", help="lpv-kernel: greedy (default), or the first rows.")
+    ] = None,
+    offsets: Annotated[
+        bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
+    ] = None,
+    memory: Annotated[
+        float | None, typer.Option("--memory", help="lpv: refuse what needs more gigabytes; default 4.")
+    ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
     _check_method(method)
-    own: dict[str, Any] = {k: v for k, v in (("passes", passes), ("forgetting", forget)) if v is not None}
+    own = _given(passes=passes, forgetting=forget)
     _check_passes(own, method, markov)
+    scheduled = _given(
+        scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
+        offsets=offsets, memory_gb=memory,
+    )  # fmt: skip
+    _check_scheduled(scheduled, method, markov, stable)
     from aeolid.formats import read_record
+    from aeolid.identify.lpv import identify_lpv
     from aeolid.identify.streamed import StreamedMarkov
     from aeolid.identify.varmax import identify_varmax
     from aeolid.identify.varx import identify_varx
@@ -64,11 +95,16 @@ def identify(
     with progress_console.status("reading"):
         records = [read_record(path, table) for path in recordings]
     with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
-        run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
-        result = run(
-            records, past=past, future=future, order=_order(order), feedthrough=feedthrough or (),
-            regularization=_regularization(regularize), markov=streamed, decimation=decimate, stable=stable, **own,
-        )  # fmt: skip
+        common: dict[str, Any] = {
+            "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
+            "regularization": _regularization(regularize), "decimation": decimate,
+        }  # fmt: skip
+        result: Identification | LpvIdentification
+        if method in SCHEDULED:
+            result = identify_lpv(records, method=method, **common, **scheduled)
+        else:
+            run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
+            result = run(records, markov=streamed, stable=stable, **common, **own)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -89,6 +125,21 @@ def _check_method(method: str) -> None:
     if method in FILTERS:
         raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
     raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
+
+
+def _given(**options: Any) -> dict[str, Any]:
+    """Return the options that were given."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
+    """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
+    if given and method not in SCHEDULED:
+        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
+        raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
+    if method in SCHEDULED and (markov is not None or stable):
+        option = "--stable" if stable else "--markov"
+        raise UsageError(f"{option} is for time-invariant models; leave it out with --method {method}")
 
 
 def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:

@@ -36,10 +36,11 @@ def simulate(
     from aeolid.formats import read_record, write_table
     from aeolid.identify.fit import score
     from aeolid.models.load import LinearModel, load_model, matched
+    from aeolid.models.lpv_prediction import LpvModel
     from aeolid.record import Roles
 
     model = load_model(model_file)
-    if isinstance(model, LinearModel):
+    if isinstance(model, LinearModel | LpvModel):
         model = replace(model, initial=initial)
     record = read_record(recording, Roles.load(roles))
     matched(record, model.inputs)

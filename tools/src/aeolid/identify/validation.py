@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from aeolid.identify.fit import Fit, Score, measure_fit, score, stretches
+from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, run_residual_tests
 from aeolid.models.load import LinearModel, Model, discretise, matched
+from aeolid.models.lpv_prediction import LpvModel
 from aeolid.record import Record
 
 
@@ -59,6 +61,10 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
 
     steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
     """
+    names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
+    if isinstance(model, LpvModel) and model.state_space.K is not None:
+        fit, u = measure_lpv_fit(model.state_space, [record], steps)
+        return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names))
     if not isinstance(model, LinearModel) or model.state_space.K is None:
         matched(record, model.inputs)
         y = matched(record, model.outputs)
@@ -66,5 +72,4 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
     state_space = discretise(model.state_space, record.sample_time_s)
     fit = measure_fit(state_space, [record], steps)
     u = np.concatenate([u for _, u, _ in stretches(state_space, record)])
-    names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
     return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names))

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from aeolid.errors import DataError, UsageError
-from aeolid.models import state_space
+from aeolid.models import lpv, state_space
+from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
 from aeolid.models.state_space import Signal, StateSpace
 from aeolid.record import Record
@@ -108,7 +109,12 @@ def load_model(path: str | Path) -> Model:
 
         return equations.load(source)
     if source.suffix == ".json":
-        return LinearModel(state_space.load(source))
+        data = state_space.read_json(source)
+        if data.get("scheduling"):
+            from aeolid.models.lpv_prediction import LpvModel  # it stands on this module
+
+            return LpvModel(lpv.from_json(data, str(source)))
+        return LinearModel(state_space.from_json(data, str(source)))
     raise UsageError(f"{path}: a model is a .json (state space) or .toml (equations) file")
 
 
@@ -152,7 +158,7 @@ def require_complete(record: Record, signals: Sequence[Named]) -> Array:
     return values
 
 
-def require_sample_time(model: StateSpace, record: Record) -> None:
+def require_sample_time(model: StateSpace | LpvStateSpace, record: Record) -> None:
     """Refuse a discrete-time model on a recording of another sample time."""
     if model.sample_time_s > 0 and abs(model.sample_time_s - record.sample_time_s) > 1e-3 * model.sample_time_s:
         raise DataError(

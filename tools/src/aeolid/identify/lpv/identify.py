@@ -1,0 +1,247 @@
+"""Identify a model that depends on a measured scheduling sequence by LPV-PBSIDopt: paper 001."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import aeolid
+from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.decimate import decimate
+from aeolid.identify.fit import Fit
+from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
+from aeolid.identify.lpv.dual import SELECTIONS, require_kernel, solve_dual
+from aeolid.identify.lpv.fit import measure_lpv_fit
+from aeolid.identify.lpv.matrices import ScaledLpv, fit_matrices, require_distinct
+from aeolid.identify.lpv.order import choose_lpv_order
+from aeolid.identify.lpv.primal import require_primal, solve_primal
+from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
+from aeolid.identify.lpv.states import Estimate
+from aeolid.identify.lpv.structure import Structure, parse_varying
+from aeolid.identify.order import OrderChoice
+from aeolid.models.lpv import LpvStateSpace, with_one
+from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
+from aeolid.models.state_space import Signal
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+METHODS = ("lpv", "lpv-kernel")
+MEMORY_GB = 4.0
+
+
+def identify_lpv(
+    records: Sequence[Record],
+    *,
+    past: int,
+    method: str = "lpv",
+    future: int | None = None,
+    order: int | None = None,
+    scheduling: Sequence[str] = (),
+    varying: str | Sequence[str] = ("A", "B", "K"),
+    feedthrough: Sequence[str] = (),
+    regularization: str | float = "gcv",
+    offsets: bool | None = None,
+    decimation: int = 1,
+    kernel_rows: int | None = None,
+    kernel_selection: str = "greedy",
+    memory_gb: float = MEMORY_GB,
+) -> LpvIdentification:
+    """Identify x⁺ = A(μ) x + B(μ) u + K(μ) e, y = C x + D u + e with a measured scheduling μ, open or closed loop.
+
+    records: one experiment set, merged exactly; no window spans two of them. past: p ≥ 1 samples; the number of
+    regressors grows like mᵖ. method: "lpv" (Algorithm 1: cost 2 N q², q regressors; N > q) or "lpv-kernel" (Algorithm
+    2: cost p N² + N³, memory N²; any q). future: f ≤ p, default p. order: n, default chosen on held-out data.
+    scheduling: channels of μ, default those of the role; an input among them gives a bilinear model. varying: matrices
+    that depend on μ, out of A, B, C, D, K (C or D not with K). feedthrough: names of inputs that act on the outputs
+    within the sample, default none. regularization: "gcv" (Tikhonov's penalty by generalised cross-validation on the
+    filter applied), "none" or a number, λ relative to the largest singular value. offsets: whether signals are taken
+    about their mean with free constants b(μ) and c; default: where a mean exceeds 0.3 standard deviations. decimation:
+    whole factor by which the sample rate is lowered first. kernel_rows: M rows of the kernel (Algorithm 3; memory M N),
+    default all; kernel_selection: "greedy" or "first". memory_gb: refuse what would need more.
+    Raises NotIdentifiable where scheduling or inputs do not vary enough, windows are too few, the order is too large or
+    memory too small; DataError on missing roles or recordings that differ; UsageError on bad options.
+    """
+    names = _check(records, method, past, future, order, scheduling, feedthrough, kernel_rows, kernel_selection)
+    settings = LpvSettings(
+        method, past, past if future is None else future, order, names, tuple(sorted(parse_varying(varying))),
+        tuple(feedthrough), regularization, False, decimation, kernel_rows, kernel_selection, memory_gb,
+    )  # fmt: skip
+    records = [decimate(r, decimation) for r in records]
+    scaling = find_lpv_scaling(records, names, centre=offsets)
+    settings = replace(settings, offsets=bool(scaling.signals.offset.any()))
+    structure = _structure(settings, scaling)
+    data = gather(records, scaling, past)
+    _require_data(data, structure, settings, records[0].source)
+    estimate = _solve(data, structure, settings, records[0].source)
+    choice = _order(data, structure, settings, estimate, records[0].source)
+    X = estimate.states.X[:, : choice.order]
+    require_distinct(data, X, structure, records[0].source)
+    scaled = fit_matrices(data, X, structure)
+    model, fit, gain_method = _choose_gain(_in_units(scaled, scaling, records[0]), records)
+    s = np.concatenate([r.columns(names) for r in records])
+    spread = (scaling.mu_offset, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
+    return LpvIdentification(
+        model=model,
+        points=operating_points(model, spread, scaling.signals.scale[structure.inputs :]),
+        estimate=estimate,
+        order_choice=choice,
+        fit=fit,
+        settings=settings,
+        data=tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
+        windows=data.windows,
+        skipped=data.skipped,
+        gain_method=gain_method,
+        notes=_notes(data, settings, model, spread),
+        version=aeolid.__version__,
+    )
+
+
+def _check(
+    records: Sequence[Record], method: str, past: int, future: int | None, order: int | None,
+    scheduling: Sequence[str], feedthrough: Sequence[str], kernel_rows: int | None, selection: str,
+) -> tuple[str, ...]:  # fmt: skip
+    """Check the options against the recordings; returns the scheduling channels."""
+    if not records:
+        raise UsageError("at least one recording is needed")
+    if method not in METHODS:
+        raise UsageError(f"method {method!r} is none of {', '.join(METHODS)}")
+    if past < 1:
+        raise UsageError(f"past window {past} is not at least 1")
+    chosen = past if future is None else future
+    if not 1 <= chosen <= past:
+        raise UsageError(f"future window {chosen} is not within 1 … past window {past}")
+    largest = chosen * len(records[0].names("output"))
+    if order is not None and not 1 <= order <= max(largest, 1):
+        raise UsageError(f"order {order} is not within 1 … {largest} (future window times outputs)")
+    unknown = [n for n in feedthrough if n not in records[0].names("input")]
+    if unknown:
+        have = ", ".join(records[0].names("input"))
+        raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
+    if method == "lpv" and kernel_rows is not None:
+        raise UsageError("a number of kernel rows belongs to method lpv-kernel")
+    if selection not in SELECTIONS:
+        raise UsageError(f"kernel selection {selection!r} is none of {', '.join(SELECTIONS)}")
+    return scheduling_names(records, scheduling)
+
+
+def _structure(settings: LpvSettings, scaling: LpvScaling) -> Structure:
+    inputs, outputs = scaling.signals.inputs, scaling.signals.outputs
+    through = tuple(name in settings.feedthrough for name in inputs)
+    return Structure(
+        frozenset(settings.varying), scaling.parameters, len(inputs), len(outputs), through, settings.offsets
+    )
+
+
+def _require_data(data: LpvData, structure: Structure, settings: LpvSettings, source: str) -> None:
+    """Refuse too few windows, inputs that excite too little, and sizes beyond the memory limit."""
+    n = settings.order or 1
+    needed = structure.parameters * (n + structure.inputs + structure.outputs) + 1
+    if data.windows < needed:
+        lost = f" ({data.skipped} more hold a missing sample)" if data.skipped else ""
+        raise NotIdentifiable(
+            f"{source}: {data.windows} complete windows of {data.past + 1} samples{lost}; a model of order {n} with "
+            f"{structure.parameters} scheduling entries needs at least {needed}; record longer or use a shorter past "
+            "window"
+        )
+    lagged = np.hstack([data.u[data.targets - j] for j in range(data.past + 1)])
+    s = np.linalg.svd(lagged - lagged.mean(axis=0), compute_uv=False)
+    rank = int(np.count_nonzero(s > 1e-7 * s[0]))
+    if 2 * rank < lagged.shape[1]:
+        raise NotIdentifiable(
+            f"{source}: the inputs are not persistently exciting: over past window {data.past} they span {rank} of "
+            f"{lagged.shape[1]} directions; excite every input over the frequencies of interest, or use a shorter past "
+            "window"
+        )
+    if settings.method == "lpv":
+        require_primal(data, structure, source, settings.memory_gb * 1e9)
+    else:
+        require_kernel(data, structure, source, settings.kernel_rows, settings.memory_gb * 1e9)
+
+
+def _solve(data: LpvData, structure: Structure, settings: LpvSettings, source: str) -> Estimate:
+    if settings.method == "lpv":
+        require_primal(data, structure, source, np.inf)
+        return solve_primal(data, structure, settings.future, settings.regularization)
+    return solve_dual(
+        data, structure, settings.future, settings.regularization, settings.kernel_rows, settings.kernel_selection
+    )
+
+
+def _order(data: LpvData, structure: Structure, settings: LpvSettings, estimate: Estimate, source: str) -> OrderChoice:
+    usable = estimate.states.X.shape[1]
+    if settings.order is None and usable:
+        return choose_lpv_order(data, structure, lambda part: _solve(part, structure, settings, source), estimate)
+    order = settings.order or 1
+    if order > usable:
+        raise NotIdentifiable(
+            f"{source}: order {order} asked for, the data carry {usable} singular values above rounding; "
+            "lower the order or lengthen the windows"
+        )
+    return OrderChoice(order, f"order {order}: as asked for", ())
+
+
+def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStateSpace:
+    """Undo the scaling of signals and scheduling: M(s) = M⁽¹⁾ + Σ M⁽ⁱ⁺¹⁾ (s_i − o_i)/c_i."""
+    signals, r = scaling.signals, len(scaling.signals.inputs)
+    su, sy = signals.scale[:r], signals.scale[r:]
+    offset = signals.offset + np.concatenate([np.zeros(r), sy * scaled.c])
+    named = [Signal(n, record.unit(n), float(o)) for n, o in zip(signals.names, offset, strict=True)]
+
+    def spoken(M: Array) -> Array:
+        slope = M[1:] / scaling.mu_scale.reshape(-1, *[1] * (M.ndim - 1))
+        return np.concatenate([[M[0] - np.tensordot(scaling.mu_offset, slope, axes=1)], slope])
+
+    n = scaled.A.shape[1]
+    return LpvStateSpace(
+        spoken(scaled.A), spoken(scaled.B) / su, sy[:, None] * spoken(scaled.C), sy[:, None] * spoken(scaled.D) / su,
+        spoken(scaled.K) / sy, spoken(scaled.b), np.zeros(n), None, record.sample_time_s, tuple(named[:r]),
+        tuple(named[r:]), tuple(Signal(f"x{i + 1}") for i in range(n)),
+        tuple(Signal(name, record.unit(name)) for name in scaling.scheduling),
+    )  # fmt: skip
+
+
+def _choose_gain(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit, str]:
+    """Return the model with its least-squares gain, or with none where its predictor does worse than a free run.
+
+    Stability of A(μ) − K(μ) C along the recordings is what counts; an error that grows shows a predictor without it.
+    """
+    fit, _ = measure_lpv_fit(model, records)
+    method = "least squares"
+    worst = max(fit.one_step.nrmse.values()) if all(np.isfinite(list(fit.one_step.nrmse.values()))) else np.inf
+    free = max(fit.free_run.nrmse.values()) if all(np.isfinite(list(fit.free_run.nrmse.values()))) else np.inf
+    assert model.K is not None
+    if worst > free and model.K.any():
+        plain = replace(model, K=np.zeros_like(model.K))
+        other, _ = measure_lpv_fit(plain, records)
+        model, fit, method = plain, other, "none: the least-squares gain makes the prediction worse"
+    covariance = np.atleast_2d(np.cov(fit.innovations.T))
+    if np.isfinite(covariance).all():
+        model = replace(model, innovation_covariance=covariance)
+    for u, y, s in lpv_stretches(model, records[0], 1):
+        x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset, with_one(s))
+        return replace(model, x0=x0), fit, method
+    return model, fit, method
+
+
+def _notes(
+    data: LpvData, settings: LpvSettings, model: LpvStateSpace, spread: tuple[Array, Array, Array]
+) -> tuple[str, ...]:
+    notes = []
+    if data.skipped:
+        notes.append(f"{data.skipped} windows with a missing sample were left out, {data.windows} used")
+    if settings.offsets:
+        notes.append("signals are taken about their mean, with a free constant for each scheduling entry")
+    growing = [
+        word
+        for word, at in zip(("mean", "smallest values", "largest values"), spread, strict=True)
+        if abs(np.linalg.eigvals(model.frozen(at).A)).max() > 1
+    ]
+    if growing:
+        notes.append(
+            f"frozen at the {' and the '.join(growing)} of the scheduling the model has poles outside the unit circle; "
+            "a free run that stays there diverges"
+        )
+    return tuple(notes)

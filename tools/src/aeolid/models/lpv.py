@@ -1,0 +1,220 @@
+"""Hold a state-space model that depends on a measured scheduling sequence, and its JSON file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import DataError
+from aeolid.models.state_space import Signal, StateSpace
+from aeolid.record import check_keys
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class LpvStateSpace:
+    """Hold x⁺ = A(μ) x + B(μ) u + K(μ) e + b(μ), y = C x + D u + e, eq. (1)–(2) of paper 001.
+
+    M(μ) = M⁽¹⁾ + Σ s_i M⁽ⁱ⁺¹⁾ over the scheduling channels s, in their units. A (m, n, n), B (m, n, r), C (m, l, n),
+    D (m, l, r), K (m, n, l) or None, b (m, n); entries after the first are zero for what does not depend on the
+    scheduling. u and y are deviations from the offsets of their signals; x0 (n,), innovation_covariance (l, l) or None.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    K: Array | None
+    b: Array
+    x0: Array
+    innovation_covariance: Array | None
+    sample_time_s: float
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    states: tuple[Signal, ...]
+    scheduling: tuple[Signal, ...]
+
+    @property
+    def order(self) -> int:
+        """Return the number of states."""
+        return int(self.A.shape[1])
+
+    @property
+    def u_offset(self) -> Array:
+        """Return the operating point (r,) of the inputs."""
+        return np.array([s.offset for s in self.inputs])
+
+    @property
+    def y_offset(self) -> Array:
+        """Return the operating point (l,) of the outputs."""
+        return np.array([s.offset for s in self.outputs])
+
+    def frozen(self, scheduling: Array) -> StateSpace:
+        """Return the time-invariant model at one operating point, scheduling (m − 1,) in the channels' units.
+
+        Its constant b(μ) is left out: it moves the rest, not the dynamics.
+        """
+        mu = np.concatenate([[1.0], np.asarray(scheduling, float)])
+        A, B, C, D = (np.tensordot(mu, matrix, axes=1) for matrix in (self.A, self.B, self.C, self.D))
+        K = None if self.K is None else np.tensordot(mu, self.K, axes=1)
+        return StateSpace(
+            A, B, C, D, K, self.x0, self.innovation_covariance, self.sample_time_s, self.inputs, self.outputs,
+            self.states,
+        )  # fmt: skip
+
+    def simulate(self, u: Array, scheduling: Array, x0: Array | None = None) -> Array:
+        """Run the model free on inputs u (N, r) and scheduling (N, m − 1), in the channels' units; returns y (N, l)."""
+        mu, deviation = with_one(scheduling), u - self.u_offset
+        forced = apply_at(self.B, mu, deviation) + mu @ self.b
+        states = run_scheduled(self.A, mu, forced, self.x0 if x0 is None else np.asarray(x0, float))[:-1]
+        out: Array = apply_at(self.C, mu, states) + apply_at(self.D, mu, deviation) + self.y_offset
+        return out
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of model.json: A, B, K as lists of matrices, C and D too where they are scheduled."""
+
+        def named(signals: tuple[Signal, ...]) -> list[dict[str, Any]]:
+            return [{"name": s.name, "unit": s.unit} | ({"offset": s.offset} if s.offset else {}) for s in signals]
+
+        return {
+            "kind": "state_space",
+            "sample_time_s": self.sample_time_s,
+            "inputs": named(self.inputs),
+            "outputs": named(self.outputs),
+            "states": named(self.states),
+            "A": self.A.tolist(),
+            "B": self.B.tolist(),
+            "C": (self.C if self.C[1:].any() else self.C[0]).tolist(),
+            "D": (self.D if self.D[1:].any() else self.D[0]).tolist(),
+            "K": None if self.K is None else self.K.tolist(),
+            "state_constant": self.b.tolist() if self.b.any() else None,
+            "x0": self.x0.tolist(),
+            "innovation_covariance": None
+            if self.innovation_covariance is None
+            else self.innovation_covariance.tolist(),
+            "scheduling": {
+                "channels": [s.name for s in self.scheduling],
+                "units": [s.unit for s in self.scheduling],
+                "first_is_one": True,
+            },
+        }
+
+
+def with_one(scheduling: Array) -> Array:
+    """Return μ = [1, s] (N, m) from scheduling samples (N, m − 1)."""
+    return np.hstack([np.ones((len(scheduling), 1)), scheduling])
+
+
+def apply_at(matrices: Array, mu: Array, values: Array) -> Array:
+    """Return M(μ_k) v_k for each sample: matrices (m, a, b), mu (N, m), values (N, b); returns (N, a)."""
+    out = values @ matrices[0].T * mu[:, :1]
+    for i in range(1, len(matrices)):
+        if matrices[i].any():
+            out += values @ matrices[i].T * mu[:, i : i + 1]
+    return np.asarray(out)
+
+
+def run_scheduled(A: Array, mu: Array, forced: Array, x0: Array) -> Array:
+    """Return the states x_0 … x_N of x⁺ = A(μ_k) x + f_k: A (m, n, n), mu (N, m), forced (N, n); (N + 1, n).
+
+    An unstable sequence grows as it does; the result may then hold infinities.
+    """
+    states = np.empty((len(forced) + 1, len(x0)))
+    states[0] = x0
+    step = 1 << 14  # bounds the memory of the matrices of each sample
+    for start in range(0, len(forced), step):
+        transition = np.tensordot(mu[start : start + step], A, axes=1)  # (step, n, n)
+        for k, matrix in enumerate(transition, start):
+            states[k + 1] = matrix @ states[k] + forced[k]
+    return states
+
+
+def from_json(data: dict[str, Any], source: str) -> LpvStateSpace:
+    """Build the model from the content of model.json; raises DataError that names the key."""
+    if data.get("kind") != "state_space":
+        raise DataError(f"{source}: kind is {data.get('kind')!r}, 'state_space' is needed")
+    for key in ("A", "B", "C", "inputs", "outputs", "sample_time_s", "scheduling"):
+        if key not in data:
+            raise DataError(f"{source}: key {key!r} is missing")
+    scheduling = _scheduling(data["scheduling"], source)
+    inputs, outputs = (_signals(data[k], k, source) for k in ("inputs", "outputs"))
+    m, r, l_ = 1 + len(scheduling), len(inputs), len(outputs)
+    stack = data["A"]
+    n = len(stack[0]) if isinstance(stack, list) and stack and isinstance(stack[0], list) else -1
+    A = _stacked(data, "A", m, (n, n), source)
+    states = _signals(data.get("states") or [f"x{i + 1}" for i in range(n)], "states", source)
+    if len(states) != n:
+        raise DataError(f"{source}: {len(states)} states are named, A has {n}")
+    D = _stacked(data, "D", m, (l_, r), source) if data.get("D") is not None else np.zeros((m, l_, r))
+    K = _stacked(data, "K", m, (n, l_), source) if data.get("K") is not None else None
+    covariance = data.get("innovation_covariance")
+    x0 = np.zeros(n) if not data.get("x0") else _array(data["x0"], (n,), "x0", source)
+    b = data.get("state_constant")
+    sample_time = data["sample_time_s"]
+    if not isinstance(sample_time, int | float) or not 0 < sample_time < 1e6:
+        raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds above 0")
+    return LpvStateSpace(
+        A, _stacked(data, "B", m, (n, r), source), _stacked(data, "C", m, (l_, n), source), D, K,
+        np.zeros((m, n)) if b is None else _array(b, (m, n), "state_constant", source), x0,
+        None if covariance is None else _array(covariance, (l_, l_), "innovation_covariance", source),
+        float(sample_time), inputs, outputs, states, scheduling,
+    )  # fmt: skip
+
+
+def _scheduling(entry: Any, source: str) -> tuple[Signal, ...]:
+    check_keys(entry, {"channels", "units", "first_is_one"}, f"{source} scheduling")
+    if entry.get("first_is_one") is not True:
+        raise DataError(f"{source}: scheduling.first_is_one is {entry.get('first_is_one')!r}, true is needed")
+    channels = entry.get("channels")
+    if not isinstance(channels, list) or not channels:
+        raise DataError(f"{source}: scheduling.channels is not a list of channel names")
+    units = entry.get("units") or [""] * len(channels)
+    if not isinstance(units, list) or len(units) != len(channels):
+        raise DataError(f"{source}: scheduling.units does not name a unit for each of {len(channels)} channels")
+    signals = _signals(channels, "scheduling.channels", source)
+    return tuple(Signal(s.name, s.unit or str(u)) for s, u in zip(signals, units, strict=True))
+
+
+def _signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
+    if not isinstance(entries, list):
+        raise DataError(f"{source}: {key} is not a list")
+    result = []
+    for i, entry in enumerate(entries):
+        entry = {"name": entry} if isinstance(entry, str) else entry
+        check_keys(entry, {"name", "unit", "offset"}, f"{source} {key}[{i}]")
+        offset = entry.get("offset", 0.0)
+        if not isinstance(entry.get("name"), str) or not isinstance(offset, int | float):
+            raise DataError(f"{source}: {key}[{i}] has no name, or an offset that is not a number")
+        result.append(Signal(entry["name"], str(entry.get("unit", "")), float(offset)))
+    return tuple(result)
+
+
+def _stacked(data: dict[str, Any], key: str, m: int, shape: tuple[int, int], source: str) -> Array:
+    """Read a list of m matrices; a single matrix is one that does not depend on the scheduling."""
+    value = data[key]
+    depth = 0
+    while isinstance(value, list) and value:
+        value, depth = value[0], depth + 1
+    if depth == 2 and 0 not in shape:
+        out = np.zeros((m, *shape))
+        out[0] = _array(data[key], shape, key, source)
+        return out
+    return _array(data[key], (m, *shape), key, source)
+
+
+def _array(value: Any, shape: tuple[int, ...], key: str, source: str) -> Array:
+    try:
+        array = np.array(value, dtype=float)
+    except (ValueError, TypeError):
+        raise DataError(f"{source}: {key} is not a matrix of numbers, or not one for each scheduling entry") from None
+    if array.size == 0 and 0 in shape:
+        array = np.zeros(shape)
+    if array.shape != shape:
+        raise DataError(f"{source}: {key} is {'x'.join(map(str, array.shape))}, needed is {'x'.join(map(str, shape))}")
+    if not np.all(np.isfinite(array)):
+        raise DataError(f"{source}: {key} holds a value that is not finite")
+    return array
