@@ -60,7 +60,9 @@ def flat(tables: list[SampleTable]) -> list[tuple[int, int, float]]:
 
 @settings(max_examples=60, deadline=None)
 @given(
-    pieces=st.lists(st.tuples(st.integers(0, 200_000), st.integers(1, 120)), min_size=1, max_size=5),
+    pieces=st.lists(
+        st.tuples(st.integers(0, 40), st.integers(1, 120)), min_size=1, max_size=5, unique_by=lambda p: p[0]
+    ),
     seed=st.integers(0, 99),
     keep=st.integers(40, 80),  # above the 16 samples by which frames may overtake each other
     every=st.sampled_from([1, 4]),
@@ -69,7 +71,7 @@ def test_released_samples_are_those_of_one_table(
     pieces: list[tuple[int, int]], seed: int, keep: int, every: int
 ) -> None:
     """Whatever the pauses and restarts: the same values under the same indices, the same losses."""
-    batches = stream([(first // every * every, count) for first, count in pieces], seed, every)
+    batches = stream([(5000 * block, count) for block, count in pieces], seed, every)
     _, whole = fill(batches, None, every)
     tables, rest = fill(batches, keep, every)
     assert flat(tables + rest.tables(every)) == flat(whole.tables(every))

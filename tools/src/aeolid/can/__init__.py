@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from aeolid.can.node import Assembly, Node
-from aeolid.can.recorder import build_records, read_log, write_markov, write_record
+from aeolid.can.recorder import build_records, read_log, write_markov
+from aeolid.can.runs import RunRecorder
 from aeolid.can.snapshots import MarkovSnapshot
 from aeolid.can.source import open_source
 
@@ -11,9 +12,9 @@ __all__ = [
     "Assembly",
     "MarkovSnapshot",
     "Node",
+    "RunRecorder",
     "build_records",
     "open_source",
     "read_log",
     "write_markov",
-    "write_record",
 ]

@@ -13,10 +13,10 @@ import numpy as np
 from aeolid.can.chunks import CHUNK, ChunkedLog
 from aeolid.can.messages import unpack_messages
 from aeolid.can.raw_mf4 import Mf4Log
-from aeolid.can.spare import SpareFile
 from aeolid.can.wire import Frames
 from aeolid.errors import UsageError
 from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
+from aeolid.formats.spare import SpareFile
 
 RAW_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".parquet")
 _NOTE = "flags: 1 29-bit identifier, 2 CAN FD, 4 bit rate switched, 8 sender error passive, 16 remote, 32 error"

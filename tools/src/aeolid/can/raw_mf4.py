@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from aeolid.can.chunks import ChunkedLog
 from aeolid.can.messages import ERROR, PASSIVE, REMOTE
-from aeolid.can.spare import SPARE
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames
+from aeolid.formats.spare import SPARE
 
 _KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")  # ASAM MDF bus logging 1.0
 _FIELDS = (("BusChannel", "<u1"), ("ID", "<u4"), ("IDE", "<u1"), ("DLC", "<u1"), ("DataLength", "<u1"),

@@ -13,21 +13,15 @@ from numpy.typing import NDArray
 from aeolid.can.logs import open_log
 from aeolid.can.messages import split_errors
 from aeolid.can.node import Assembly, Configuration, Node
+from aeolid.can.runs import Run, channels_of
 from aeolid.can.snapshots import MarkovSnapshot
 from aeolid.errors import DataError
 from aeolid.filters import COUNTERS, FilterSettings
-from aeolid.record import Channel, Record
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _HEALTH_ITEMS = ("Accepted", "NotFinite", "OutOfRange", "TimeFault", "Gaps", "", "", "Withheld", "Bounded",
                  "Reinitialised")  # fmt: skip
-
-
-def channels_of(configuration: Configuration) -> tuple[Channel, ...]:
-    """Return the channels a node described."""
-    d = configuration.description
-    roles = ["input"] * d.inputs + ["output"] * d.outputs + ["scheduling"] * d.scheduling
-    return tuple(Channel(n, u, r) for n, u, r in zip(d.names, d.units, roles, strict=True))
 
 
 def build_records(node: Node, source: str) -> list[tuple[Record, int]]:
@@ -53,32 +47,10 @@ def _record(configuration: Configuration, index: NDArray[np.int64], values: Arra
     return Record(time_s, values, channels_of(configuration), sample_time, source, digest)
 
 
-def write_record(path: Path, record: Record) -> Path:
-    """Write a recording (.csv, .csv.gz, .parquet) and beside it NAME.roles.toml; returns the path of the roles file.
-
-    Raises UsageError on another suffix or a folder that cannot be written to.
-    """
-    from aeolid.formats.writing import write_table
-
-    columns = {"time_s": record.time_s} | {c.name: record.column(c.name) for c in record.channels}
-    units = {"time_s": "s"} | {c.name: c.unit for c in record.channels}
-    write_table(path, columns, units)
-    roles = path.with_name(path.name.split(".")[0] + ".roles.toml")
-    lines = ["[recording]", f"sample_time_s = {record.sample_time_s!r}", 'time = "time_s"', ""]
-    for c in record.channels:
-        lines += ["[[channel]]"] + [f"{key} = {_quote(getattr(c, key))}" for key in ("name", "unit", "role")] + [""]
-    roles.write_text("\n".join(lines), encoding="utf-8")
-    return roles
-
-
-def _quote(text: str) -> str:
-    return json.dumps(text)  # a JSON string without control characters is a TOML one
-
-
-def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Record | None, source: str) -> None:
+def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, run: Run | None, source: str) -> None:
     """Write markov.npz as `aeolid filter` does, from one snapshot; further keys: sample_index, complete, missing.
 
-    Innovations (N, l) line up with the rows of `record` and are NaN where the node did not send them.
+    Innovations (N, l) line up with the rows of `run` and are NaN where the node did not send them. Raises DataError.
     """
     d = snapshot.description
     settings = FilterSettings(
@@ -86,8 +58,8 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
         d.sample_time_s, tuple(d.offset.tolist()), tuple(d.scale.tolist()), d.model_set,
     )  # fmt: skip
     names, units = np.array(d.names), np.array(d.units)
-    rows = 0 if record is None else len(record)
-    innovation = _innovations(node, record, d.outputs)
+    rows = 0 if run is None else run.rows
+    innovation = np.zeros((0, d.outputs)) if run is None else run.innovations(d.scale[d.inputs : d.inputs + d.outputs])
     told = zip(COUNTERS, _HEALTH_ITEMS, strict=True)  # two of them are not on the wire
     counters = {name: node.counters[item] for name, item in told if item in node.counters}
     try:
@@ -97,7 +69,7 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
                 theta=snapshot.theta,
                 theta_scaled=snapshot.theta_scaled.astype(np.float64),
                 innovation=innovation,
-                residual=np.full((rows, d.outputs), np.nan),
+                residual=np.broadcast_to(np.nan, (rows, d.outputs)),
                 status=np.zeros(rows, np.int8),
                 health=np.uint32(node.flags),
                 counters=json.dumps(counters),
@@ -108,30 +80,13 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, record: Recor
                 input_units=units[: d.inputs],
                 output_units=units[d.inputs : d.inputs + d.outputs],
                 source=f"{source}, node {node.number}",
-                sha256="" if record is None else record.sha256,
+                sha256="" if run is None else run.sha256,
                 sample_index=np.int64(-1 if snapshot.sample_index is None else snapshot.sample_index),
                 complete=np.bool_(snapshot.complete),
                 missing=np.array(snapshot.missing, np.int64),
             )
     except OSError as error:
         raise DataError(f"{path}: cannot be written: {error.strerror}") from None
-
-
-def _innovations(node: Node, record: Record | None, outputs: int) -> Array:
-    """Return the innovations (N, outputs) in the channels' units at the samples of `record`."""
-    if record is None or node.now is None:
-        return np.zeros((0, outputs))
-    d = node.now.description
-    result = np.full((len(record), outputs), np.nan)
-    tables = node.now.innovations.tables(d.sample_every)
-    if tables:
-        every = max(d.sample_every, 1)
-        first = round(record.time_s[0] / d.sample_time_s)
-        row = (tables[-1].index - first) // every
-        inside = (row >= 0) & (row < len(record))
-        result[row[inside]] = tables[-1].values[inside]
-    scale: Array = d.scale[d.inputs : d.inputs + d.outputs]
-    return result * scale
 
 
 def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+from aeolid.cli.common import JsonOption, console, emit_json
 from aeolid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from aeolid.can import Assembly, Node
-    from aeolid.can.source import Source
-    from aeolid.record import Record
+    from aeolid.can import Node
+    from aeolid.can.reception import Reception
 
-FRAME_BITS = 160  # longest classic frame with a 29-bit identifier, stuffing and spacing included
+PATIENCE = 3  # requests to stop before the process is left to its fate
 
 
 def register(app: typer.Typer) -> None:
@@ -29,241 +28,172 @@ def register(app: typer.Typer) -> None:
 def run(
     bus: Annotated[
         str,
-        typer.Option("--bus", help="interface:channel[?key=value&...] of python-can, or a log (.blf, .asc, .log)."),
+        typer.Option(
+            "--bus",
+            help="interface:channel[?key=value&...] of python-can, or a log (.blf, .asc, .log, .mf4, .parquet).",
+        ),
     ],
     record: Annotated[
-        Path | None, typer.Option("--record", help="Write the samples (.csv, .csv.gz, .parquet) and their roles file.")
+        Path | None,
+        typer.Option("--record", help="Write the samples (.csv, .csv.gz, .parquet, .mf4) and their roles file."),
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option("--log", help="Write all frames as they came (.blf, .asc, .log, .mf4, .parquet).")
     ] = None,
     markov: Annotated[
         Path | None, typer.Option("--markov", help="Write the newest complete snapshot (markov.npz).")
     ] = None,
     seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so long.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="Stop when every node has ended its stream.")] = False,
+    reconnect: Annotated[
+        bool | None,
+        typer.Option(
+            "--reconnect/--no-reconnect",
+            help="Open a bus that broke off again, for as long as it takes; default, but not with --until-end.",
+        ),
+    ] = None,
     node_id: Annotated[int | None, typer.Option("--node-id", help="Write this node only.")] = None,
     bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus, for the load shown.")] = 500_000,
+    data_bit_rate: Annotated[
+        int, typer.Option("--data-bit-rate", help="Of the data phase of CAN FD, for the load shown.")
+    ] = 2_000_000,
     json: JsonOption = None,
 ) -> None:
-    """Receive the stream of nodes, show its progress, write recordings and Markov parameters.
+    """Receive the stream of nodes, show its progress, write recordings, raw logs and Markov parameters.
 
-    Stops at the end of a log, with --until-end when the nodes end, after --seconds, or on Ctrl-C. What had arrived is
-    written in any case; exit code 3 when nothing usable came or the bus broke off.
+    Stops at the end of a log, with --until-end when the nodes end, after --seconds, or on Ctrl-C and SIGTERM. What had
+    arrived is written in any case; exit code 3 when nothing usable came, the bus broke off or the disk was full.
     """
-    from aeolid.can import Assembly, open_source
+    from aeolid.can import RunRecorder, open_source
+    from aeolid.can.raw_log import open_raw_log
+    from aeolid.can.reception import Reception
+    from aeolid.cli.listen_view import shown
 
-    _check_targets(record, markov, seconds)
-    source, assembly = open_source(bus), Assembly()
-    began = time.monotonic()
-    try:
-        reason = _receive(source, assembly, seconds, until_end, bit_rate)
-    finally:
-        assembly.close()
-        source.close()
-    elapsed = time.monotonic() - began
-    nodes = [n for n in assembly.nodes.values() if node_id is None or n.number == node_id]
-    written = _write(nodes, record, markov, bus)
-    facts = _facts(assembly, nodes, reason, elapsed, bit_rate, written)
-    emit_json(facts, json)
-    if json != "-":
-        for line in _summary(facts):
-            console.print(line, soft_wrap=True)
-    _judge(source, assembly, nodes, reason, markov, facts, until_end)
+    _check(record, log, markov, seconds, bus, min(bit_rate, data_bit_rate))
+    source = open_source(bus, reconnect=not until_end if reconnect is None else reconnect)
+    raw = open_raw_log(log) if log else None
+    recorder = RunRecorder(record, innovations=markov.parent if markov else None, only=node_id)
+    reception = Reception(source, recorder, raw, bit_rate=bit_rate, data_bit_rate=data_bit_rate)
+    with _stop_requests() as requests:
+        try:
+            with shown(reception, bit_rate):
+                reason = reception.run(lambda: bool(requests), seconds, until_end)
+        finally:
+            source.close()
+            if raw is not None:
+                _close(raw, reception)
+        nodes = [n for n in reception.assembly.nodes.values() if node_id is None or n.number == node_id]
+        _finish(reception, nodes, reason, markov, json, until_end)
 
 
-def _check_targets(record: Path | None, markov: Path | None, seconds: float | None) -> None:
+def _check(
+    record: Path | None, log: Path | None, markov: Path | None, seconds: float | None, bus: str, bit_rate: int
+) -> None:
     """Refuse before listening what could not be written afterwards."""
-    if record is not None and not record.name.lower().endswith((".csv", ".csv.gz", ".parquet")):
-        raise UsageError(f"--record {record}: the suffix is none of .csv, .csv.gz, .parquet")
-    for target in (record, markov):
-        if target is not None and not target.parent.is_dir():
+    from aeolid.can.raw_log import RAW_SUFFIXES
+    from aeolid.formats.growing import GROWING_SUFFIXES, growing_suffix
+
+    if record is not None and growing_suffix(record) is None:
+        raise UsageError(f"--record {record}: the suffix is none of {', '.join(GROWING_SUFFIXES)}")
+    if log is not None and log.suffix.lower() not in RAW_SUFFIXES:
+        raise UsageError(f"--log {log}: the suffix is none of {', '.join(RAW_SUFFIXES)}")
+    given = [p for p in (record, log, markov) if p is not None]
+    for target in given:
+        if not target.parent.is_dir():
             raise UsageError(f"{target}: the folder {target.parent} does not exist")
+        if target.is_dir():
+            raise UsageError(f"{target}: is a folder; name a file in it")
+    names = [str(p.absolute()) for p in [*given, Path(bus)]]
+    for name in {n for n in names if names.count(n) > 1}:
+        raise UsageError(f"{name}: is named twice; each file needs a name of its own")
     if seconds is not None and not seconds > 0:
         raise UsageError(f"--seconds {seconds}: a time above 0 is needed")
+    if bit_rate <= 0:
+        raise UsageError(f"a bit rate of {bit_rate}: one above 0 is needed")
 
 
-def _receive(source: Source, assembly: Assembly, seconds: float | None, until_end: bool, bit_rate: int) -> str:
-    """Feed the assembly until something ends it; returns end, time, stopped or the reason why the bus broke off."""
-    began = time.monotonic()
-    with _shown(Progress(assembly, bit_rate, began)):
-        try:
-            while True:
-                assembly.feed(source.read(0.1))
-                if source.ended is not None:
-                    return "end" if source.is_log or assembly.all_stopped() else source.ended
-                if until_end and assembly.all_stopped():
-                    _drain(source, assembly)
-                    return "end"
-                if seconds is not None and time.monotonic() - began >= seconds:
-                    return "time"
-        except KeyboardInterrupt:
-            return "stopped"
+@contextmanager
+def _stop_requests() -> Iterator[list[int]]:
+    """Collect requests to stop (Ctrl-C, SIGTERM, a closed terminal): frames under way and files are finished first."""
+    requests: list[int] = []
+    kinds = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
+    def ask(number: int, _: Any) -> None:
+        requests.append(number)
+        if len(requests) >= PATIENCE:
+            signal.signal(number, signal.SIG_DFL)
+
+    before = {kind: signal.signal(kind, ask) for kind in kinds if signal.getsignal(kind) is not signal.SIG_IGN}
+    try:
+        yield requests
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
 
 
-def _drain(source: Source, assembly: Assembly) -> None:
-    """Take what nodes still had under way: a goodbye is several frames. A second at most: others may go on talking."""
-    until = time.monotonic() + 1.0
-    while source.ended is None and time.monotonic() < until:
-        frames = source.read(0.1)
-        if not frames:
-            return
-        assembly.feed(frames)
+def _close(raw: Any, reception: Reception) -> None:
+    try:
+        raw.close()
+    except OSError as error:
+        reception.fault = reception.fault or f"{raw.path}: cannot be completed ({error.strerror or error})"
 
 
-def _shown(progress: Progress) -> AbstractContextManager[object]:
-    """Keep the progress on the terminal up to date; nothing where standard error is a file."""
-    from rich.live import Live
+def _finish(
+    reception: Reception, nodes: list[Node], reason: str, markov: Path | None, json: str | None, until_end: bool
+) -> None:
+    """Complete the files, tell what there is, and judge it."""
+    from aeolid.cli.listen_facts import facts_of, summary
 
-    if not progress_console.is_terminal:
-        return nullcontext()
-    return Live(get_renderable=progress.render, console=progress_console, refresh_per_second=4, transient=True)
-
-
-class Progress:
-    """Show rates, losses and snapshots while frames arrive."""
-
-    def __init__(self, assembly: Assembly, bit_rate: int, began: float) -> None:
-        self._assembly, self._bit_rate = assembly, bit_rate
-        self._mark = (began, 0, 0.0)  # time, frames and rate at the last second
-        self._seen: dict[int, tuple[int, float]] = {}  # node -> snapshots, time of the newest
-
-    def render(self) -> Any:
-        """Return a table with one row a node."""
-        from rich.table import Table
-
-        now, frames = time.monotonic(), self._assembly.frames
-        if now - self._mark[0] >= 1.0:
-            self._mark = (now, frames, (frames - self._mark[1]) / (now - self._mark[0]))
-        rate = self._mark[2]
-        load = rate * FRAME_BITS / self._bit_rate
-        title = f"{frames} frames, {rate:.0f}/s, bus load up to {load:.1%}"
-        broken = self._assembly.damaged + self._assembly.garbled
-        table = Table(title=title + (f", {broken} damaged" if broken else ""), title_justify="left")
-        for heading in ("node", "samples", "lost", "snapshots", "age", "state"):
-            table.add_column(heading)
-        for number, node in sorted(self._assembly.nodes.items()):
-            table.add_row(*self._row(number, node, now))
-        return table
-
-    def _row(self, number: int, node: Node, now: float) -> tuple[str, ...]:
-        if node.problem is not None or node.now is None:
-            return (str(number), "", "", "", "", node.problem or "waiting for its description")
-        samples, snapshots = node.now.samples, node.now.snapshots
-        done, since = self._seen.get(number, (0, now))
-        if snapshots.completed != done:
-            since = now
-            self._seen[number] = (snapshots.completed, now)
-        age = f"{now - since:.0f} s" if snapshots.completed else ""
-        count = str(samples.arrived // node.now.description.channels)
-        lost = str(samples.lost(node.now.description.sample_every))
-        incomplete = f" (+{snapshots.incomplete} incomplete)" if snapshots.incomplete else ""
-        state = "ended" if node.stopped else "running"
-        return (str(number), count, lost, f"{snapshots.completed}{incomplete}", age, state)
+    written = _write(reception, nodes, markov)
+    facts = facts_of(reception, nodes, reason, written)
+    emit_json(facts, json)
+    if json != "-":
+        for line in summary(facts):
+            console.print(line, soft_wrap=True)
+    _judge(reception, nodes, reason, markov, facts, until_end)
 
 
-def _write(nodes: list[Node], record: Path | None, markov: Path | None, bus: str) -> dict[int, dict[str, Any]]:
+def _write(reception: Reception, nodes: list[Node], markov: Path | None) -> dict[int, dict[str, Any]]:
     """Write what was asked for; several nodes or runs get their number into the file's name."""
-    from aeolid.can import build_records, write_markov, write_record
+    from aeolid.can import write_markov
+    from aeolid.can.runs import with_tag
 
     result: dict[int, dict[str, Any]] = {}
+    recorder = reception.recorder
     several = len([n for n in nodes if n.configurations()]) > 1
     for node in nodes:
-        runs = build_records(node, bus)
-        files: dict[str, Any] = {"runs": [], "markov": None}
-        result[node.number] = files
         tag = f"-node{node.number}" if several else ""
-        for i, (run, lost) in enumerate(runs):
-            target = _with_tag(record, tag + (f"-run{i + 1}" if len(runs) > 1 else ""))
-            roles = write_record(target, run) if target else None
-            files["runs"].append({"samples": len(run), "lost_values": lost, "file": target, "roles": roles})
-        snapshot = node.latest_complete()
-        target = _with_tag(markov, tag)
+        recorder.date(node.number, reception.clocks.runs(node.number))
+        try:
+            recorder.name(node.number, tag)
+        except DataError as error:
+            reception.fault = reception.fault or str(error)
+        runs = recorder.runs.get(node.number, [])
+        target, snapshot = with_tag(markov, tag), node.latest_complete()
         if target and snapshot:
-            last: Record | None = runs[-1][0] if runs else None
-            write_markov(target, node, snapshot, last, bus)
-            files["markov"] = target
+            write_markov(target, node, snapshot, runs[-1] if runs else None, reception.source.name)
+        result[node.number] = {"runs": runs, "markov": target if snapshot else None}
     return result
 
 
-def _with_tag(path: Path | None, tag: str) -> Path | None:
-    if path is None:
-        return None
-    stem, dot, rest = path.name.partition(".")
-    return path.with_name(stem + tag + dot + rest)
-
-
-def _facts(
-    assembly: Assembly,
-    nodes: list[Node],
-    reason: str,
-    elapsed: float,
-    bit_rate: int,
-    written: dict[int, dict[str, Any]],
-) -> dict[str, Any]:
-    return {
-        "ended_by": reason,
-        "seconds": round(elapsed, 3),
-        "frames": assembly.frames,
-        "frames_per_s": round(assembly.frames / max(elapsed, 1e-9), 1),
-        "bus_load_max": assembly.frames * FRAME_BITS / max(elapsed, 1e-9) / bit_rate,
-        "foreign": assembly.foreign,
-        "damaged": assembly.damaged,
-        "garbled_lines": assembly.garbled,
-        "nodes": [_node_facts(n) | written[n.number] for n in nodes],
-    }
-
-
-def _node_facts(node: Node) -> dict[str, Any]:
-    facts: dict[str, Any] = {"node": node.number, "messages": node.messages, "problem": node.problem}
-    facts |= {"ended": node.stopped, "health_flags": node.flags, "health": node.counters, "described": False}
-    if node.now is None:
-        return facts
-    d, snapshots = node.now.description, node.now.snapshots
-    best = snapshots.complete or snapshots.latest
-    return facts | {
-        "described": True,
-        "configuration_hash": f"{d.configuration_hash:08x}",
-        "model_set": d.model_set,
-        "past": d.past,
-        "sample_time_s": d.sample_time_s,
-        "inputs": d.names[: d.inputs],
-        "outputs": d.names[d.inputs : d.inputs + d.outputs],
-        "snapshots": {
-            "complete": snapshots.completed,
-            "incomplete": snapshots.incomplete,
-            "damaged": snapshots.damaged,
-            "sample_index": best.sample_index if best else None,
-            "repaired": snapshots.repaired,
-            "missing": len(best.missing) if best else d.parameters,
-        },
-    }
-
-
-def _summary(facts: dict[str, Any]) -> list[str]:
-    lines = [f"{facts['frames']} frames in {facts['seconds']:.1f} s ({facts['frames_per_s']:.0f}/s)"]
-    for n in facts["nodes"]:
-        if n["problem"] or not n["described"]:
-            lines.append(f"node {n['node']}: {n['problem'] or 'never described itself'}")
-            continue
-        samples = sum(r["samples"] for r in n["runs"])
-        lost = sum(r["lost_values"] for r in n["runs"])
-        text = f"node {n['node']}: {samples} samples, {lost} values lost, {n['snapshots']['complete']} snapshots"
-        files = [str(r["file"]) for r in n["runs"] if r["file"]] + ([str(n["markov"])] if n["markov"] else [])
-        lines.append(text + (f" → {', '.join(files)}" if files else ""))
-    return lines
-
-
 def _judge(
-    source: Source,
-    assembly: Assembly,
+    reception: Reception,
     nodes: list[Node],
     reason: str,
     markov: Path | None,
     facts: dict[str, Any],
     until_end: bool,
 ) -> None:
-    """End with one sentence and code 3 when nothing usable came or the bus broke off."""
+    """End with one sentence and code 3 when nothing usable came, the bus broke off or something was not written."""
+    from aeolid.cli.listen_facts import why_nothing
+
+    source = reception.source
+    if reception.fault or reason == "full":
+        why = reception.fault or "no room is left on the disk"
+        raise DataError(f"{why}; reception has stopped, and what had arrived until then is kept as far as it went")
     usable = any(n["runs"] or n.get("snapshots", {}).get("complete") for n in facts["nodes"])
     if not usable:
-        raise DataError(f"{source.name}: nothing usable arrived: {_why_nothing(assembly, nodes)}")
+        raise DataError(f"{source.name}: nothing usable arrived: {why_nothing(reception, nodes)}")
     if reason not in ("end", "time", "stopped"):
         raise DataError(
             f"{source.name}: the bus broke off before the nodes ended their stream ({reason});"
@@ -275,15 +205,3 @@ def _judge(
         raise DataError(f"{source.name}: the time was up before every node had ended its stream; what arrived is kept")
     if markov is not None and not any(n["markov"] for n in facts["nodes"]):
         raise DataError(f"{source.name}: no complete snapshot arrived, so {markov} was not written; listen longer")
-
-
-def _why_nothing(assembly: Assembly, nodes: list[Node]) -> str:
-    problems: list[Callable[[], str | None]] = [
-        lambda: next((f"node {n.number} {n.problem}" for n in nodes if n.problem), None),
-        lambda: next((f"node {n.number} never described itself" for n in nodes if n.now is None), None),
-        lambda: next((f"node {n.number} sent neither samples nor a complete snapshot" for n in nodes), None),
-        lambda: f"{assembly.damaged} frames damaged" if assembly.damaged else None,
-        lambda: f"{assembly.garbled} lines were no frames" if assembly.garbled else None,
-        lambda: f"{assembly.foreign} frames, none from a node" if assembly.foreign else None,
-    ]
-    return next((text for problem in problems if (text := problem())), "not one frame; is a node sending?")

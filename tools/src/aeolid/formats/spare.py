@@ -40,13 +40,16 @@ class SpareFile(io.FileIO):
     def write(self, data: Any) -> int:
         """Write some or all of the data; returns how much. Raises OSError when even the kept room is used up."""
         try:
-            return super().write(data)
+            return self._write(data)
         except OSError as error:
             if error.errno not in _NO_ROOM or self._spare is None:
                 raise
             self.full = True
             self._release()
-            return super().write(data)
+            return self._write(data)
+
+    def _write(self, data: Any) -> int:
+        return super().write(data)
 
     def _release(self) -> None:
         if self._spare is not None:

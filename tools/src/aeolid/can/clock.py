@@ -1,0 +1,188 @@
+"""Relate the controller's samples to the host's clock: when sample 0 was, and how far the two clocks drift apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, decode
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+STRAY = 1000  # samples by which the index may differ from what the host's clock lets expect, and
+STRAY_SHARE = 0.05  # this share of the samples that went by; beyond, the node was restarted
+PAIRS_MAX = 4096  # pairs that are kept: with more, neighbours are merged
+BINS = 48  # earliest arrivals of so many stretches make the line
+LEAST = 4  # stretches
+CONFIDENCE = 0.95
+NOT_REAL_TIME_PPM = 10_000.0
+RUNS_MAX = 64  # of one node that are kept, the newest
+
+
+@dataclass(frozen=True)
+class ClockFit:
+    """Hold how host time follows from the sample index: t = start_utc + index * sample_time * (1 + drift).
+
+    start_utc: host time of sample 0, s since 1970: that of its arrival, the shortest way over bus and interface
+    included. drift_ppm: above 0 when the controller's seconds are longer than the host's; half_width_ppm: half the 95 %
+    interval. scatter_s: how far the earliest arrivals scatter about the line; None where too few samples arrived.
+    """
+
+    start_utc: float
+    drift_ppm: float | None
+    half_width_ppm: float | None
+    scatter_s: float | None
+    span_s: float
+    pairs: int
+
+    @property
+    def is_real_time(self) -> bool:
+        """Tell whether the controller runs in real time; no oscillator is off as far as 1 %."""
+        return self.drift_ppm is not None and abs(self.drift_ppm) < NOT_REAL_TIME_PPM
+
+
+class ClockPairs:
+    """Collect (sample index, host time of arrival) of one run of a node, in bounded memory.
+
+    Arrival is never early, often late: of neighbours the one that came earliest is kept.
+    """
+
+    def __init__(self, sample_time_s: float) -> None:
+        self.sample_time_s = sample_time_s
+        self.count = 0
+        self.last: tuple[int, float] | None = None
+        self._index: list[Index] = []
+        self._time: list[Array] = []
+        self._held = 0
+        self._width = 1  # samples of which one pair is kept
+
+    def add(self, index: Index, time_s: Array) -> None:
+        """Take pairs (n,) in the order of arrival."""
+        self.count += len(index)
+        self.last = int(index[-1]), float(time_s[-1])
+        self._index.append(index)
+        self._time.append(time_s)
+        self._held += len(index)
+        if self._held > 2 * PAIRS_MAX:
+            self._thin()
+
+    def _thin(self) -> None:
+        index, time_s = self.pairs()
+        index, time_s = earliest(index, time_s, index // self._width, self.sample_time_s)
+        while len(index) > PAIRS_MAX // 2:
+            self._width *= 2
+            index, time_s = earliest(index, time_s, index // self._width, self.sample_time_s)
+        self._index, self._time, self._held = [index], [time_s], len(index)
+
+    def pairs(self) -> tuple[Index, Array]:
+        """Return the pairs that are kept (n,), by index."""
+        index, time_s = np.concatenate(self._index), np.concatenate(self._time)
+        order = np.argsort(index, kind="stable")
+        return index[order], time_s[order]
+
+    def fit(self, shift: int = 0) -> ClockFit | None:
+        """Fit the line; shift is added to the indices. None where nothing has arrived."""
+        if not self._index:
+            return None
+        index, time_s = self.pairs()
+        return fit_clock(index + shift, time_s, self.sample_time_s, self.count)
+
+
+def earliest(index: Index, time_s: Array, group: Index, rate: float) -> tuple[Index, Array]:
+    """Keep of each group (n,), which ascends, the pair that lies lowest above a line of slope `rate`."""
+    delay = time_s - rate * index
+    order = np.lexsort((delay, group))
+    first = np.flatnonzero(np.diff(group[order], prepend=group[order][0] - 1))
+    chosen = np.sort(order[first])
+    return index[chosen], time_s[chosen]
+
+
+def fit_clock(index: Index, time_s: Array, sample_time_s: float, count: int | None = None) -> ClockFit:
+    """Fit host time over sample index (n,) by the earliest arrivals of 48 stretches and the Theil–Sen line.
+
+    The median of all slopes stands up to a quarter of wrong pairs, and to delays that come and go. Its interval is that
+    of Theil (1950) and Sen (1968), distribution-free, of scipy.
+    """
+    from scipy.stats import theilslopes
+
+    h = sample_time_s
+    pairs = len(index) if count is None else count
+    first, x0 = float(time_s[0] - h * index[0]), index - index[0]
+    lone = ClockFit(first, None, None, None, float(time_s[-1] - time_s[0]), pairs)
+    if len(index) < LEAST or x0[-1] <= 0:
+        return lone
+    late = time_s - time_s[0] - h * x0  # (n,) s, against a controller without drift
+    rate = 0.0
+    for _ in range(3):  # which arrival is earliest depends a little on the slope
+        bins = min(BINS, max(LEAST, len(index) // 8))
+        group = np.minimum(x0 * bins // (x0[-1] + 1), bins - 1)
+        x, y = earliest(x0, late, group, rate)
+        if len(x) < LEAST:
+            return lone
+        slope, intercept, low, high = theilslopes(y, x * h, CONFIDENCE)
+        rate = float(slope) * h
+    rest = y - slope * h * x - intercept
+    scatter = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
+    start = float(time_s[0] + intercept - h * (1.0 + slope) * index[0])
+    return ClockFit(start, 1e6 * float(slope), 5e5 * float(high - low), scatter, lone.span_s, pairs)
+
+
+class ClockKeeper:
+    """Follow the clocks of all nodes from the frames themselves; a restart of a node begins a new line."""
+
+    def __init__(self, base: int = BASE) -> None:
+        self._base = base
+        self._runs: dict[int, list[ClockPairs]] = {}
+
+    def feed(self, frames: Frames, sample_times: dict[int, float]) -> None:
+        """Take the data frames of a batch; sample_times: of the nodes that have described themselves, s a sample."""
+        for node, index, time_s in first_channels(frames, self._base):
+            h = sample_times.get(node)
+            if h is not None:
+                self._add(node, index, time_s, h)
+
+    def runs(self, node: int) -> list[ClockPairs]:
+        """Return the lines of a node, oldest first."""
+        return [run for run in self._runs.get(node, []) if run.count]
+
+    def _add(self, node: int, low: Index, time_s: Array, h: float) -> None:
+        """Unwrap 16-bit indices: steps within a batch are short, across batches the host's clock counts the turns."""
+        steps = (np.diff(low) + 32768) % 65536 - 32768
+        index = low[0] + np.concatenate([[0], np.cumsum(steps)])
+        breaks = np.flatnonzero(np.abs(steps) > STRAY) + 1
+        runs = self._runs.setdefault(node, [])
+        for piece in np.split(np.arange(len(index)), breaks):
+            start = self._place(runs, int(index[piece[0]]), float(time_s[piece[0]]), h)
+            runs[-1].add(index[piece] - index[piece[0]] + start, time_s[piece])
+
+    @staticmethod
+    def _place(runs: list[ClockPairs], index: int, time_s: float, h: float) -> int:
+        if runs and runs[-1].sample_time_s == h and runs[-1].last is not None:
+            last, at = runs[-1].last
+            passed = (time_s - at) / h
+            expected = last + passed
+            turned = index + round((expected - index) / 65536) * 65536
+            if abs(turned - expected) <= STRAY + STRAY_SHARE * abs(passed) and turned >= last - STRAY:
+                return turned
+        runs.append(ClockPairs(h))
+        del runs[:-RUNS_MAX]
+        return index & 0xFFFF
+
+
+def first_channels(frames: Frames, base: int = BASE) -> list[tuple[int, Index, Array]]:
+    """Find the frames that carry the first channel of a sample: node, sample index modulo 65536 (n,), host time (n,).
+
+    Frames without a time, and damaged ones, are left out.
+    """
+    kind = frames.id - np.uint32(base) >> np.uint32(8)
+    rows = np.flatnonzero(((kind == SAMPLE) | (kind == SAMPLE_FD)) & (frames.data[:, 0] == 0))
+    rows = rows[np.isfinite(frames.time_s[rows])]
+    if not len(rows):
+        return []
+    messages = decode(frames.take(rows), base)
+    first = np.flatnonzero(messages.lane == 0)
+    index, node = messages.index[first].astype(np.int64), messages.node[first]
+    time_s = frames.time_s[rows[messages.place[first]]]
+    return [(n, index[node == n], time_s[node == n]) for n in np.unique(node).tolist()]

@@ -1,0 +1,119 @@
+"""Receive from a source until something ends it: decode, log raw frames, write samples, follow the nodes' clocks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from aeolid.can.clock import ClockKeeper
+from aeolid.can.messages import split_errors, with_errors
+from aeolid.can.node import Assembly
+from aeolid.can.raw_log import RawLog
+from aeolid.can.runs import RunRecorder
+from aeolid.can.source import Source
+from aeolid.can.wire import EXTENDED, FAST, FD, Frames
+from aeolid.errors import DataError
+
+LOOK_S = 5.0  # how often samples are taken out, however few have come
+DRAIN_S = 1.0
+
+
+class Reception:
+    """Hold what one reception has found so far; `seconds` and `frames` grow while `run` runs."""
+
+    def __init__(
+        self, source: Source, recorder: RunRecorder, log: RawLog | None = None, *, bit_rate: float, data_bit_rate: float
+    ) -> None:
+        """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown."""
+        self.source, self.recorder, self.log = source, recorder, log
+        self.assembly, self.clocks = Assembly(), ClockKeeper()
+        self.frames = 0  # data frames of anybody
+        self.busy_s = 0.0  # what they took on the bus at most
+        self.fault: str | None = None  # why nothing more could be written
+        self.began = self.ended = time.monotonic()
+        self._rates = bit_rate, data_bit_rate
+        self._looked = self.began
+
+    @property
+    def seconds(self) -> float:
+        """Return how long it has lasted, s."""
+        return max(self.ended, time.monotonic() if self.ended == self.began else self.ended) - self.began
+
+    def run(self, stop: Callable[[], bool], seconds: float | None, until_end: bool) -> str:
+        """Receive until something ends it; returns end, time, stopped, full, or the reason why the bus broke off.
+
+        stop: asked between batches. Whatever the source had delivered by then is decoded and logged.
+        """
+        reason = self._loop(stop, seconds, until_end)
+        self.ended = time.monotonic()
+        self.assembly.close()
+        if reason != "full":
+            try:
+                self.recorder.finish(self.assembly)
+            except DataError as error:
+                self.fault, reason = str(error), "full"
+        return reason
+
+    def _loop(self, stop: Callable[[], bool], seconds: float | None, until_end: bool) -> str:
+        source, assembly = self.source, self.assembly
+        while True:
+            try:
+                self._take(source.read(0.1))
+            except (DataError, OSError) as error:
+                self.fault = str(error)
+                return "full"
+            if self.recorder.full or (self.log is not None and self.log.full):
+                return "full"
+            if source.ended is not None:
+                return "end" if source.is_log or assembly.all_stopped() else source.ended
+            if until_end and assembly.all_stopped():
+                self._drain()
+                return "end"
+            if seconds is not None and time.monotonic() - self.began >= seconds:
+                return "time"
+            if stop():
+                return "stopped"
+
+    def _drain(self) -> None:
+        """Take what nodes still had under way: a goodbye is several frames; others may go on talking."""
+        until = time.monotonic() + DRAIN_S
+        while self.source.ended is None and time.monotonic() < until:
+            frames = self.source.read(0.1)
+            if not len(frames) and not frames.garbled:
+                return
+            self._take(frames)
+
+    def _take(self, frames: Frames) -> None:
+        if len(frames) or frames.garbled:
+            if self.log is not None:
+                self.log.write(with_errors(frames))
+            data = split_errors(frames)
+            self.frames += len(data)
+            self.busy_s += time_on_bus(data, *self._rates)
+            self.assembly.feed(data)
+            described = {n.number: n.now.description for n in self.assembly.nodes.values() if n.now is not None}
+            self.clocks.feed(data, {number: d.sample_time_s for number, d in described.items()})
+        now = time.monotonic()
+        due = now - self._looked >= LOOK_S
+        if due:
+            self._looked = now
+        self.recorder.poll(self.assembly, due)
+
+
+def time_on_bus(frames: Frames, bit_rate: float, data_bit_rate: float) -> float:
+    """Return how long frames take at most, s: worst-case bit stuffing and the space between frames (ISO 11898-1)."""
+    length = frames.length.astype(np.int64)
+    extended, fd = frames.flags & EXTENDED > 0, frames.flags & FD > 0
+    # classic: 34 or 54 bits from start to CRC are stuffed with the data, one in four at worst; 13 are not
+    stuffed = np.where(extended, 54, 34) + 8 * length
+    classic = stuffed + 13 + (stuffed - 1) // 4
+    # FD: arbitration stuffed one in four; the data part has a stuff count and a CRC of 17 or 21 bits, fixed stuffing
+    arbitration = np.where(extended, 36 + 36 // 4, 17 + 17 // 4) + 13
+    check = np.where(length > 16, 21 + 6, 17 + 5) + 5
+    payload = 5 + 8 * length
+    payload = payload + payload // 4 + check
+    fast = frames.flags & FAST > 0
+    long = arbitration / bit_rate + payload / np.where(fast, data_bit_rate, bit_rate)
+    return float(np.where(fd, long, classic / bit_rate).sum())

@@ -1,0 +1,141 @@
+"""Sum up a reception: facts for machines, lines for people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aeolid.can import Node
+    from aeolid.can.clock import ClockFit
+    from aeolid.can.reception import Reception
+    from aeolid.can.runs import Run
+
+
+def facts_of(
+    reception: Reception, nodes: list[Node], reason: str, written: dict[int, dict[str, Any]]
+) -> dict[str, Any]:
+    """Collect what `--json` writes."""
+    assembly, source, elapsed = reception.assembly, reception.source, max(reception.seconds, 1e-9)
+    log = reception.log
+    return {
+        "ended_by": reason,
+        "seconds": round(elapsed, 3),
+        "frames": reception.frames,
+        "frames_per_s": round(reception.frames / elapsed, 1),
+        "bus_load_max": reception.busy_s / elapsed,
+        "foreign": assembly.foreign,
+        "damaged": assembly.damaged,
+        "garbled_lines": assembly.garbled,
+        "overrun": getattr(source, "overrun", 0),
+        "interruptions": source.interruptions,
+        "seconds_without_bus": round(getattr(source, "away_s", 0.0), 3),
+        "log": None if log is None else {"file": log.path, "frames": log.frames},
+        "nodes": [_node_facts(n) | _written_facts(written[n.number]) for n in nodes],
+    }
+
+
+def _written_facts(written: dict[str, Any]) -> dict[str, Any]:
+    return {"runs": [_run_facts(run) for run in written["runs"]], "markov": written["markov"]}
+
+
+def _run_facts(run: Run) -> dict[str, Any]:
+    facts = {"samples": run.rows, "lost_values": run.lost, "first_sample": run.first, "file": run.file}
+    return facts | {"roles": run.roles, "clock": None if run.clock is None else clock_facts(run.clock)}
+
+
+def clock_facts(fit: ClockFit) -> dict[str, Any]:
+    """Return the facts of a clock."""
+    return {
+        "utc_of_sample_0": datetime.fromtimestamp(fit.start_utc, UTC).isoformat(timespec="microseconds"),
+        "real_time": fit.is_real_time,
+        "drift_ppm": fit.drift_ppm,
+        "drift_half_width_ppm": fit.half_width_ppm,
+        "scatter_s": fit.scatter_s,
+        "span_s": fit.span_s,
+    }
+
+
+def _node_facts(node: Node) -> dict[str, Any]:
+    facts: dict[str, Any] = {"node": node.number, "messages": node.messages, "problem": node.problem}
+    facts |= {"ended": node.stopped, "health_flags": node.flags, "health": node.counters, "described": False}
+    if node.now is None:
+        return facts
+    d, snapshots = node.now.description, node.now.snapshots
+    best = snapshots.complete or snapshots.latest
+    return facts | {
+        "described": True,
+        "configuration_hash": f"{d.configuration_hash:08x}",
+        "model_set": d.model_set,
+        "past": d.past,
+        "sample_time_s": d.sample_time_s,
+        "inputs": d.names[: d.inputs],
+        "outputs": d.names[d.inputs : d.inputs + d.outputs],
+        "snapshots": {
+            "complete": snapshots.completed,
+            "incomplete": snapshots.incomplete,
+            "damaged": snapshots.damaged,
+            "sample_index": best.sample_index if best else None,
+            "repaired": snapshots.repaired,
+            "missing": len(best.missing) if best else d.parameters,
+        },
+    }
+
+
+def summary(facts: dict[str, Any]) -> list[str]:
+    """Return the lines that are printed at the end."""
+    lines = [f"{facts['frames']} frames in {facts['seconds']:.1f} s ({facts['frames_per_s']:.0f}/s)" + _troubles(facts)]
+    if facts["log"]:
+        lines[0] += f" → {facts['log']['file']}"
+    for n in facts["nodes"]:
+        if n["problem"] or not n["described"]:
+            lines.append(f"node {n['node']}: {n['problem'] or 'never described itself'}")
+            continue
+        samples = sum(r["samples"] for r in n["runs"])
+        lost = sum(r["lost_values"] for r in n["runs"])
+        text = f"node {n['node']}: {samples} samples, {lost} values lost, {n['snapshots']['complete']} snapshots"
+        if n["snapshots"]["incomplete"]:
+            text += f" (and {n['snapshots']['incomplete']} incomplete)"
+        files = [str(r["file"]) for r in n["runs"] if r["file"]] + ([str(n["markov"])] if n["markov"] else [])
+        lines.append(text + (f" → {', '.join(files)}" if files else ""))
+        clocks = [r["clock"] for r in n["runs"] if r["clock"]]
+        if clocks:
+            lines.append(f"  sample 0 at {clocks[-1]['utc_of_sample_0'][:23]} UTC; {drift_text(clocks[-1])}")
+    return lines
+
+
+def _troubles(facts: dict[str, Any]) -> str:
+    told = [
+        (facts["damaged"] + facts["garbled_lines"], "damaged"),
+        (facts["overrun"], "dropped by the interface"),
+        (facts["interruptions"], f"times without bus ({facts['seconds_without_bus']:.0f} s)"),
+    ]
+    return "".join(f", {count} {what}" for count, what in told if count)
+
+
+def drift_text(clock: dict[str, Any]) -> str:
+    """Say in words how the controller's clock runs."""
+    drift, half = clock["drift_ppm"], clock["drift_half_width_ppm"]
+    if drift is None or half is None:
+        return "too short to tell how its clock drifts"
+    if not clock["real_time"]:
+        return f"not in real time: {1.0 / max(1.0 + 1e-6 * drift, 1e-9):.3g} s of the controller in a second"
+    if half > abs(drift):
+        return f"its clock and the host's agree within {abs(drift) + half:.2g} ppm"
+    return f"its clock is {'slow' if drift > 0 else 'fast'} by {abs(drift):.4g} ± {half:.2g} ppm"
+
+
+def why_nothing(reception: Reception, nodes: list[Node]) -> str:
+    """Say what stood in the way of anything usable."""
+    assembly = reception.assembly
+    problems: list[Callable[[], str | None]] = [
+        lambda: next((f"node {n.number} {n.problem}" for n in nodes if n.problem), None),
+        lambda: next((f"node {n.number} never described itself" for n in nodes if n.now is None), None),
+        lambda: next((f"node {n.number} sent neither samples nor a complete snapshot" for n in nodes), None),
+        lambda: f"{assembly.damaged} frames damaged" if assembly.damaged else None,
+        lambda: f"{assembly.garbled} lines were no frames" if assembly.garbled else None,
+        lambda: f"{assembly.foreign} frames, none from a node" if assembly.foreign else None,
+        lambda: reception.source.status or None,
+    ]
+    return next((text for problem in problems if (text := problem())), "not one frame; is a node sending?")

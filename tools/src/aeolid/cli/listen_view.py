@@ -1,0 +1,104 @@
+"""Show a reception on the terminal while it lasts."""
+
+from __future__ import annotations
+
+import time
+from contextlib import AbstractContextManager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from aeolid.cli.common import progress_console
+from aeolid.cli.listen_facts import clock_facts, drift_text
+
+if TYPE_CHECKING:
+    from aeolid.can import Node
+    from aeolid.can.reception import Reception
+
+FIT_S = 2.0  # how often drift is worked out anew
+
+
+def shown(reception: Reception, bit_rate: int) -> AbstractContextManager[object]:
+    """Keep the progress on the terminal up to date; nothing where standard error is a file."""
+    from rich.live import Live
+
+    if not progress_console.is_terminal:
+        return nullcontext()
+    view = Progress(reception)
+    return Live(get_renderable=view.render, console=progress_console, refresh_per_second=4, transient=True)
+
+
+class Progress:
+    """Show rates, losses, snapshots and clocks while frames arrive."""
+
+    def __init__(self, reception: Reception) -> None:
+        self._reception = reception
+        self._mark = (reception.began, 0, 0.0)  # time, frames and busy time at the last second
+        self._rates = (0.0, 0.0)  # frames a second, bus load
+        self._seen: dict[int, tuple[int, float]] = {}  # node -> snapshots, time of the newest
+        self._drift: dict[int, tuple[float, str]] = {}  # node -> when it was worked out, text
+
+    def render(self) -> Any:
+        """Return a line on the bus, a table with one row a node, and what an operator should know."""
+        from rich.console import Group
+        from rich.table import Table
+        from rich.text import Text
+
+        now, r = time.monotonic(), self._reception
+        since, frames, busy = self._mark
+        if now - since >= 1.0:
+            self._rates = (r.frames - frames) / (now - since), (r.busy_s - busy) / (now - since)
+            self._mark = (now, r.frames, r.busy_s)
+        rate, load = self._rates
+        head = (
+            f"{r.source.name}  {_duration(now - r.began)}  {r.frames} frames, {rate:.0f}/s, bus load up to {load:.1%}"
+        )
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for heading in ("node", "samples", "lost", "snapshots", "age", "state", "clock"):
+            table.add_column(heading, justify="right" if heading in ("samples", "lost", "snapshots", "age") else "left")
+        for number, node in sorted(r.assembly.nodes.items()):
+            table.add_row(*self._row(number, node, now))
+        return Group(Text(head), *(Text(line, style="yellow") for line in self._warnings()), table)
+
+    def _warnings(self) -> list[str]:
+        r = self._reception
+        assembly, source = r.assembly, r.source
+        counts = [
+            (assembly.damaged, "frames damaged"),
+            (assembly.garbled, "error frames or garbled lines"),
+            (getattr(source, "overrun", 0), "frames dropped by the interface: the host is too slow"),
+            (source.interruptions, "times the bus broke off"),
+        ]
+        lines = [", ".join(f"{count} {what}" for count, what in counts if count)]
+        return [line for line in (*lines, source.status) if line]
+
+    def _row(self, number: int, node: Node, now: float) -> tuple[str, ...]:
+        if node.problem is not None or node.now is None:
+            return (str(number), "", "", "", "", node.problem or "waiting for its description", "")
+        samples, snapshots = node.now.samples, node.now.snapshots
+        done, since = self._seen.get(number, (0, now))
+        if snapshots.completed != done:
+            since = now
+            self._seen[number] = (snapshots.completed, now)
+        age = _duration(now - since) if snapshots.completed else ""
+        count = str(samples.arrived // node.now.description.channels)
+        lost = str(samples.lost(node.now.description.sample_every))
+        incomplete = f" (+{snapshots.incomplete} incomplete)" if snapshots.incomplete else ""
+        state = "ended" if node.stopped else "running"
+        return (str(number), count, lost, f"{snapshots.completed}{incomplete}", age, state, self._clock(number, now))
+
+    def _clock(self, number: int, now: float) -> str:
+        at, text = self._drift.get(number, (0.0, ""))
+        if now - at >= FIT_S:
+            runs = self._reception.clocks.runs(number)
+            fit = runs[-1].fit() if runs else None
+            text = "" if fit is None or fit.drift_ppm is None else drift_text(clock_facts(fit))
+            self._drift[number] = (now, text)
+        return text
+
+
+def _duration(seconds: float) -> str:
+    whole = int(seconds)
+    if whole < 120:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
