@@ -113,11 +113,11 @@ def assemble(
     spread = pole_covariance(factor, basis, scaled, estimate)
     if settings.stable:
         scaled = stabilise(factor, scaled, T)
-    model = _with_start(_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
-    model, fit = _measured(model, records)
+    model = with_start(model_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
+    model, fit = with_innovations(model, records)
     return Identification(
         model=model,
-        modes=_find_modes(model, windows.output_scale, spread, records),
+        modes=find_modes(model, windows.output_scale, spread, records),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=fit,
@@ -145,7 +145,7 @@ def _order(windows: Windows, settings: Settings, through: tuple[bool, ...], esti
     return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, LARGEST_AUTO_ORDER)
 
 
-def _measured(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
+def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
     """Return the model with the covariance of its innovations as measured, and its fit."""
     fit = measure_fit(model, records)
     covariance = np.atleast_2d(np.cov(fit.innovations.T))
@@ -163,7 +163,7 @@ def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
         )
 
 
-def _find_modes(model: StateSpace, output_scale: Array, spread: Array, records: Sequence[Record]) -> tuple[Mode, ...]:
+def find_modes(model: StateSpace, output_scale: Array, spread: Array, records: Sequence[Record]) -> tuple[Mode, ...]:
     """List the modes; where the rotor's azimuth is recorded, those on its harmonics are marked."""
     modes = modes_of(model, output_scale=output_scale, pole_covariance=spread)
     rotor_hz = rotor_frequency(records[0])
@@ -182,7 +182,7 @@ def rotor_frequency(record: Record) -> float | None:
     return None
 
 
-def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record) -> StateSpace:
+def model_in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record) -> StateSpace:
     """Undo the scaling: u, y in the channels' units, u about its mean, y about its rest (l,) under that mean."""
     names = scaling.inputs + scaling.outputs
     r, count = len(scaling.inputs), len(names)
@@ -197,7 +197,7 @@ def _in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record
     )  # fmt: skip
 
 
-def _with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:
+def with_start(model: StateSpace, records: Sequence[Record]) -> StateSpace:
     """Return the model with the estimated state at the first complete sample of the first recording."""
     for _, u, y in stretches(model, records[0]):
         return replace(model, x0=estimate_initial_state(model, u - model.u_offset, y - model.y_offset))
