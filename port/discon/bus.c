@@ -78,7 +78,7 @@ int bus_open(bus_t *self, const settings_t *settings, unsigned turbine, char *wh
     case BUS_FILE:
         return open_file(self, settings, turbine, why, room);
     case BUS_CAN:
-        error = socketcan_open(&self->can, settings->bus_name, 0);
+        error = socketcan_open(&self->can, settings->bus_name, settings->fd);
         return error == 0
                    ? 0
                    : fail(self, settings->bus_name, socketcan_explain(settings->bus_name, error, text), why, room);

@@ -15,6 +15,7 @@ int frame_log_open(frame_log_t *self, const char *path)
     self->fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC, 0666);
     self->held = 0;
     self->size = 0;
+    self->stamp_length = 0;
     self->limit = UINT64_MAX;
     if (self->fd < 0) {
         return errno;
@@ -30,27 +31,39 @@ int frame_log_open(frame_log_t *self, const char *path)
     return 0;
 }
 
+/* Write `count` hexadecimal digits of a number. */
+static char *write_hex(char *at, uint32_t number, unsigned count)
+{
+    while (count > 0u) {
+        count--;
+        *at++ = "0123456789ABCDEF"[number >> (4u * count) & 15u];
+    }
+    return at;
+}
+
 int frame_log_put(frame_log_t *self, uint64_t time_us, const aeo_can_frame_t *frame)
 {
-    static const char digits[] = "0123456789ABCDEF";
-    char *line = self->text + self->held;
-    int at;
+    char *at = self->text + self->held;
     if (self->fd < 0 || FRAME_LOG_ROOM - self->held < FRAME_LOG_LINE || frame->length > sizeof frame->data) {
         return 0;
     }
-    at = snprintf(line, FRAME_LOG_LINE,
-                  (frame->flags & AEO_CAN_EXTENDED) != 0u ? "(%010llu.%06u) can0 %08X#" : "(%010llu.%06u) can0 %03X#",
-                  (unsigned long long)(time_us / 1000000u), (unsigned)(time_us % 1000000u), (unsigned)frame->id);
+    if (self->stamp_length == 0u || time_us != self->stamp_us) { /* the frames of one call share it */
+        self->stamp_us = time_us;
+        self->stamp_length = (size_t)snprintf(self->stamp, sizeof self->stamp, "(%010llu.%06u) can0 ",
+                                              (unsigned long long)(time_us / 1000000u), (unsigned)(time_us % 1000000u));
+    }
+    memcpy(at, self->stamp, self->stamp_length);
+    at = write_hex(at + self->stamp_length, frame->id, (frame->flags & AEO_CAN_EXTENDED) != 0u ? 8u : 3u);
+    *at++ = '#';
     if ((frame->flags & AEO_CAN_FD) != 0u) {
-        line[at++] = '#';
-        line[at++] = (frame->flags & AEO_CAN_BRS) != 0u ? '1' : '0';
+        *at++ = '#';
+        *at++ = (frame->flags & AEO_CAN_BRS) != 0u ? '1' : '0';
     }
     for (unsigned i = 0; i < frame->length; i++) {
-        line[at++] = digits[frame->data[i] >> 4];
-        line[at++] = digits[frame->data[i] & 15u];
+        at = write_hex(at, frame->data[i], 2);
     }
-    line[at++] = '\n';
-    self->held += (size_t)at;
+    *at++ = '\n';
+    self->held = (size_t)(at - self->text);
     return 1;
 }
 

@@ -20,7 +20,9 @@ typedef struct {
     int fd;         /* -1: closed */
     uint64_t limit; /* bytes the file may have */
     uint64_t size;
-    size_t held;
+    uint64_t stamp_us; /* time that `stamp` tells */
+    size_t stamp_length, held;
+    char stamp[48];
     char text[FRAME_LOG_ROOM];
 } frame_log_t;
 

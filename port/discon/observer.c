@@ -5,10 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define BURST         16u
+#define FRAME_BITS    160.0
 #define HEALTH_EVERY  10.0   /* samples between two health frames */
 #define DESCRIBE_S    10.0   /* what a late joiner waits at most for the description */
-#define BITS_LEAST    160u   /* a second; less than one frame is no stream (stream.h) */
 #define FINISH_STEPS  200000 /* calls' worth of simulated time that the end of the stream may take */
 #define FINISH_PAUSES 500    /* of 2 ms in which a bus that takes nothing may hold up the end */
 
@@ -73,6 +72,13 @@ static uint16_t choose_steps(double steps)
     return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
 }
 
+/* Frames in one call: those that its time pays for and one more, so that credit saved up leaves over several calls. */
+static uint8_t choose_burst(double bits)
+{
+    const double frames = bits > 0 ? bits / FRAME_BITS + 2.0 : 16.0;
+    return (uint8_t)(frames > 16.0 ? 16.0 : frames);
+}
+
 static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters, uint32_t *memory)
 {
     const settings_t *s = self->settings;
@@ -86,6 +92,9 @@ static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters,
     config.outputs = (uint8_t)s->taps[ROLE_OUTPUT];
     config.scheduling = (uint8_t)s->taps[ROLE_SCHEDULING];
     config.innovations = (uint8_t)s->innovations;
+    config.seal = (uint8_t)(s->seal && !s->fd);
+    config.fd = (uint8_t)s->fd;
+    config.fd_ratio = (uint8_t)s->fd_ratio;
     config.model_set = chosen_filter_wire_set(&self->filter.config);
     config.past = (uint16_t)s->past;
     config.parameters = parameters;
@@ -98,10 +107,10 @@ static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters,
     config.health_every = choose_steps(HEALTH_EVERY * s->decimation);
     config.describe_every = choose_steps(DESCRIBE_S / self->clock.step_s);
     config.repair_percent = (uint8_t)s->repair;
-    config.burst = BURST;
+    config.burst = choose_burst((double)s->bit_rate * s->share / 100.0 * self->clock.step_s);
     config.bits_per_s = (uint32_t)((double)s->bit_rate * s->share / 100.0);
-    if (s->share > 0 && config.bits_per_s < BITS_LEAST) {
-        return AEO_E_BUDGET;
+    if (s->share > 0 && config.bits_per_s < (s->fd ? 1000u : 160u)) {
+        return AEO_E_BUDGET; /* less is no stream (stream.h) */
     }
     bus_port(&self->bus, &port);
     return aeo_stream_init(&self->stream, &config, &port, memory, parameters);

@@ -6,13 +6,21 @@
 #define BACK_MOST    2     /* samples a repaired step may go back */
 #define FORWARD_MOST 10000 /* samples a hole may have; the wire counts them modulo 65536 */
 
+/* The decimal number of nanoseconds that a float step stands for, where there is one: 0.01 and not 0.00999999978. */
+static double find_decimal(double step_s)
+{
+    const double decimal = floor(step_s * 1e9 + 0.5) / 1e9;
+    const float given = (float)step_s, found = (float)decimal;
+    return memcmp(&given, &found, sizeof given) == 0 ? decimal : step_s;
+}
+
 int sample_clock_init(sample_clock_t *self, double step_s, unsigned decimation)
 {
     memset(self, 0, sizeof *self);
     if (!(step_s >= 1e-6 && step_s <= 1000.0) || decimation < 1u) {
         return -1;
     }
-    self->step_s = step_s;
+    self->step_s = find_decimal(step_s);
     self->decimation = decimation;
     return 0;
 }

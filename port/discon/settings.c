@@ -17,7 +17,7 @@ typedef struct {
 } number_t;
 
 enum { RECORDS, DECIMATION, PAST, FORGET, REGULARIZE, VARX_SAMPLES, WAIT, NODE_ID, BIT_RATE, SHARE, SNAPSHOT_EVERY };
-enum { SAMPLE_EVERY = SNAPSHOT_EVERY + 1, REPAIR, NUMBERS };
+enum { SAMPLE_EVERY = SNAPSHOT_EVERY + 1, REPAIR, FD_RATIO, NUMBERS };
 enum { AMPLITUDE, RATE, START, STOP, MINIMUM, MAXIMUM, HOLD, ORDER, LOW, HIGH, LINES, SEED, EXCITATION_NUMBERS };
 enum { MAIN, PITCH, TORQUE, SECTIONS };
 
@@ -47,6 +47,7 @@ static const number_t main_numbers[NUMBERS] = {
     [SNAPSHOT_EVERY] = {"snapshot_every", 0, 1e9, 0, 10},
     [SAMPLE_EVERY] = {"sample_every", 0, 65535, 1, 1},
     [REPAIR] = {"repair", 0, 100, 1, 25},
+    [FD_RATIO] = {"fd_ratio", 1, 16, 1, 1},
 };
 
 static const number_t excitation_numbers[EXCITATION_NUMBERS] = {
@@ -141,7 +142,6 @@ static int read_choice(const reading_t *self, const char *key, const char *value
 static int read_main_word(reading_t *self, int key, const char *name, char *value)
 {
     settings_t *s = self->settings;
-    int choice = 0, result;
     switch (key) {
     case 0:
         return read_path(self, name, value, s->controller);
@@ -154,9 +154,11 @@ static int read_main_word(reading_t *self, int key, const char *name, char *valu
     case 4:
         return read_choice(self, name, value, yes_no, "yes or no is needed", &s->varmax);
     case 5:
-        result = read_choice(self, name, value, yes_no, "yes or no is needed", &choice);
-        s->innovations = choice > 0;
-        return result;
+        return read_choice(self, name, value, yes_no, "yes or no is needed", &s->innovations);
+    case 6:
+        return read_choice(self, name, value, yes_no, "yes or no is needed", &s->seal);
+    case 7:
+        return read_choice(self, name, value, yes_no, "yes or no is needed", &s->fd);
     default:
         self->feedthrough_line = self->text.number;
         return text_copy(&self->text, name, value, self->feedthrough, sizeof self->feedthrough);
@@ -196,8 +198,8 @@ static int give(const reading_t *self, const char *key, unsigned long *given, in
 
 static int read_key(reading_t *self, char *key, char *value)
 {
-    static const char *const main_words[] = {"controller", "symbol",      "bus",         "method",
-                                             "varmax",     "innovations", "feedthrough", NULL};
+    static const char *const main_words[] = {"controller",  "symbol", "bus", "method",      "varmax",
+                                             "innovations", "seal",   "fd",  "feedthrough", NULL};
     static const char *const excitation_words[] = {"signal", "form", NULL};
     const unsigned section = self->section;
     number_t *numbers = section == MAIN ? self->number : self->excitation[section];
@@ -356,6 +358,7 @@ static void take_numbers(reading_t *self)
     s->snapshot_s = n[SNAPSHOT_EVERY].value;
     s->sample_every = (unsigned)n[SAMPLE_EVERY].value;
     s->repair = (unsigned)n[REPAIR].value;
+    s->fd_ratio = (unsigned)n[FD_RATIO].value;
 }
 
 static int finish(reading_t *self)
@@ -408,6 +411,7 @@ int settings_parse(settings_t *self, const char *file, const char *text, size_t 
         memcpy(self->folder, "./", 3); /* without a slash the loader would search its own folders */
     }
     (void)snprintf(self->symbol, sizeof self->symbol, "DISCON");
+    self->seal = 1;
     memcpy(reading.number, main_numbers, sizeof main_numbers);
     memcpy(reading.excitation[PITCH], excitation_numbers, sizeof excitation_numbers);
     memcpy(reading.excitation[TORQUE], excitation_numbers, sizeof excitation_numbers);

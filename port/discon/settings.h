@@ -18,7 +18,8 @@
  *     method, forget, regularize, varmax, varx_samples, feedthrough = INPUT ...   as `aeolid node` has them
  *     bus = tcp:PORT | pty | can:INTERFACE | file:PATH | none
  *     wait = S              at the first call wait so long for a listener (tcp, pty), default 0
- *     node_id, bit_rate, share (percent), snapshot_every (s), sample_every, innovations, repair   as `aeolid node`
+ *     node_id, bit_rate, share (percent), snapshot_every (s), sample_every, innovations, repair, seal, fd, fd_ratio
+ *         as `aeolid node` has them; yes or no for innovations (no), seal (yes) and fd (no)
  *
  *     [pitch excitation]    and [torque excitation]: see excitation.h; without the section there is none
  *     signal = prbs | multisine
@@ -72,7 +73,8 @@ typedef struct {
     float lambda, rho;
     bus_kind_t bus;
     char bus_name[SETTINGS_PATH_MAX]; /* file or interface */
-    unsigned tcp_port, node_id, sample_every, innovations, repair;
+    unsigned tcp_port, node_id, sample_every, repair, fd_ratio;
+    int innovations, seal, fd;
     uint32_t bit_rate;
     double wait_s, share, snapshot_s;
     excitation_settings_t pitch, torque;
