@@ -14,6 +14,9 @@ from aeolid.can.wire import FD_VALUES, WIRE_VERSIONS
 Array = NDArray[np.float64]
 WIRE, SHAPE, PARAMETERS, SAMPLE_TIME, FORGETTING, REGULARISATION, FEEDTHROUGH, OFFSET, SCALE, NAME, UNIT = range(11)
 CHANNELS_MAX = 64
+RIVALS = 4  # different values of one part that are kept
+PARTS_MAX = 4096  # kept; a description has 902 at most
+TRIES = 4  # choices of parts that are tried: those that came once or more often, twice or more often …
 MODEL_SETS = {0: "varx", 1: "varmax"}
 MAKERS = {0: "", 1: "fast-rls", 2: "lattice", 3: "rls"}  # upper byte of the model set; 0: rls for VARX, els for VARMAX
 _NAME_PARTS, _UNIT_PARTS = 8, 4
@@ -63,13 +66,13 @@ class Description:
 
 
 class DescriptionCollector:
-    """Gather the parts of one node's description from messages that may be lost, doubled or forged."""
+    """Gather the parts of one node's description from messages that may be lost, doubled, garbled or forged."""
 
     def __init__(self) -> None:
         self.version: int | None = None
         self.problem: str | None = None
         self._hash: int | None = None
-        self._parts: dict[tuple[int, int], int] = {}
+        self._parts: dict[tuple[int, int], dict[int, int]] = {}  # (item, index) -> value -> how often it came
 
     def add(self, parts: Iterable[tuple[int, int, int]]) -> Description | None:
         """Take (item, index, value) triples; returns the description once it is whole and its hash fits."""
@@ -77,8 +80,12 @@ class DescriptionCollector:
             if item == WIRE:
                 self._take_head(index, value)
             elif self._fits(item, index):
-                self._parts[item, index] = value
-        if self._hash is None or self.version not in WIRE_VERSIONS or (SHAPE not in {i for i, _ in self._parts}):
+                if len(self._parts) >= PARTS_MAX:
+                    self._parts.clear()
+                came = self._parts.setdefault((item, index), {})
+                if value in came or len(came) < RIVALS:
+                    came[value] = came.get(value, 0) + 1
+        if self._hash is None or self.version not in WIRE_VERSIONS:
             return None
         return self._try()
 
@@ -100,21 +107,29 @@ class DescriptionCollector:
         return index < CHANNELS_MAX if item in (OFFSET, SCALE) else SHAPE <= item <= FEEDTHROUGH
 
     def _try(self) -> Description | None:
-        single: dict[int, tuple[int, int]] = {}
-        for (item, index), value in self._parts.items():
-            if item <= FEEDTHROUGH:
-                if item in single:  # two indices for a single item: one is of an older configuration or damaged
-                    self._parts.clear()
-                    return None
-                single[item] = (index, value)
-        if len(single) < FEEDTHROUGH:
-            return None
-        words = np.array([(item | index << 16, self._parts[item, index]) for item, index in sorted(self._parts)], "<u4")
-        if zlib.crc32(words.tobytes()) != self._hash:
-            return None
-        return self._build(single)
+        """Look for a choice of parts that the hash was made of: all, or those that came more often than garbled ones.
 
-    def _build(self, single: dict[int, tuple[int, int]]) -> Description | None:
+        The hash is the proof, the choice is only a guess at what may have been garbled.
+        """
+        most = max((max(came.values()) for came in self._parts.values()), default=0)
+        for least in range(1, min(most, TRIES) + 1):
+            parts = {
+                key: max(came, key=lambda value: came[value])
+                for key, came in self._parts.items()
+                if max(came.values()) >= least
+            }
+            single: dict[int, tuple[int, int]] = {}
+            for item, index in sorted(parts, key=lambda key: max(self._parts[key].values())):
+                if item <= FEEDTHROUGH:  # one index each: the one that came most often
+                    parts.pop((item, single[item][0]), None) if item in single else None
+                    single[item] = (index, parts[item, index])
+            if len(single) == FEEDTHROUGH:
+                words = np.array([(item | index << 16, parts[item, index]) for item, index in sorted(parts)], "<u4")
+                if zlib.crc32(words.tobytes()) == self._hash:
+                    return self._build(single, parts)
+        return None
+
+    def _build(self, single: dict[int, tuple[int, int]], parts: dict[tuple[int, int], int]) -> Description | None:
         def number(bits: int) -> float:
             return float(np.array([bits], np.uint32).view(np.float32)[0])
 
@@ -122,29 +137,26 @@ class DescriptionCollector:
         model_set, method = _model_set(single[SHAPE][0])
         r, l, s = shape & 0xFF, shape >> 8 & 0xFF, shape >> 16 & 0xFF  # noqa: E741
         m = r + l + s
-        offset, scale = (
-            np.array([number(self._parts.get((item, i), 0)) for i in range(m)]) for item in (OFFSET, SCALE)
-        )
+        offset, scale = (np.array([number(parts.get((item, i), 0)) for i in range(m)]) for item in (OFFSET, SCALE))
         result = Description(
             self.version or 0, self._hash or 0, model_set,
             r, l, s, single[PARAMETERS][0], single[PARAMETERS][1], single[SAMPLE_TIME][0],
             _short(number(single[SAMPLE_TIME][1])), _short(number(single[FORGETTING][1])),
             _short(number(single[REGULARISATION][1])),
             tuple(j for j in range(32) if single[FEEDTHROUGH][1] >> j & 1), offset, scale,
-            _names([self._text(NAME, i, _NAME_PARTS) for i in range(m)], r, l),
-            tuple(self._text(UNIT, i, _UNIT_PARTS) for i in range(m)), method, max(1, shape >> 24),
+            _names([_text(parts, NAME, i, _NAME_PARTS) for i in range(m)], r, l),
+            tuple(_text(parts, UNIT, i, _UNIT_PARTS) for i in range(m)), method, max(1, shape >> 24),
         )  # fmt: skip
         self.problem = _find_problem(result)
         return None if self.problem else result
 
-    def _text(self, item: int, channel: int, parts: int) -> str:
-        words = [
-            self._parts[item, channel | part << 8]
-            for part in range(parts)
-            if (item, channel | part << 8) in self._parts
-        ]
-        raw = np.array(words, "<u4").tobytes().split(b"\0")[0]
-        return "".join(c if c.isprintable() else "?" for c in raw.decode("utf-8", "replace"))
+
+def _text(parts: dict[tuple[int, int], int], item: int, channel: int, count: int) -> str:
+    """Put the parts of a name or unit together."""
+    keys = [(item, channel | part << 8) for part in range(count)]
+    words = [parts[key] for key in keys if key in parts]
+    raw = np.array(words, "<u4").tobytes().split(b"\0")[0]
+    return "".join(c if c.isprintable() else "?" for c in raw.decode("utf-8", "replace"))
 
 
 def _model_set(number: int) -> tuple[str, str]:

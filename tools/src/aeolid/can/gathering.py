@@ -26,6 +26,8 @@ class Gathering:
         self.crc: int | None = None
         self.ends = 0
         self.done = False
+        self.first_place: int | None = None
+        self.last_place = 0
         self._version = description.wire_version
         self._count = description.parameters
         self._width = description.values_a_frame
@@ -41,6 +43,9 @@ class Gathering:
 
     def take(self, m: Messages) -> None:
         """Take messages of this number in the order of arrival."""
+        if self.first_place is None:
+            self.first_place = int(m.place[0])
+        self.last_place = int(m.place[-1])
         begins = m.value[m.kind == BEGIN]
         if len(begins):
             self.begin = int(begins[-1])

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.description import WIRE, Description, DescriptionCollector
+from aeolid.can.garbling import Garbling
+from aeolid.can.health import Health
+from aeolid.can.judging import SEAL as SEALED
+from aeolid.can.judging import SURE, VALUE
 from aeolid.can.samples import SampleStore
 from aeolid.can.snapshots import MarkovSnapshot, SnapshotStore
 from aeolid.can.wire import (
@@ -25,11 +29,11 @@ from aeolid.can.wire import (
     REPAIR_FD,
     SAMPLE,
     SAMPLE_FD,
-    STOPPED,
+    SEAL,
+    SEAL_INNOVATION,
     Frames,
     Messages,
     decode,
-    health_names,
 )
 
 SNAPSHOT_KINDS = np.isin(np.arange(KINDS), (BEGIN, PARAMETER, REPAIR, END, PARAMETER_FD, REPAIR_FD))
@@ -48,63 +52,90 @@ class Configuration:
     snapshots: SnapshotStore
 
 
-@dataclass(eq=False)
 class Node:
     """Hold the state of one node; `now` is None until it has described itself.
 
     problem: why its frames cannot be read, None when they can. early_lost: messages that came before the description
-    and were too many to keep.
+    and were too many to keep, or whose description never came.
     """
 
-    number: int
-    collector: DescriptionCollector = field(default_factory=DescriptionCollector)
-    now: Configuration | None = None
-    previous: list[Configuration] = field(default_factory=list)
-    stopped: bool = False
-    flags: int = 0
-    counters: dict[str, int] = field(default_factory=dict)
-    messages: int = 0
-    early_lost: int = 0
-    _early: list[Messages] = field(default_factory=list)
-    _head: tuple[int, int] | None = None
+    def __init__(self, number: int, garbling: Garbling | None = None) -> None:
+        self.number = number
+        self.now: Configuration | None = None
+        self.previous: list[Configuration] = []
+        self.messages = 0
+        self.early_lost = 0
+        self._garbling = garbling or Garbling()
+        self._health = Health(self._garbling)
+        self._collector = DescriptionCollector()
+        self._early: list[Messages] = []  # of a configuration that is not known yet
+        self._kept = 0
+        self._head: tuple[int, int] | None = None  # of the configuration in force
+        self._rumour: tuple[int, int, int] | None = None  # head of another one, with the place where it was first heard
 
     @property
     def problem(self) -> str | None:
         """Say why this node cannot be read."""
-        return self.collector.problem
+        if self.now is None or (self._rumour is not None and self._garbling.quiet_at(self._rumour[2])):
+            return self._collector.problem
+        return None
+
+    @property
+    def stopped(self) -> bool:
+        """Tell whether the node has ended its stream on purpose."""
+        return self._health.stopped
+
+    @property
+    def flags(self) -> int:
+        """Return the filter's health flags."""
+        return self._health.flags
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Return the counters told in health messages, by name."""
+        return self._health.counters
 
     def add(self, m: Messages) -> None:
         """Take this node's messages in the order of arrival."""
-        self.messages += len(m)
+        self.messages += int(np.count_nonzero(m.lane == 0))
         heads = np.flatnonzero((m.kind == DESCRIPTION) & (m.tag == WIRE))
         start = 0
         for at in heads.tolist():
             head = (int(m.index[at]), int(m.value[at]))
-            if head != self._head:  # from here on another configuration speaks
-                self._take(m.take(np.arange(start, at)))
-                self._turn(head)
+            if head != self._head if self._rumour is None else head != self._rumour[:2]:
+                self._take(m.take(slice(start, at)))
+                self._hear(head, int(m.place[at]))
                 start = at
-        self._take(m.take(np.arange(start, len(m))) if start else m)
+        self._take(m.take(slice(start, len(m))) if start else m)
 
-    def _turn(self, head: tuple[int, int]) -> None:
-        """Put the configuration in force aside; samples wait until the new one has described itself."""
-        self._head = head
-        self.close()
-        if self.now is not None:
-            self.previous = [*self.previous, self.now][-PREVIOUS_MAX:]
-            self.now = None
-            self._early = []
+    def _hear(self, head: tuple[int, int], place: int) -> None:
+        """Wait for another description, or go back to the one in force; a head may be garbled past its check."""
+        if head == self._head and self.now is not None:
+            self._deny()
+        else:
+            self._rumour = (*head, place)
+
+    def _deny(self) -> None:
+        """Give what came since a rumour to the configuration in force."""
+        self._rumour = None
+        self._replay()
+
+    def _replay(self) -> None:
+        early, self._early, self._kept = self._early, [], 0
+        for messages in early:
+            if self.now is not None:
+                self._use(self.now, messages)
 
     def _take(self, m: Messages) -> None:
         parts = m.kind == DESCRIPTION
-        if parts.any() and self.now is None:
+        waits = self.now is None or self._rumour is not None
+        if waits and parts.any():
             self._describe(m.take(parts))
-        if self.problem is not None:
-            return
+            waits = self.now is None or self._rumour is not None
         rest = m.take(~parts) if parts.any() else m
-        if self.now is None:
+        if waits:
             self._keep(rest)
-        else:
+        elif self.now is not None:
             self._use(self.now, rest)
 
     def configurations(self) -> list[Configuration]:
@@ -117,71 +148,77 @@ class Node:
 
     def close(self) -> None:
         """Finish what is under way."""
+        if self._rumour is not None and self.now is not None:
+            if self._garbling.quiet_at(self._rumour[2]):  # a new configuration that had no time to describe itself
+                self.early_lost += self._kept
+                self._early, self._kept = [], 0
+            else:
+                self._deny()
         if self.now is not None:
             self.now.snapshots.close(self._newest(self.now))
 
     def _describe(self, m: Messages) -> None:
         rows = zip(m.tag.tolist(), m.index.tolist(), m.value.tolist(), strict=True)
-        description = self.collector.add(rows)
-        if description is None:
+        d = self._collector.add(rows)
+        if d is None:
             return
-        if self.previous and self.previous[-1].description.same_as(description):
-            self.now = self.previous.pop()  # a damaged head had interrupted it
-        else:
-            d = description
-            self.now = Configuration(d, SampleStore(d.channels), SampleStore(d.outputs), SnapshotStore(d))
-        early, self._early = self._early, []
-        for messages in early:
-            self._use(self.now, messages)
+        self._head = (d.wire_version, d.configuration_hash)
+        self._rumour = None
+        if self.now is None or not self.now.description.same_as(d):
+            if self.now is not None:
+                self.now.snapshots.close(self._newest(self.now))
+                self.previous = [*self.previous, self.now][-PREVIOUS_MAX:]
+            samples, innovations = (SampleStore(n, d.sample_every, self._garbling) for n in (d.channels, d.outputs))
+            self.now = Configuration(d, samples, innovations, SnapshotStore(d, self._garbling))
+        self._replay()
 
     def _keep(self, m: Messages) -> None:
-        kept = sum(len(e) for e in self._early)
-        if kept + len(m) <= EARLY_MAX:
+        if self._kept + len(m) <= EARLY_MAX:
             self._early.append(m)
+            self._kept += len(m)
         else:
             self.early_lost += len(m)
 
     def _use(self, now: Configuration, m: Messages) -> None:
-        samples = (m.kind == SAMPLE) | (m.kind == SAMPLE_FD)
-        channel = m.tag + m.lane
+        seal, of_innovation = m.kind == SEAL, m.tag >= SEAL_INNOVATION
+        samples = (m.kind == SAMPLE) | (m.kind == SAMPLE_FD) | (seal & ~of_innovation)
+        innovations = (m.kind == INNOVATION) | (m.kind == INNOVATION_FD) | (seal & of_innovation)
         tells_index = ((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN)
         start = 0
         for stop in [*np.flatnonzero(tells_index).tolist(), len(m)]:  # a full index holds for the samples before it
-            part = slice(start, stop)
-            chosen = samples[part]
-            if chosen.any():
-                now.samples.add(channel[part][chosen], m.index[part][chosen], m.value[part][chosen])
-            if stop < len(m):
-                now.samples.anchor(int(m.value[stop]))
+            for store, mine in ((now.samples, samples), (now.innovations, innovations)):
+                _add_values(store, m.take(np.flatnonzero(mine[start:stop]) + start))
+                if stop < len(m):
+                    store.anchor(int(m.value[stop]), int(m.place[stop]))
             start = stop
-        innovations = (m.kind == INNOVATION) | (m.kind == INNOVATION_FD)
-        if innovations.any():
-            now.innovations.add(channel[innovations], m.index[innovations], m.value[innovations])
-        if samples.any():
-            self.stopped = False
-        health = m.take(m.kind == HEALTH)
-        if len(health):
-            self._take_health(now, health)
+        self._take_health(m, samples | innovations | (m.kind == BEGIN))
         snapshot = SNAPSHOT_KINDS[m.kind]
         if snapshot.any():
             now.snapshots.add(m.take(snapshot), self._newest(now))
 
     def _newest(self, now: Configuration) -> int | None:
         index = now.samples.last_index()
-        return self.counters.get("SampleIndex") if index is None else index
+        return self._health.newest_index() if index is None else index
 
-    def _take_health(self, now: Configuration, m: Messages) -> None:
-        names = health_names()
-        for tag, flags, value in zip(m.tag, m.index, m.value, strict=True):
-            name = names.get(int(tag))
-            if name is None:
-                continue
-            self.flags = int(flags) & ~STOPPED
-            self.counters[name] = int(value)
-            if tag == 0:
-                now.innovations.anchor(int(value))
-            if int(flags) & STOPPED:
-                self.stopped = True
+    def _take_health(self, m: Messages, goes_on: NDArray[np.bool_]) -> None:
+        alive = np.flatnonzero(goes_on)
+        last = int(alive[-1]) if len(alive) else -1
+        for at in np.flatnonzero(m.kind == HEALTH).tolist():
+            if at > last >= 0:
+                self._health.go_on()
+                last = -1
+            self._health.take(int(m.tag[at]), int(m.index[at]), int(m.value[at]), int(m.place[at]))
+        if last >= 0:
+            self._health.go_on()
+
+
+def _add_values(store: SampleStore, m: Messages) -> None:
+    if not len(m):
+        return
+    seal = m.kind == SEAL
+    channel = np.where(seal, m.tag & np.uint8(SEAL_INNOVATION - 1), m.tag + m.lane).astype(np.uint8)
+    what = np.where(seal, SEALED, np.where(m.kind >= SAMPLE_FD, SURE, VALUE)).astype(np.uint8)
+    store.add(channel, m.index, m.value, m.place, what)
 
 
 class Assembly:
@@ -194,13 +231,18 @@ class Assembly:
         self.damaged = 0
         self.garbled = 0
         self._base = base
+        self._garbling = Garbling()
 
     def feed(self, frames: Frames) -> None:
         """Take one batch in the order of arrival."""
         if not len(frames) and not frames.garbled:
             return
-        messages = decode(frames, self._base)
+        messages = decode(frames, self._base, self.frames)
+        if frames.garbled:  # where among the frames is not known
+            self._garbling.add_stretch(self.frames, self.frames + len(frames))
+        self._garbling.add(messages.damaged_at)
         self.frames += len(frames)
+        self._garbling.frames = self.frames
         self.foreign += messages.foreign
         self.damaged += messages.damaged
         self.garbled += frames.garbled
@@ -209,12 +251,13 @@ class Assembly:
             if node is None:
                 if len(self.nodes) >= NODES_MAX:
                     continue
-                node = self.nodes[number] = Node(number)
+                node = self.nodes[number] = Node(number, self._garbling)
             mine: NDArray[np.bool_] = messages.node == number
             node.add(messages if mine.all() else messages.take(mine))
 
     def close(self) -> None:
-        """Finish what is under way."""
+        """Finish what is under way; nothing more will come."""
+        self._garbling.closed = True
         for node in self.nodes.values():
             node.close()
 

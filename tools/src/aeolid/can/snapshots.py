@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.description import Description
+from aeolid.can.garbling import Garbling
 from aeolid.can.gathering import Gathering
 from aeolid.can.wire import BEGIN, Messages
 
@@ -22,8 +23,9 @@ class MarkovSnapshot:
 
     theta_scaled (l, n) binary32, the filter's own bits; theta (l, n) in the channels' units; NaN where missing.
     complete: every parameter is there and the CRC-32 over all of them fits. missing: indices output · n + regressor.
-    sample_index: the last sample the filter had seen, None when neither frame that tells it arrived. repaired:
-    parameters restored from repair frames.
+    sample_index: the last sample the filter had seen, None when it is not known for certain. repaired: parameters
+    restored from repair frames. Values of a snapshot that is not complete are those that arrived on a quiet bus, or in
+    CAN FD frames; others are NaN too.
     """
 
     theta_scaled: NDArray[np.float32]
@@ -50,7 +52,8 @@ def physical(theta_scaled: Array, d: Description) -> Array:
 class SnapshotStore:
     """Assemble the snapshots of one configuration; keeps the latest complete one and the latest at all."""
 
-    def __init__(self, description: Description) -> None:
+    def __init__(self, description: Description, garbling: Garbling | None = None) -> None:
+        self._garbling = garbling
         self.description = description
         self.complete: MarkovSnapshot | None = None
         self.latest: MarkovSnapshot | None = None
@@ -120,9 +123,17 @@ class SnapshotStore:
         d = self.description
         words, have = now.parameters()
         flat: NDArray[np.float32] = words.view(np.float32)
-        flat[~have] = np.nan
+        believed = complete or (not (now.crc is not None and now.is_whole()) and self._trusts(now))
+        flat[~have | (not believed)] = np.nan
         scaled = flat.reshape(d.outputs, d.regressors)
         missing = tuple(np.flatnonzero(~have).tolist())
         return MarkovSnapshot(
-            scaled, physical(scaled.astype(np.float64), d), d, complete, missing, now.sample_index(newest), now.repaired
-        )
+            scaled, physical(scaled.astype(np.float64), d), d, complete, missing,
+            now.sample_index(newest) if believed else None, now.repaired,
+        )  # fmt: skip
+
+    def _trusts(self, now: Gathering) -> bool:
+        """Tell whether single parameters are believed: by their own CRC-32, or on a quiet bus."""
+        if self.description.values_a_frame > 1 or self._garbling is None:
+            return True
+        return bool(self._garbling.is_quiet(np.array([now.first_place]), np.array([now.last_place]))[0])
