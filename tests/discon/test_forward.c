@@ -18,6 +18,8 @@
 
 #include "unity.h"
 
+static char controller[256]; /* a copy of the library for this process alone */
+
 void setUp(void)
 {
     (void)unsetenv("AEOLID_DISCON");
@@ -25,7 +27,7 @@ void setUp(void)
 
 void tearDown(void)
 {
-    DIR *list = opendir(CONTROLLER_FOLDER); /* private copies must not stay behind */
+    DIR *list = opendir(scratch()); /* private copies must not stay behind */
     const struct dirent *entry;
     TEST_ASSERT_NOT_NULL(list);
     while ((entry = readdir(list)) != NULL) {
@@ -61,8 +63,8 @@ static void run_both(const char *infile, const char *more)
     static const float extra[] = {1.0F, -8.0F, 2.0F, 1.0F, -5.0F};
     simulator_t plain, wrapped;
     int fail;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, more));
-    TEST_ASSERT_TRUE(simulator_open(&plain, CONTROLLER, RECORDS, infile));
+    TEST_ASSERT_TRUE(configure(controller, more));
+    TEST_ASSERT_TRUE(simulator_open(&plain, controller, RECORDS, infile));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, infile));
     spoil(&plain);
     spoil(&wrapped);
@@ -133,7 +135,7 @@ static void test_arithmetic_and_errno_of_the_simulator_stay(void)
     simulator_t wrapped;
     fenv_t before;
     TEST_ASSERT_TRUE(
-        configure(CONTROLLER, "bus = file:a.log\nscheduling = record:99 name odd unit x\nrecords = 168\n"));
+        configure(controller, "bus = file:a.log\nscheduling = record:99 name odd unit x\nrecords = 168\n"));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, "trap"));
     (void)fegetenv(&before);
     for (unsigned k = 0; k < 300u; k++) {
@@ -211,7 +213,7 @@ static void test_missing_and_wrong_libraries(void)
     (void)mkfifo(in_scratch("pipe.so"), 0600);
     TEST_ASSERT_TRUE(configure("pipe.so", "bus = none\n"));
     assert_refused("not a file", 301);
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = none\nsymbol = Nothing\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\nsymbol = Nothing\n"));
     assert_refused_in_every_room("no procedure Nothing");
     TEST_ASSERT_TRUE(configure(WRAPPER, "bus = none\n"));
     assert_refused_in_every_room("the wrapper itself");
@@ -227,7 +229,7 @@ static void test_settings_that_cannot_be_read(void)
     (void)mkfifo(in_scratch("pipe.cfg"), 0600);
     (void)setenv("AEOLID_DISCON", in_scratch("pipe.cfg"), 1);
     assert_refused_in_every_room("AEOLID_DISCON");
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = none\nsurprise = 1\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\nsurprise = 1\n"));
     assert_refused_in_every_room("line 8: surprise");
 }
 
@@ -259,7 +261,7 @@ static void test_odd_message_lengths(void)
 static void assert_goes_on(const char *more, const char *word)
 {
     simulator_t wrapped;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, more));
+    TEST_ASSERT_TRUE(configure(controller, more));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, "quiet"));
     TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, 0.0F));
     TEST_ASSERT_NOT_NULL_MESSAGE(strstr(wrapped.message, word), wrapped.message);
@@ -306,7 +308,7 @@ static void test_a_disk_that_is_full_costs_frames_only(void)
     simulator_t wrapped;
     TEST_ASSERT_EQUAL_INT(0, getrlimit(RLIMIT_FSIZE, &before));
     small.rlim_max = before.rlim_max;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = file:full.log\nshare = 50\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = file:full.log\nshare = 50\n"));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
     TEST_ASSERT_EQUAL_INT(0, setrlimit(RLIMIT_FSIZE, &small)); /* beyond it the system would end this process */
     TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 30.0, 1));
@@ -317,6 +319,8 @@ static void test_a_disk_that_is_full_costs_frames_only(void)
 int main(void)
 {
     UNITY_BEGIN();
+    (void)snprintf(controller, sizeof controller, "%s", in_scratch("controller.so"));
+    TEST_ASSERT_TRUE(copy_file(CONTROLLER, controller));
     RUN_TEST(test_everything_passes_bit_for_bit);
     RUN_TEST(test_a_controller_that_fails_or_warns_does_so_as_without);
     RUN_TEST(test_excitation_switched_off_changes_nothing);

@@ -8,16 +8,16 @@ from __future__ import annotations
 import ctypes
 import os
 import socket
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from aeolid.cli.main import main
 from aeolid.filters import replay_filter
 from aeolid.formats import read_record
 from aeolid.record import Record, Roles
@@ -28,6 +28,7 @@ pytestmark = [
     pytest.mark.skipif(not WRAPPER, reason="ctest names the wrapper; run ctest -R discon_host"),
     pytest.mark.timeout(120),
 ]
+EXAMPLE = Path(__file__).resolve().parents[2] / "port/discon/example.cfg"
 RECORDS, MESSAGE = 168, 300
 DECIMATION, STEP_S = 10, 0.01
 SCALES = {
@@ -54,9 +55,9 @@ share = 50
 class Turbine:
     """A turbine in a loop with the controller behind the wrapper; keeps what a tap must have seen."""
 
-    def __init__(self, folder: Path, more: str) -> None:
+    def __init__(self, folder: Path, more: str, text: str = SETTINGS) -> None:
         settings = folder / "wrapper.cfg"
-        settings.write_text(SETTINGS.format(controller=CONTROLLER, more=more))
+        settings.write_text(text.format(controller=CONTROLLER, more=more))
         os.environ["AEOLID_DISCON"] = str(settings)
         self.procedure = ctypes.CDLL(WRAPPER).DISCON
         self.swap = np.zeros(RECORDS, np.float32)
@@ -89,7 +90,7 @@ class Turbine:
         self.swap[89] = self.random.normal()
 
     def run(self, seconds: float, odd: Callable[[int], bool] = lambda k: False) -> None:
-        """Run from the first call to the last; calls for which `odd` holds come twice, the first time with a step back."""
+        """Run from the first call to the last; one for which `odd` holds comes twice, after the one before."""
         for k in range(round(seconds / STEP_S) + 1):
             if odd(k):
                 self.call(1, (k - 1) * STEP_S, False)
@@ -109,11 +110,10 @@ def keep_environment() -> Iterator[None]:
     os.environ.update(before)
 
 
-def listen(bus: str, folder: Path, *options: str) -> subprocess.Popen[str]:
-    """Start a listener."""
+def listen(bus: str, folder: Path, *options: str) -> None:
+    """Let the listener record a bus to its end, in this process."""
     words = ["listen", "--bus", bus, "--record", str(folder / "r.csv"), "--markov", str(folder / "m.npz"), *options]
-    command = [sys.executable, "-m", "aeolid.cli.main", *words]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    assert main(words) == 0
 
 
 def received(folder: Path) -> Record:
@@ -137,9 +137,7 @@ def test_a_frame_log_holds_the_records_bit_for_bit(tmp_path: Path, more: str) ->
     """Samples equal the records at every tenth step, repeated and repaired steps or not; theta equals a host replay."""
     turbine = Turbine(tmp_path, f"bus = file:frames.log\n{more}")
     turbine.run(60, odd=lambda k: k % 13 == 5)
-    listener = listen(str(tmp_path / "frames.log"), tmp_path)
-    out, _ = listener.communicate(timeout=60)
-    assert listener.returncode == 0, out
+    listen(str(tmp_path / "frames.log"), tmp_path)
     record = received(tmp_path)
     assert [c.name for c in record.channels] == [*SCALES, "wind"]
     assert [c.unit for c in record.channels] == ["rad", "N m", "rad/s", "m/s^2", "x", "m/s"]
@@ -169,9 +167,7 @@ def test_holes_and_jumps_are_missing_samples(tmp_path: Path) -> None:
         turbine.step()
         time_s += STEP_S
     turbine.call(-1, time_s, False)
-    listener = listen(str(tmp_path / "frames.log"), tmp_path)
-    out, _ = listener.communicate(timeout=60)
-    assert listener.returncode == 0, out
+    listen(str(tmp_path / "frames.log"), tmp_path)
     record = received(tmp_path)
     np.testing.assert_array_equal(record.values.astype(np.float32), np.array(samples, np.float32))
     assert_same_estimate(record, tmp_path)
@@ -182,9 +178,7 @@ def test_the_excitation_is_a_channel(tmp_path: Path) -> None:
     section = "[torque excitation]\nsignal = multisine\nlow = 0.2\nhigh = 2\namplitude = 500\nrate = 5000\nstart = 5\n"
     turbine = Turbine(tmp_path, f"bus = file:frames.log\n{section}stop = 25\nminimum = 0\nmaximum = 6e4\n")
     turbine.run(40)
-    listener = listen(str(tmp_path / "frames.log"), tmp_path)
-    out, _ = listener.communicate(timeout=60)
-    assert listener.returncode == 0, out
+    listen(str(tmp_path / "frames.log"), tmp_path)
     record = received(tmp_path)
     added = record.column("excitation_torque")
     own = record.column("torque_command") - added
@@ -193,35 +187,38 @@ def test_the_excitation_is_a_channel(tmp_path: Path) -> None:
     np.testing.assert_allclose(own, 340.0 * record.column("generator_speed"), rtol=3e-7)
 
 
+def test_the_example_streams_what_it_names(tmp_path: Path) -> None:
+    """example.cfg as it stands, but for controller and bus: its channels arrive, and its excitation at its times."""
+    text = EXAMPLE.read_text().replace("libdiscon.so ", "{controller} ").replace("tcp:29536 ", "file:frames.log ")
+    turbine = Turbine(tmp_path, "", text)
+    turbine.run(70)
+    listen(str(tmp_path / "frames.log"), tmp_path)
+    record = received(tmp_path)
+    names = ["pitch_command", "torque_command", "generator_speed", "tower_fore_aft", "tower_side_side"]
+    assert [c.name for c in record.channels] == [*names, "excitation_pitch"]
+    added = np.abs(record.column("excitation_pitch"))
+    assert added.max() > 0.004 and np.all(added[record.time_s < 60] == 0)
+
+
 def free_port() -> int:
     """Find a port nobody has."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         return int(server.getsockname()[1])
 
 
-def start_when_open(port: int, folder: Path, started: list[subprocess.Popen[str]]) -> None:
-    """Start a listener once the wrapper offers its port."""
-    end = time.monotonic() + 60
-    while time.monotonic() < end:
-        try:
-            socket.create_connection(("127.0.0.1", port)).close()
-        except OSError:
-            time.sleep(0.05)
-        else:
-            started.append(listen(f"slcan:socket://127.0.0.1:{port}", folder, "--until-end"))
-            return
-
-
 def test_a_listener_on_tcp_gets_the_same(tmp_path: Path) -> None:
     """A listener that comes within `wait` gets every sample, the last parameters and the end of the stream."""
-    port, started = free_port(), list[subprocess.Popen[str]]()
-    helper = threading.Thread(target=start_when_open, args=(port, tmp_path, started))
-    helper.start()
+    port = free_port()
     turbine = Turbine(tmp_path, f"bus = tcp:{port}\nwait = 60")
-    turbine.run(20)
-    helper.join()
-    out, _ = started[0].communicate(timeout=60)
-    assert started[0].returncode == 0, out
+    simulator = threading.Thread(target=turbine.run, args=(20,))
+    simulator.start()
+    end = time.monotonic() + 60
+    while time.monotonic() < end:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+            break
+        time.sleep(0.05)
+    listen(f"slcan:socket://127.0.0.1:{port}", tmp_path, "--until-end")
+    simulator.join()
     record = received(tmp_path)
     np.testing.assert_array_equal(record.values.astype(np.float32), np.array(turbine.tapped))
     assert_same_estimate(record, tmp_path)

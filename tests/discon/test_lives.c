@@ -12,6 +12,8 @@
 
 #include "unity.h"
 
+static char controller[256]; /* a copy of the library for this process alone */
+
 void setUp(void)
 {
     (void)unsetenv("AEOLID_DISCON");
@@ -19,7 +21,7 @@ void setUp(void)
 
 void tearDown(void)
 {
-    DIR *list = opendir(CONTROLLER_FOLDER); /* private copies must not stay behind */
+    DIR *list = opendir(scratch()); /* private copies must not stay behind */
     const struct dirent *entry;
     TEST_ASSERT_NOT_NULL(list);
     while ((entry = readdir(list)) != NULL) {
@@ -54,16 +56,16 @@ static void test_the_last_call_unloads_and_a_second_run_starts_afresh(void)
 {
     simulator_t wrapped;
     const unsigned files = count_open_files();
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = tcp:0\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = tcp:0\n"));
     for (int run = 0; run < 3; run++) {
         TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
         for (int again = 0; again < 2; again++) { /* in the library loaded once, too */
             TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, 0.0F));
-            TEST_ASSERT_TRUE(is_loaded(CONTROLLER));
+            TEST_ASSERT_TRUE(is_loaded(controller));
             simulator_step(&wrapped);
             TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, 1.0F));
             TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, -1.0F));
-            TEST_ASSERT_FALSE(is_loaded(CONTROLLER));
+            TEST_ASSERT_FALSE(is_loaded(controller));
             TEST_ASSERT_EQUAL_INT(3, (int)wrapped.swap[CALLS - 1]);
         }
         simulator_close(&wrapped);
@@ -76,19 +78,19 @@ static void test_unloaded_without_a_last_call(void)
 {
     const unsigned files = count_open_files();
     simulator_t wrapped;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = pty\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = pty\n"));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
     TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 1.0, 0));
     simulator_close(&wrapped);
     TEST_ASSERT_EQUAL_UINT(files, count_open_files());
-    TEST_ASSERT_FALSE(is_loaded(CONTROLLER));
+    TEST_ASSERT_FALSE(is_loaded(controller));
 }
 
 /* A last call without a first goes to the controller, as it would without the wrapper. */
 static void test_last_call_only(void)
 {
     simulator_t wrapped;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = none\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\n"));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
     TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, -1.0F));
     TEST_ASSERT_EQUAL_INT(1, (int)wrapped.swap[CALLS - 1]);
@@ -100,7 +102,7 @@ static void test_an_array_that_moves(void)
 {
     simulator_t wrapped;
     float *arrays[2];
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = none\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\n"));
     TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
     arrays[0] = wrapped.swap;
     arrays[1] = calloc(RECORDS, sizeof(float));
@@ -123,7 +125,7 @@ static void test_an_array_that_moves(void)
 static void test_two_turbines_in_one_process(void)
 {
     simulator_t alone, first, second;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = file:two.log\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = file:two.log\n"));
     TEST_ASSERT_TRUE(simulator_open(&alone, WRAPPER, RECORDS, "nan"));
     TEST_ASSERT_EQUAL_INT(0, simulator_run(&alone, 5.0, 0));
     TEST_ASSERT_EQUAL_INT(0, simulator_call(&alone, -1.0F));
@@ -153,7 +155,7 @@ static void test_with_two_turbines_a_moving_array_is_refused(void)
     simulator_t first, second;
     float *moved = calloc(RECORDS, sizeof *moved);
     float *kept;
-    TEST_ASSERT_TRUE(configure(CONTROLLER, "bus = none\n"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\n"));
     TEST_ASSERT_TRUE(simulator_open(&first, WRAPPER, RECORDS, ""));
     TEST_ASSERT_TRUE(simulator_open(&second, WRAPPER, RECORDS, ""));
     (void)simulator_call(&first, 0.0F);
@@ -201,9 +203,9 @@ static void test_turbines_in_threads(void)
     pthread_t thread[4];
     const char *second = in_scratch("wrapper_T2.so"), *third = in_scratch("wrapper_T3.so");
     TEST_ASSERT_TRUE(copy_file(WRAPPER, second) && copy_file(WRAPPER, third) && copy_file(WRAPPER, in_scratch("w.so")));
-    TEST_ASSERT_TRUE(write_settings(in_scratch("wrapper_T2.cfg"), CONTROLLER, "bus = none\n") &&
-                     write_settings(in_scratch("wrapper_T3.cfg"), CONTROLLER, "bus = none\n") &&
-                     write_settings(in_scratch("w.cfg"), CONTROLLER, "bus = none\n"));
+    TEST_ASSERT_TRUE(write_settings(in_scratch("wrapper_T2.cfg"), controller, "bus = none\n") &&
+                     write_settings(in_scratch("wrapper_T3.cfg"), controller, "bus = none\n") &&
+                     write_settings(in_scratch("w.cfg"), controller, "bus = none\n"));
     job[0].library = job[1].library = job[4].library = in_scratch("w.so");
     job[2].library = second;
     job[3].library = third;
@@ -220,9 +222,25 @@ static void test_turbines_in_threads(void)
     simulator_close(&job[4].simulator);
 }
 
+/* The example, under the names its user gives: wrapper, settings and controller in one folder, nothing in the
+ * environment. */
+static void test_the_example_beside_the_wrapper(void)
+{
+    simulator_t wrapped;
+    TEST_ASSERT_TRUE(copy_file(WRAPPER, in_scratch("libaeolid_discon.so")));
+    TEST_ASSERT_TRUE(copy_file(EXAMPLE, in_scratch("libaeolid_discon.cfg")));
+    TEST_ASSERT_TRUE(copy_file(controller, in_scratch("libdiscon.so")));
+    TEST_ASSERT_TRUE(simulator_open(&wrapped, in_scratch("libaeolid_discon.so"), RECORDS, ""));
+    TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 2.0, 1));
+    TEST_ASSERT_EQUAL_INT(202, (int)wrapped.swap[CALLS - 1]);
+    simulator_close(&wrapped);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
+    (void)snprintf(controller, sizeof controller, "%s", in_scratch("controller.so"));
+    TEST_ASSERT_TRUE(copy_file(CONTROLLER, controller));
     RUN_TEST(test_the_last_call_unloads_and_a_second_run_starts_afresh);
     RUN_TEST(test_unloaded_without_a_last_call);
     RUN_TEST(test_last_call_only);
@@ -230,6 +248,7 @@ int main(void)
     RUN_TEST(test_two_turbines_in_one_process);
     RUN_TEST(test_with_two_turbines_a_moving_array_is_refused);
     RUN_TEST(test_turbines_in_threads);
+    RUN_TEST(test_the_example_beside_the_wrapper);
     return UNITY_END();
 }
 /* SPDX-License-Identifier: MIT */
