@@ -164,7 +164,7 @@ static int open_bus(node_t *self)
 {
     const node_options_t *o = &self->options;
     char why[SOCKETCAN_TEXT_MAX];
-    if (o->can != NULL ? node_bus_open_can(&self->bus, o->can, 0, o->bit_rate, why)
+    if (o->can != NULL ? node_bus_open_can(&self->bus, o->can, o->fd, o->bit_rate, why)
                        : node_bus_open_text(&self->bus, o->terminal, o->tcp_port, why)) {
         return fail("bus", why);
     }

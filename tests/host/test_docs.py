@@ -37,7 +37,7 @@ def test_the_c_example_compiles_without_a_warning(tmp_path: Path, standard: str)
     compiler = shutil.which("gcc") or shutil.which("cc")
     if compiler is None:
         pytest.skip("no C compiler is installed")
-    (tmp_path / "example.c").write_text(block("c", "control_task"))
+    (tmp_path / "example.c").write_text(block("c", "void control_task("))
     flags = [f"-std={standard}", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror", f"-I{ROOT / 'include'}"]
     command = [compiler, *flags, "-c", "example.c", "-o", "example.o"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
@@ -45,7 +45,7 @@ def test_the_c_example_compiles_without_a_warning(tmp_path: Path, standard: str)
 
 
 def test_the_c_example_is_short() -> None:
-    lines = [line for line in block("c", "control_task").splitlines() if line.strip()]
+    lines = [line for line in block("c", "void control_task(").splitlines() if line.strip()]
     assert len(lines) <= 26
 
 

@@ -18,6 +18,9 @@ from aeolid.native import find_native
 from aeolid.plants import hawt
 from aeolid.record import Record, Roles
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ports"))
+from wiring import README, build, make_reference
+
 pytestmark = pytest.mark.timeout(280)
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
@@ -53,7 +56,9 @@ def write_plan(out: Path, record: Record) -> None:
         "width": len(channels),
         "sample_bytes": 8 * (2 + len(channels)),
         "modules": str(MODULES),
+        "log": str(ROOT / "tests/vectors/wire_v1/stream.log"),
         "program": str(out / "threads"),
+        "wiring": str(build(README.read_text(encoding="utf-8"), "socketcan", out)),
         "offers_fd": "--fd" not in usage,  # an unknown option is named; a known one leaves the channels to be asked for
     }
     (out / "plan.json").write_text(json.dumps(plan))
@@ -103,14 +108,14 @@ def facts(guest: Path, step: str) -> dict[str, Any]:
     return found
 
 
-def assert_all_arrived(guest: Path, name: str, told: dict[str, Any]) -> None:
+def assert_all_arrived(guest: Path, name: str, told: dict[str, Any], at_least: int = 2000) -> None:
     """Compare theta, samples and counters at both ends: nothing lost, every bit."""
     assert (told["node"]["code"], told["listener"]["code"]) == (0, 0), told
     assert_same_theta(guest / f"{name}.npz", guest / f"{name}.f32")
     received = read_record(guest / f"{name}.csv", Roles.load(guest / f"{name}.roles.toml"))
     np.testing.assert_array_equal(received.values, play().values.astype(np.float32))
     report, counters = json.loads((guest / f"{name}.json").read_text()), told["node"]["counters"]
-    assert report["frames"] == counters["sent"] > 2000
+    assert report["frames"] == counters["sent"] > at_least
     assert (report["damaged"], counters["refused"], counters["dropped"]) == (0, 0, 0)
 
 
@@ -134,7 +139,7 @@ def test_fd_frames_on_a_virtual_interface(guest: Path) -> None:
         pytest.skip("this node sends classic frames only")
     told = facts(guest, "fd")
     assert told["address"] == "socketcan:vcan1?fd=true"
-    assert_all_arrived(guest, "fd", told)
+    assert_all_arrived(guest, "fd", told, 500)
 
 
 def test_slcan_terminal_as_an_interface(guest: Path) -> None:
@@ -168,7 +173,20 @@ def test_interface_goes_and_comes_back(guest: Path) -> None:
     assert (seen["lost"], seen["returned"], seen["bus_off"], seen["errors"], seen["failed"]) == (3, 3, 1, 2, 0)
     assert seen["sent"] == counters["sent"] and seen["down"] == counters["refused"] + counters["dropped"]
     assert sum("refused until it is back" in line for line in told["node"]["said"]) == 3
-    assert "down" in " ".join(told["listener"]["said"]).lower(), told["listener"]
+
+
+def test_listeners_say_that_the_interface_went(guest: Path) -> None:
+    """One that must not reconnect ends with a sentence; another is back with the interface, and what came is true."""
+    told = facts(guest, "down_and_up")
+    assert told["listener"]["code"] == 3 and "down" in told["listener"]["said"][-1].lower(), told["listener"]
+    assert told["kept"]["code"] == 0, told["kept"]
+    assert json.loads((guest / "kept.json").read_text())["interruptions"] >= 1
+    received = read_record(guest / "kept.csv", Roles.load(guest / "kept.roles.toml"))
+    first = round(float(received.time_s[0]) / received.sample_time_s)
+    truth = play().values.astype(np.float32)[first : first + len(received)]
+    there = np.isfinite(received.values)
+    np.testing.assert_array_equal(received.values[there], truth[there])
+    assert first < 60 and there[121 - first : 150 - first].all() and not there[60 - first : 120 - first].any()
 
 
 def test_the_node_hears_nothing(guest: Path) -> None:
@@ -205,3 +223,17 @@ def test_the_port_between_two_threads(guest: Path) -> None:
     """Control task and background in threads of their own, held apart by the port's mutex."""
     told = facts(guest, "program")
     assert told["code"] == 0, told
+
+
+def test_the_wiring_that_readme_shows(guest: Path, tmp_path: Path) -> None:
+    """README's block for SocketCAN on its can0: samples and the newest snapshot are those of README's filter."""
+    told = facts(guest, "wiring")
+    assert (told["code"], told["listener"]["code"]) == (0, 0), told
+    samples, theta = make_reference(README.read_text(encoding="utf-8"), tmp_path)
+    found = np.load(guest / "wiring.npz")
+    assert int(found["sample_index"]) in (99, 199)
+    expected = theta[int(found["sample_index"]) // 100]
+    assert found["theta_scaled"].astype("<f4").ravel().view("<u4").tolist() == expected.view("<u4").tolist()
+    received = read_record(guest / "wiring.csv", Roles.load(guest / "wiring.roles.toml")).values
+    np.testing.assert_array_equal(received, samples[: len(received)])
+    assert len(received) == 250
