@@ -3,8 +3,12 @@
  * Argument (semihosting): the period of SysTick in microseconds. With the recording's sample time the node runs as in a
  * turbine. With another one time counts samples, as if they had come when they should: shorter makes haste, 0 takes the
  * next sample as soon as the UART's ring has room for all that one sample can send, so that none is lost.
- * It begins when a host opens the channel, and ends with a last snapshot and the closing frames. Half-way it writes a line
- * `half`, in the end one `node {json}` and exits with 0; with 2 for a wrong argument, with 1 when a setting is refused.
+ * It begins when a host opens the channel, and ends with a last snapshot and the closing frames. Half-way it writes a
+ * line `half`, in the end one `node {json}` and exits with 0; with 2 for a wrong argument, with 1 when a setting is
+ * refused. In an emulator, with a listener at slcan:socket://127.0.0.1:29536:
+ *
+ *     qemu-system-arm -M mps2-an386 -display none -serial tcp:127.0.0.1:29536,server=on,wait=on \
+ *         -semihosting-config enable=on,target=native,arg=turbine_node,arg=100000 -kernel build/mps2/turbine_node
  */
 #include <aeolid/regressor.h>
 #include <aeolid/rls.h>
@@ -108,24 +112,22 @@ static int start(uint32_t period_us)
                                        .regularisation = 0.1f,
                                        .excitation_min = 0.05f,
                                        .growth_max = 10.0f};
-    aeo_stream_config_t config = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
-                                  .inputs = TURBINE_INPUTS,
-                                  .outputs = TURBINE_OUTPUTS,
-                                  .past = TURBINE_PAST,
-                                  .parameters = PARAMETERS,
-                                  .sample_time_s = 1e-6f * TURBINE_PERIOD_US,
-                                  .lambda = 1.0f,
-                                  .rho = 0.1f,
-                                  .channels = turbine_channels,
-                                  .sample_every = 1,
-                                  .health_every = 10,
-                                  .describe_every = 100,
-                                  .repair_percent = 25,
-                                  .burst = BURST,
-                                  .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
-#if AEO_WIRE_VERSION >= 2
-    config.seal = 1;
-#endif
+    const aeo_stream_config_t config = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
+                                        .inputs = TURBINE_INPUTS,
+                                        .outputs = TURBINE_OUTPUTS,
+                                        .seal = 1,
+                                        .past = TURBINE_PAST,
+                                        .parameters = PARAMETERS,
+                                        .sample_time_s = 1e-6f * TURBINE_PERIOD_US,
+                                        .lambda = 1.0f,
+                                        .rho = 0.1f,
+                                        .channels = turbine_channels,
+                                        .sample_every = 1,
+                                        .health_every = 10,
+                                        .describe_every = 100,
+                                        .repair_percent = 25,
+                                        .burst = BURST,
+                                        .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
     mps2_port_init(&uart, &port, 921600);
     read_clock = port.time_us;
     if (period_us != TURBINE_PERIOD_US) {

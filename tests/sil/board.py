@@ -94,23 +94,31 @@ class DeafHost:
 
     def __init__(self, deaf_after: int) -> None:
         self.uart, self._end = socket.socketpair()
-        # the emulator sends byte by byte, and the kernel counts each as a packet: a few hundred bytes fill this
-        self.uart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+        # the emulator sends byte by byte, and the kernel counts each as a packet: this is full after a thousand or so
+        self.uart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
         self._server = socket.create_server(("127.0.0.1", 0))
         self.address = f"slcan:socket://127.0.0.1:{self._server.getsockname()[1]}"
         self._deaf_after = deaf_after
         self.node: Board | None = None
+        self.lines = 0  # that have come out of the UART
         self._thread = threading.Thread(target=self._pass, daemon=True)
         self._thread.start()
 
     def _pass(self) -> None:
         listener, _ = self._server.accept()
         passed = 0
-        with listener, self._end, self._server, suppress(OSError):  # the listener may leave before the last character
+        with listener, self._end, self._server:
             self._end.sendall(listener.recv(64))  # the listener opens the channel, and says no more
             while data := self._end.recv(65536):
-                listener.sendall(data)
+                self.lines += data.count(b"\r")
+                with suppress(OSError):  # the listener leaves at the first closing frame
+                    listener.sendall(data)
                 before, passed = passed, passed + len(data)
                 if before < self._deaf_after <= passed:
                     assert self.node is not None
                     self.node.half_way.wait(PATIENCE_S)
+
+    def finish(self) -> int:
+        """Wait until the UART is closed; returns the lines that came out of it."""
+        self._thread.join(PATIENCE_S)
+        return self.lines

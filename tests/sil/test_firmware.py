@@ -29,7 +29,6 @@ from turbine_recording import PAST, make_recording
 pytestmark = pytest.mark.timeout(180)
 Start = Callable[..., Process]
 HEAP = {"malloc", "calloc", "realloc", "free", "_malloc_r", "_free_r", "_calloc_r", "_realloc_r", "_sbrk", "_sbrk_r"}
-CLOSING_FRAMES = 4
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +128,7 @@ def test_firmware_streams_what_a_pc_computes(board: str, streamed: dict[str, Str
     assert int(np.load(result.folder / "m.npz")["sample_index"]) == samples - 1
     assert (told["samples"], told["updates"], told["dropped"], told["refused"]) == (samples, samples - PAST, 0, 0)
     assert told["snapshots"] == facts["nodes"][0]["snapshots"]["complete"]
-    assert told["sent"] - CLOSING_FRAMES < facts["frames"] <= told["sent"]  # the first one ends the listener
+    assert facts["frames"] <= told["sent"]  # the first of the closing frames ends the listener
     assert (facts["damaged"], facts["garbled_lines"], facts["foreign"]) == (0, 0, 0)
     if board == "an500":  # where the emulator skips time it may sleep twice as long as asked, never shorter
         assert told["elapsed_us"] >= (samples - 1) * SAMPLE_TIME_US - 1
@@ -167,7 +166,7 @@ def test_poles_from_the_stream_are_those_of_the_replay(
 
 
 def test_a_deaf_host_costs_frames_and_not_the_control_task(
-    boot: Callable[..., Board], recording: Record, tmp_path: Path
+    boot: Callable[..., Board], recording: Record, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Nobody reads the UART for a while: each sample is filtered when it is due, and the losses are told.
 
@@ -196,8 +195,13 @@ def test_a_deaf_host_costs_frames_and_not_the_control_task(
     np.testing.assert_array_equal(received.values[there], truth[there])
     assert 0 < np.count_nonzero(~there) <= told["dropped"]
     assert (facts["damaged"], facts["garbled_lines"]) == (0, 0)
-    assert told["sent"] - CLOSING_FRAMES < facts["frames"] <= told["sent"]  # what the port took did arrive
+    assert host.finish() == told["sent"] + 1  # what the port took has left, after the acknowledgement of O
     assert_theta_of(recording, tmp_path / "m.npz")
+    with capsys.disabled():
+        print(
+            f"\nturbine_node an386, main loop interrupted within its frames: stack {told['stack_used']} B, control task"
+            f" at most {told['latest'] * 5 // 8} instructions late"
+        )
 
 
 def test_the_uart_obeys_open_and_close_and_nothing_else(boot: Callable[..., Board], recording: Record) -> None:
