@@ -1,11 +1,14 @@
-/* The POSIX port: slcan text both ways, rings that fill, listeners that come, hang and go; and the template's ring. */
+/* The POSIX port: slcan text both ways, rings that fill, listeners that come, hang and go; the template's ring; and what
+ * the SocketCAN port says where nothing can be opened. Where something can, tests/sil/uml runs it. */
 #include "aeolid/status.h"
 #include "port_template.h"
 #include "posix_bus.h"
 #include "slcan.h"
+#include "socketcan.h"
 #include "unity.h"
 
 #include <arpa/inet.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <netinet/in.h>
 #include <stdio.h>
@@ -285,6 +288,58 @@ static void template_ring_keeps_order_and_refuses(void)
     TEST_ASSERT_EQUAL_UINT32(0, port.time_us(port.context));
 }
 
+/* ---- CAN interfaces ---------------------------------------------------------------------------------------------- */
+
+static void what_cannot_be_opened_is_closed_and_explained(void)
+{
+    static const char *const names[] = {"", "nosuchcan0", "lo", "a_name_of_16_xxx"};
+    char text[SOCKETCAN_TEXT_MAX];
+    aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    socketcan_t can;
+    unsigned i;
+    for (i = 0; i < sizeof names / sizeof *names; i++) {
+        const int error = socketcan_open(&can, names[i], (int)i % 2);
+        TEST_ASSERT_NOT_EQUAL_INT(0, error);
+        TEST_ASSERT_EQUAL_INT(-1, can.fd);
+        TEST_ASSERT_EQUAL_INT(0, can.up);
+        TEST_ASSERT_EQUAL_STRING(text, socketcan_explain(names[i], error, text));
+        TEST_ASSERT_NOT_NULL(strstr(text, names[i]));
+        socketcan_port(&can, &port, NULL); /* a controller that goes on all the same is refused, not harmed */
+        TEST_ASSERT_EQUAL_INT(0, port.send(port.context, &frame));
+        TEST_ASSERT_EQUAL_INT(0, socketcan_poll(&can));
+        socketcan_close(&can);
+    }
+    TEST_ASSERT_EQUAL_INT(ENAMETOOLONG, socketcan_open(&can, names[0], 0));
+    TEST_ASSERT_EQUAL_INT(ENAMETOOLONG, socketcan_open(&can, names[3], 0));
+}
+
+static void every_reason_has_its_remedy(void)
+{
+    static const struct {
+        int error;
+        const char *remedy;
+    } reasons[] = {{EAFNOSUPPORT, "modprobe can_raw"},
+                   {EPROTONOSUPPORT, "modprobe can_raw"},
+                   {EPERM, "CAP_NET_RAW"},
+                   {EACCES, "CAP_NET_RAW"},
+                   {ENODEV, "ip link add dev can12 type vcan && ip link set can12 up"},
+                   {ENOTTY, "ip -brief link"},
+                   {EMSGSIZE, "ip link set can12 mtu 72"},
+                   {ENETDOWN, "ip link set can12 up"},
+                   {ENAMETOOLONG, "1 to 15 characters"},
+                   {ENOMEM, "Cannot allocate memory"}};
+    char text[SOCKETCAN_TEXT_MAX], longest[400];
+    unsigned i;
+    memset(longest, 'x', sizeof longest);
+    longest[sizeof longest - 1u] = '\0';
+    for (i = 0; i < sizeof reasons / sizeof *reasons; i++) {
+        TEST_ASSERT_NOT_NULL_MESSAGE(strstr(socketcan_explain("can12", reasons[i].error, text), reasons[i].remedy),
+                                     text);
+        TEST_ASSERT_NOT_NULL(strstr(text, "can12"));
+        TEST_ASSERT_LESS_THAN_size_t(SOCKETCAN_TEXT_MAX, strlen(socketcan_explain(longest, reasons[i].error, text)));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -297,5 +352,7 @@ int main(void)
     RUN_TEST(terminal_serves_one_after_the_other);
     RUN_TEST(endless_commands_are_survived);
     RUN_TEST(template_ring_keeps_order_and_refuses);
+    RUN_TEST(what_cannot_be_opened_is_closed_and_explained);
+    RUN_TEST(every_reason_has_its_remedy);
     return UNITY_END();
 }
