@@ -46,13 +46,15 @@ class LpvData:
     """Hold the scaled samples of all recordings, one after the other, and their complete windows.
 
     u (T, r), y (T, l), mu (T, m) with the leading one; missing samples are zero and in no window. targets (N,): the
-    samples k whose p predecessors are complete too, within one recording; skipped: windows lost to missing samples.
+    samples k whose p predecessors are complete too, within one recording; place (N,): where in its recording each
+    stands, 0 … 1; skipped: windows lost to missing samples.
     """
 
     u: Array
     y: Array
     mu: Array
     targets: Indices
+    place: Array
     past: int
     skipped: int
 
@@ -68,7 +70,7 @@ class LpvData:
 
     def take(self, keep: NDArray[np.bool_]) -> LpvData:
         """Return the same samples with some of the windows."""
-        return LpvData(self.u, self.y, self.mu, self.targets[keep], self.past, self.skipped)
+        return LpvData(self.u, self.y, self.mu, self.targets[keep], self.place[keep], self.past, self.skipped)
 
 
 def scheduling_names(records: Sequence[Record], asked: Sequence[str]) -> tuple[str, ...]:
@@ -124,7 +126,7 @@ def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, ce
 
 def gather(records: Sequence[Record], scaling: LpvScaling, past: int) -> LpvData:
     """Return the scaled samples of all recordings and their windows; no window spans two recordings."""
-    parts, targets, begin, most = [], [], 0, 0
+    parts, targets, places, begin, most = [], [], [], 0, 0
     r = len(scaling.signals.inputs)
     for record in records:
         z = scaling.signals.apply(record.columns(scaling.signals.names))
@@ -134,13 +136,14 @@ def gather(records: Sequence[Record], scaling: LpvScaling, past: int) -> LpvData
         run = np.convolve(good, np.ones(past + 1))[: len(good)] if len(good) else np.zeros(0)
         found = np.flatnonzero(run > past + 0.5)
         targets.append(found + begin)
+        places.append(found / max(len(record), 1))
         parts.append(np.where(good[:, None], rows, 0.0))
         begin += len(record)
         most += max(len(record) - past, 0)
     values, l_end = np.concatenate(parts), len(scaling.signals.names)
     index = np.concatenate(targets).astype(np.intp)
     u, y, mu = (np.ascontiguousarray(c) for c in (values[:, :r], values[:, r:l_end], values[:, l_end:]))
-    return LpvData(u, y, mu, index, past, most - len(index))
+    return LpvData(u, y, mu, index, np.concatenate(places), past, most - len(index))
 
 
 def lag_channels(data: LpvData, structure: Structure) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
 from aeolid.identify.lpv.dual import SELECTIONS, require_kernel, solve_dual
 from aeolid.identify.lpv.fit import measure_lpv_fit
-from aeolid.identify.lpv.matrices import ScaledLpv, fit_matrices, require_distinct
+from aeolid.identify.lpv.matrices import ScaledLpv, choose_gain, require_distinct
 from aeolid.identify.lpv.order import choose_lpv_order
 from aeolid.identify.lpv.primal import require_primal, solve_primal
 from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
@@ -30,6 +30,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 METHODS = ("lpv", "lpv-kernel")
 MEMORY_GB = 4.0
+EXCITED = 1e-7  # singular value of an input's samples over the past window, relative to the largest
 
 
 def identify_lpv(
@@ -74,13 +75,13 @@ def identify_lpv(
     settings = replace(settings, offsets=bool(scaling.signals.offset.any()))
     structure = _structure(settings, scaling)
     data = gather(records, scaling, past)
-    _require_data(data, structure, settings, records[0].source)
+    _require_data(data, structure, settings, scaling.signals.inputs, records[0].source)
     estimate = _solve(data, structure, settings, records[0].source)
     choice = _order(data, structure, settings, estimate, records[0].source)
     X = estimate.states.X[:, : choice.order]
     require_distinct(data, X, structure, records[0].source)
-    scaled = fit_matrices(data, X, structure)
-    model, fit, gain_method = _choose_gain(_in_units(scaled, scaling, records[0]), records)
+    scaled, gain_method = choose_gain(data, X, structure)
+    model, fit = _measured(_in_units(scaled, scaling, records[0]), records)
     s = np.concatenate([r.columns(names) for r in records])
     spread = (scaling.mu_offset, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
     return LpvIdentification(
@@ -135,7 +136,9 @@ def _structure(settings: LpvSettings, scaling: LpvScaling) -> Structure:
     )
 
 
-def _require_data(data: LpvData, structure: Structure, settings: LpvSettings, source: str) -> None:
+def _require_data(
+    data: LpvData, structure: Structure, settings: LpvSettings, names: Sequence[str], source: str
+) -> None:
     """Refuse too few windows, inputs that excite too little, and sizes beyond the memory limit."""
     n = settings.order or 1
     needed = structure.parameters * (n + structure.inputs + structure.outputs) + 1
@@ -146,15 +149,16 @@ def _require_data(data: LpvData, structure: Structure, settings: LpvSettings, so
             f"{structure.parameters} scheduling entries needs at least {needed}; record longer or use a shorter past "
             "window"
         )
-    lagged = np.hstack([data.u[data.targets - j] for j in range(data.past + 1)])
-    s = np.linalg.svd(lagged - lagged.mean(axis=0), compute_uv=False)
-    rank = int(np.count_nonzero(s > 1e-7 * s[0]))
-    if 2 * rank < lagged.shape[1]:
-        raise NotIdentifiable(
-            f"{source}: the inputs are not persistently exciting: over past window {data.past} they span {rank} of "
-            f"{lagged.shape[1]} directions; excite every input over the frequencies of interest, or use a shorter past "
-            "window"
-        )
+    for i, name in enumerate(names):
+        lagged = np.column_stack([data.u[data.targets - j, i] for j in range(data.past + 1)])
+        s = np.linalg.svd(lagged - lagged.mean(axis=0), compute_uv=False)
+        rank = int(np.count_nonzero(s > EXCITED * s[0]))
+        if 2 * rank < data.past + 1:
+            raise NotIdentifiable(
+                f"{source}: input {name!r} is not persistently exciting: over past window {data.past} it spans {rank} "
+                f"of {data.past + 1} directions, half of them are needed; excite it over the frequencies of interest, "
+                "or use a shorter past window"
+            )
     if settings.method == "lpv":
         require_primal(data, structure, source, settings.memory_gb * 1e9)
     else:
@@ -203,27 +207,16 @@ def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStat
     )  # fmt: skip
 
 
-def _choose_gain(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit, str]:
-    """Return the model with its least-squares gain, or with none where its predictor does worse than a free run.
-
-    Stability of A(μ) − K(μ) C along the recordings is what counts; an error that grows shows a predictor without it.
-    """
+def _measured(model: LpvStateSpace, records: Sequence[Record]) -> tuple[LpvStateSpace, Fit]:
+    """Return the model with its first state and the covariance of its innovations as measured, and its fit."""
     fit, _ = measure_lpv_fit(model, records)
-    method = "least squares"
-    worst = max(fit.one_step.nrmse.values()) if all(np.isfinite(list(fit.one_step.nrmse.values()))) else np.inf
-    free = max(fit.free_run.nrmse.values()) if all(np.isfinite(list(fit.free_run.nrmse.values()))) else np.inf
-    assert model.K is not None
-    if worst > free and model.K.any():
-        plain = replace(model, K=np.zeros_like(model.K))
-        other, _ = measure_lpv_fit(plain, records)
-        model, fit, method = plain, other, "none: the least-squares gain makes the prediction worse"
     covariance = np.atleast_2d(np.cov(fit.innovations.T))
     if np.isfinite(covariance).all():
         model = replace(model, innovation_covariance=covariance)
     for u, y, s in lpv_stretches(model, records[0], 1):
         x0 = estimate_initial_state(model, u - model.u_offset, y - model.y_offset, with_one(s))
-        return replace(model, x0=x0), fit, method
-    return model, fit, method
+        return replace(model, x0=x0), fit
+    return model, fit
 
 
 def _notes(

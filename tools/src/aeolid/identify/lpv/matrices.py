@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,13 @@ from numpy.typing import NDArray
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import LpvData, feedthrough_columns, spread
 from aeolid.identify.lpv.structure import Structure
+from aeolid.models.lpv import LpvStateSpace, apply_at
+from aeolid.models.lpv_prediction import estimate_initial_state, predictor_states
+from aeolid.models.state_space import Signal
 
 Array = NDArray[np.float64]
-EXACT = 1e-20  # innovation power below this fraction of an output's power is rounding: no gain can be found from it
+RESOLVED = 1e-10  # of an output's power; below it a prediction is exact to what a kernel can resolve
+LONGEST = 5000  # windows that choose between gains
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +35,21 @@ class ScaledLpv:
     b: Array
     c: Array
 
+    def unscaled(self) -> LpvStateSpace:
+        """Return the same matrices as a model of signals without names, for the functions that predict."""
+        m, n, r = self.B.shape
+        signals = tuple(tuple(Signal("") for _ in range(count)) for count in (r, self.C.shape[1], n, m - 1))
+        inputs, outputs, states, scheduling = signals
+        return LpvStateSpace(
+            self.A, self.B, self.C, self.D, self.K, self.b, np.zeros(n), None, 1.0, inputs, outputs, states, scheduling
+        )
+
 
 def fit_matrices(data: LpvData, X: Array, structure: Structure) -> ScaledLpv:
     """Solve the regressions of eq. (2) for C, D and e, and of eq. (1) for A, B, K with e as a regressor.
 
     X (N, n): states of the windows. With e_k in the regression A and B stay consistent when the inputs come from a
-    feedback of y. Least squares with columns scaled first; e at rounding level gives K = 0.
+    feedback of y. Least squares with columns scaled first.
     """
     at, varies = data.targets, structure.varying
     n, r, outputs, m = X.shape[1], structure.inputs, structure.outputs, structure.parameters
@@ -51,8 +65,6 @@ def fit_matrices(data: LpvData, X: Array, structure: Structure) -> ScaledLpv:
     D = _feedthrough_matrices(solution[:, width : width + structure.feedthrough_width], structure)
     c = solution[:, -1] if structure.constant else np.zeros(outputs)
     now = np.flatnonzero(data.following)
-    if (e**2).sum() <= EXACT * (y**2).sum():
-        e = np.zeros_like(e)
     parts = [(X, "A" in varies), (data.u[at], "B" in varies), (e, "K" in varies)]
     blocks = [_block(mu[now], values[now], flag) for values, flag in parts]
     if structure.constant:
@@ -83,22 +95,50 @@ def require_distinct(data: LpvData, X: Array, structure: Structure, source: str)
         )
 
 
-def run_predictor(model: ScaledLpv, u: Array, y: Array, mu: Array, x0: Array) -> Array:
-    """Return the innovations (N, l) of the predictor started at x0, all scaled."""
-    A, B, C, D, K = (at_each(matrix, mu) for matrix in (model.A, model.B, model.C, model.D, model.K))
-    forced = np.einsum("kij,kj->ki", B, u) + mu @ model.b
-    direct = y - np.einsum("kij,kj->ki", D, u) - model.c
-    e, x = np.empty_like(y), x0
-    for k in range(len(y)):
-        e[k] = direct[k] - C[k] @ x
-        x = A[k] @ x + forced[k] + K[k] @ e[k]
-    return e
+def choose_gain(data: LpvData, X: Array, structure: Structure) -> tuple[ScaledLpv, str]:
+    """Return the matrices with the innovation gain that pays, and how it was found.
+
+    K depends on the scheduling as the structure says, keeps its mean value, or is zero: what predicts best one step
+    ahead, each of its numbers costing log N/2 in log-likelihood. A gain whose predictor is unstable along the
+    recordings loses. A and B are those of the regression with e in any case.
+    """
+    fitted = fit_matrices(data, X, structure)
+    mean = np.zeros_like(fitted.K)
+    mean[0] = fitted.K[0]  # the scheduling is about its mean
+    none = (replace(fitted, K=np.zeros_like(mean)), "none: no gain predicts better", 0)
+    candidates = [(fitted, "least squares", int(np.count_nonzero(fitted.K)))]
+    if "K" in structure.varying:
+        candidates.append((replace(fitted, K=mean), "least squares, its mean", mean[0].size))
+    candidates.append(none)
+    part = data.take(np.arange(data.windows) < LONGEST)
+    costs = []
+    for model, _, count in candidates:
+        loss = prediction_loss(model, part)
+        costs.append(part.windows * structure.outputs * loss + count * np.log(part.windows))
+    model, method, _ = candidates[int(np.argmin(costs))]
+    return model, method
 
 
-def at_each(matrices: Array, mu: Array) -> Array:
-    """Return Σ_i μ_k⁽ⁱ⁾ M⁽ⁱ⁾ for each sample: (m, a, b) and (N, m) to (N, a, b)."""
-    out: Array = np.tensordot(mu, matrices, axes=1)
-    return out
+def prediction_loss(model: ScaledLpv, data: LpvData, counted: NDArray[np.bool_] | None = None) -> float:
+    """Return the mean log error power per output of the predictor over the windows.
+
+    The predictor runs over each stretch from its own estimated state; counted (N,): windows whose error counts, default
+    all. Powers below what a kernel resolves count alike.
+    """
+    predictor, power, samples = model.unscaled(), np.zeros(model.C.shape[1]), 0
+    edges = np.concatenate([[0], np.flatnonzero(~data.following) + 1, [data.windows]])
+    for a, b in pairwise(edges):
+        at = data.targets[a:b]
+        u, y, mu = data.u[at], data.y[at] - model.c, data.mu[at]
+        with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
+            x0 = estimate_initial_state(predictor, u, y, mu)
+            states = predictor_states(predictor, u, y, mu, x0)[:-1]
+            e = y - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)
+            e = e if counted is None else e[counted[a:b]]
+            power += (e**2).sum(axis=0)
+        samples += len(e)
+    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
+    return float(np.mean(np.log(np.maximum(mean, RESOLVED))))
 
 
 def _block(mu: Array, values: Array, varies: bool) -> Array:
