@@ -138,7 +138,8 @@ int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *th
     }
     self->number = (uint8_t)((self->number + 1u) & 0xFFu);
     self->taken_index = index;
-    crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->number | ((self->config.parameters - 1u) << 8));
+    crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->number | ((self->config.parameters - 1u) << 8) |
+                                                    ((uint32_t)self->config.address.node << 24));
     crc = aeo_frame_crc32(crc, index);
     for (i = 0; i < self->config.parameters; i++) {
         self->theta[i] = aeo_float_bits(theta[i]);

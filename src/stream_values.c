@@ -57,13 +57,13 @@ static int send_part(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, const 
     return taken;
 }
 
-static int send_seal(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, unsigned count, uint32_t crc)
+static int send_seal(aeo_stream_t *self, unsigned tag, uint32_t index, uint32_t crc)
 {
     aeo_message_t *message = &self->message;
     int taken;
     aeo_stream_lock(self);
     message->kind = AEO_KIND_SEAL;
-    message->tag = (uint8_t)(count | (kind == AEO_KIND_INNOVATION ? AEO_SEAL_INNOVATION : 0u));
+    message->tag = (uint8_t)tag;
     message->index = (uint16_t)(index & 0xFFFFu);
     message->count = 1;
     message->value[0] = ~crc;
@@ -75,15 +75,17 @@ static int send_seal(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, unsign
 static int send_values(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, const values_t *values)
 {
     const int fd = self->config.fd != 0u;
-    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), index);
+    const unsigned tag = values->count | (kind == AEO_KIND_INNOVATION ? AEO_SEAL_INNOVATION : 0u);
+    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), self->config.address.node | (tag << 8));
     unsigned first;
     int all = 1;
+    crc = aeo_frame_crc32(crc, index);
     for (first = 0; first < values->count; first += fd ? AEO_FRAME_VALUES_MAX : 1u) {
         const unsigned sent_as = (unsigned)kind + (fd ? AEO_KIND_FD : 0u);
         all &= send_part(self, (aeo_kind_t)sent_as, index, values, first, &crc);
     }
     if (!fd && self->config.seal != 0u) {
-        all &= send_seal(self, kind, index, values->count, crc);
+        all &= send_seal(self, tag, index, crc);
     }
     return all ? AEO_OK : AEO_E_REFUSED;
 }

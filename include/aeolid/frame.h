@@ -27,10 +27,10 @@
  *     4  begin         snapshot number  number of parameters - 1      sample index at which the snapshot was taken
  *     5  parameter     snapshot number  parameter index               binary32
  *     6  repair        snapshot number  repair number                 exclusive or of a drawn set of parameters
- *     7  end           snapshot number  sample index modulo 65536     CRC-32 over the words number + 256 * (parameters
- *                                                                     - 1), sample index, all parameters by index
- *     8  seal          channels, +128:  sample index modulo 65536     CRC-32 over the words sample index (32 bits) and
- *                      of innovations                                 values by channel of the classic sample just sent
+ *     7  end           snapshot number  sample index modulo 65536     CRC-32 over the words number + 2^8 (parameters
+ *                                                                     - 1) + 2^24 node, sample index, parameters
+ *     8  seal          channels, +128:  sample index modulo 65536     CRC-32 over the words node + 2^8 tag, sample
+ *                      of innovations                                 index (32 bits), values: of what was just sent
  *     10 sample FD     first channel    sample index modulo 65536     binary32 each
  *     11 innovation FD first output     sample index modulo 65536     binary32 each
  *     13 parameter FD  snapshot number  index of the first            binary32 each: 14, in the last block less

@@ -15,11 +15,11 @@ void tearDown(void)
     tear_down_bus();
 }
 
-/* CRC-32 of a snapshot as the header writes it: number and count, sample index, parameters. */
+/* CRC-32 of a snapshot as the header writes it: number, count and node, sample index, parameters. */
 static uint32_t make_crc(const uint32_t *expected, uint32_t count, uint32_t number, uint32_t index)
 {
     uint32_t crc = UINT32_C(0xFFFFFFFF), i;
-    crc = aeo_frame_crc32(crc, number | ((count - 1u) << 8));
+    crc = aeo_frame_crc32(crc, number | ((count - 1u) << 8) | ((uint32_t)stream.config.address.node << 24));
     crc = aeo_frame_crc32(crc, index);
     for (i = 0; i < count; i++) {
         crc = aeo_frame_crc32(crc, expected[i]);

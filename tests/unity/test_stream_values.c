@@ -16,10 +16,11 @@ void tearDown(void)
     tear_down_bus();
 }
 
-static uint32_t seal_of(const aeo_real_t *values, unsigned count)
+static uint32_t seal_of(const aeo_real_t *values, unsigned count, unsigned tag)
 {
-    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), INDEX);
+    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), stream.config.address.node | (tag << 8));
     unsigned i;
+    crc = aeo_frame_crc32(crc, INDEX);
     for (i = 0; i < count; i++) {
         crc = aeo_frame_crc32(crc, aeo_float_bits(values[i]));
     }
@@ -53,7 +54,7 @@ static void a_seal_follows_the_last_channel(void)
         if (at == last) {
             TEST_ASSERT_EQUAL_INT(AEO_KIND_SEAL, m.kind);
             TEST_ASSERT_EQUAL_UINT8(last | (i <= OUTPUTS ? 0x80u : 0u), m.tag);
-            TEST_ASSERT_EQUAL_HEX32(seal_of(values, last), m.value[0]);
+            TEST_ASSERT_EQUAL_HEX32(seal_of(values, last, m.tag), m.value[0]);
         } else {
             TEST_ASSERT_EQUAL_INT(i <= OUTPUTS ? AEO_KIND_INNOVATION : AEO_KIND_SAMPLE, m.kind);
             TEST_ASSERT_EQUAL_UINT8(at, m.tag);

@@ -78,13 +78,14 @@ def crc_32(words: Words) -> Words:
     return ~state
 
 
-def solve_first(crc: Words, rest: Words) -> Words:
-    """Return the words x (n,) for which the CRC-32 over x and the words of `rest` (n, k) is `crc` (n,).
+def solve_second(crc: Words, first: int, rest: Words) -> Words:
+    """Return the words x (n,) for which the CRC-32 over `first`, x and the words of `rest` (n, k) is `crc` (n,).
 
     There is exactly one: each word maps the register one to one.
     """
     state = ~crc
     for i in range(rest.shape[1] - 1, -1, -1):
         state = _through(_BACK, state) ^ rest[:, i]
-    result: Words = _through(_BACK, state) ^ _ONES
+    begun = _through(_FORTH, np.array([first], np.uint32) ^ _ONES)
+    result: Words = _through(_BACK, state) ^ begun
     return result

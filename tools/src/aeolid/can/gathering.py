@@ -18,7 +18,7 @@ Mask = NDArray[np.bool_]
 class Gathering:
     """Hold one snapshot under way: blocks of `width` parameters, 1 on classic CAN, 14 on CAN FD."""
 
-    def __init__(self, number: int, description: Description) -> None:
+    def __init__(self, number: int, description: Description, node: int) -> None:
         self.number = number
         self.messages = 0
         self.repaired = 0
@@ -28,6 +28,7 @@ class Gathering:
         self.done = False
         self.first_place: int | None = None
         self.last_place = 0
+        self._node = node
         self._version = description.wire_version
         self._count = description.parameters
         self._width = description.values_a_frame
@@ -102,7 +103,7 @@ class Gathering:
     def fits(self, newest: int | None) -> bool:
         """Tell whether all parameters are there and are those the checksum was made of.
 
-        In version 2 number, count and sample index are part of it: it also finds the index where begin was lost.
+        In version 2 node, number, count and sample index are part of it: it also finds the index where begin was lost.
         """
         if self.crc is None or not self.is_whole():
             return False
@@ -111,7 +112,9 @@ class Gathering:
             return zlib.crc32(theta) == self.crc
         for index in (self.begin, self._guess(newest)):
             if index is not None:
-                head = np.array([self.number | self._count - 1 << 8, index & 0xFFFFFFFF], "<u4").tobytes()
+                head = np.array(
+                    [self.number | self._count - 1 << 8 | self._node << 24, index & 0xFFFFFFFF], "<u4"
+                ).tobytes()
                 if zlib.crc32(head + theta) == self.crc:
                     self._index = index & 0xFFFFFFFF
                     return True

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.can.crc import solve_first
+from aeolid.can.crc import solve_second
 from aeolid.can.garbling import Garbling
 
 Words = NDArray[np.uint32]
@@ -74,8 +74,8 @@ def drop_strays(part: Part, every: int, before: int | None, after: int | None) -
     return part if kept.all() else part.take(kept)
 
 
-def gather(part: Part, channels: int) -> Rows:
-    """Sort messages (n ≥ 1) into samples."""
+def gather(part: Part, channels: int, head: int) -> Rows:
+    """Sort messages (n ≥ 1) into samples; head: first word under the seals."""
     index, at = np.unique(part.index, return_inverse=True)
     rows = len(index)
     bits, have = np.zeros((rows, channels), np.uint32), np.zeros((rows, channels), bool)
@@ -92,7 +92,7 @@ def gather(part: Part, channels: int) -> Rows:
     seal[at[is_seal]], has_seal[at[is_seal]] = part.value[is_seal], True
     sealed = has_seal & have.all(axis=1) & ~sure
     turn = np.zeros(rows, np.int64)
-    turn[sealed] = solve_first(seal[sealed], bits[sealed]).astype(np.int64) - index[sealed]
+    turn[sealed] = solve_second(seal[sealed], head, bits[sealed]).astype(np.int64) - index[sealed]
     misfit = sealed & (turn % 65536 != 0)
     return Rows(index, bits, have, sure, sealed & ~misfit, misfit, clash, turn, first, last)
 

@@ -168,8 +168,11 @@ class Node:
             if self.now is not None:
                 self.now.snapshots.close(self._newest(self.now))
                 self.previous = [*self.previous, self.now][-PREVIOUS_MAX:]
-            samples, innovations = (SampleStore(n, d.sample_every, self._garbling) for n in (d.channels, d.outputs))
-            self.now = Configuration(d, samples, innovations, SnapshotStore(d, self._garbling))
+            tags = (d.channels, d.outputs | SEAL_INNOVATION)
+            heads = [self.number | tag << 8 for tag in tags]
+            samples = SampleStore(d.channels, d.sample_every, self._garbling, heads[0])
+            innovations = SampleStore(d.outputs, d.sample_every, self._garbling, heads[1])
+            self.now = Configuration(d, samples, innovations, SnapshotStore(d, self._garbling, self.number))
         self._replay()
 
     def _keep(self, m: Messages) -> None:

@@ -84,7 +84,9 @@ def follows(first: int, last: int, values: int, every: int) -> bool:
 class SampleStore:
     """Collect (channel, index modulo 65536, value) of one configuration, in the order of arrival."""
 
-    def __init__(self, channels: int, every: int = 1, garbling: Garbling | None = None) -> None:
+    def __init__(self, channels: int, every: int = 1, garbling: Garbling | None = None, head: int = 0) -> None:
+        """Prepare. head: first word under the seals, node + 256 tag."""
+        self._head = head
         self.arrived = 0
         self._channels = channels
         self._jump = min(max(JUMP, 8 * every), 30_000)
@@ -197,7 +199,7 @@ class SampleStore:
         held = sum(segment.size() for segment in self._segments)
         if held <= many or (self._segments[-1].guess() is None and not self._sealing and held <= 8 * many):
             return []
-        head = SampleStore(self._channels, garbling=self._garbling)
+        head = SampleStore(self._channels, garbling=self._garbling, head=self._head)
         head._before = self._before
         while held > many:
             segment = self._segments.pop(0)
@@ -234,7 +236,7 @@ class SampleStore:
         part = segment.joined()
         if len(part.index):
             part = drop_strays(part, every, None if segment.floor is None else segment.floor - 1, segment.ceiling)
-        return gather(part, self._channels) if len(part.index) else None
+        return gather(part, self._channels, self._head) if len(part.index) else None
 
     def tables(self, every: int) -> list[SampleTable]:
         """Return one table for each uninterrupted run of the node, NaN where a value was lost or is not believed.

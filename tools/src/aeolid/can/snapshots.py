@@ -52,8 +52,9 @@ def physical(theta_scaled: Array, d: Description) -> Array:
 class SnapshotStore:
     """Assemble the snapshots of one configuration; keeps the latest complete one and the latest at all."""
 
-    def __init__(self, description: Description, garbling: Garbling | None = None) -> None:
+    def __init__(self, description: Description, garbling: Garbling | None = None, node: int = 0) -> None:
         self._garbling = garbling
+        self._node = node
         self.description = description
         self.complete: MarkovSnapshot | None = None
         self.latest: MarkovSnapshot | None = None
@@ -84,7 +85,7 @@ class SnapshotStore:
             self._settle(now, newest)  # the node was restarted, or has counted round
             now = None
         if now is None:
-            now = Gathering(number, self.description)
+            now = Gathering(number, self.description, self._node)
         self._open[number] = now
         now.messages += len(m)
         if now.messages >= SWITCH or len(self._open) > RIVALS:
