@@ -1,0 +1,230 @@
+"""Identify a linear model from a predictor with inputs only: PBSID for output-error settings in open loop.
+
+With past inputs alone as regressors, y_k = Σ_j C A^{j−1} B u_{k−j} + D u_k + noise, and all that PBSIDopt does with Ξ
+follows from these impulse-response coefficients: the rows of ΓK are theirs, x = S ΓK u past. When to use it: in open
+loop, where outputs carry strong noise of unknown colour (waves, turbulence, a drifting sensor) that a VARX window of
+bearable length cannot whiten, and the plant forgets within the window: Aᵖ must be negligible here, not (A − K C)ᵖ.
+Under feedback the noise reaches the inputs and the estimate is biased; lightly damped and integrating modes need too
+long a window: varx or varmax there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import aeolid
+from aeolid.errors import NotIdentifiable
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, make_settings, model_in_units, with_start
+from aeolid.identify.decimate import decimate
+from aeolid.identify.fit import measure_fit
+from aeolid.identify.jackknife import jackknife, merged
+from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
+from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap
+from aeolid.identify.result import Identification, Settings
+from aeolid.identify.subspace import ScaledModel, StateBasis, equilibrium, find_states, largest_useful_order
+from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
+from aeolid.models.recursion import run_states
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
+FORGOTTEN = 0.02  # of the slowest mode after the past window; with more left the window is too short
+
+
+@dataclass(frozen=True, eq=False)
+class InputFactor(WindowFactor):
+    """Hold the factor of rows [1, u_{k−p} … u_{k−1}, u_k, y_k]: blocks hold the inputs only."""
+
+    @property
+    def channels(self) -> int:
+        """Return r, the length of a block."""
+        return self.inputs
+
+    @classmethod
+    def of(cls, factor: WindowFactor) -> InputFactor:
+        """Take past outputs out of a window factor."""
+        m, r, p = factor.channels, factor.inputs, factor.past
+        past = [1 + k * m + i for k in range(p + 1) for i in range(r)]
+        now = [1 + p * m + r + j for j in range(factor.outputs)]
+        full = triangularise(factor.full[:, [0, *past, *now]])
+        return cls(full, p, r, factor.outputs, factor.windows, factor.skipped)
+
+
+def identify_fir(
+    records: Sequence[Record],
+    *,
+    past: int,
+    future: int | None = None,
+    order: int | None = None,
+    feedthrough: Sequence[str] = (),
+    regularization: str | float = "gcv",
+    decimation: int = 1,
+) -> Identification:
+    """Identify x⁺ = A x + B u, y = C x + D u + noise of any colour, in open loop.
+
+    records: one experiment set, merged exactly. past: p samples after which the plant has forgotten (Aᵖ negligible; a
+    note says so where the last coefficients are not small). future, order, feedthrough, regularization, decimation: as
+    in `identify_varx`; the order by the held-out error of a free run, the smallest within one standard error of the
+    best. The model has no K: the noise is not modelled. Deviations of the poles come from leaving out a twentieth of
+    each recording at a time, since coloured noise voids the formula of varx.
+    Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
+    """
+    settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
+    records = [decimate(r, decimation) for r in records]
+    scaling, source = find_scaling(records), records[0].source
+    through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    require_windows(records, past, len(scaling.inputs))
+    parts = [
+        InputFactor.of(factorise(records, scaling, past, first=g / GROUPS, last=(g + 1) / GROUPS))
+        for g in range(GROUPS)
+    ]
+    whole = merged(parts)
+    require_windows(records, past, len(scaling.inputs), whole.windows)
+    estimate = estimate_markov(whole, through, regularization)
+    require_excitation(estimate, source)
+    basis = find_states(whole, estimate.theta, settings.future)
+    choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through)
+    _require_order(choice, basis, source)
+    T = basis.state_map(choice.order)
+    scaled = fit_matrices(whole, T, through)
+    spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
+    model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
+    model = with_start(replace(model, K=None, innovation_covariance=None), records)
+    return Identification(
+        model=model,
+        modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
+        singular_values=basis.singular_values,
+        order_choice=choice,
+        fit=measure_fit(model, records),
+        markov=estimate,
+        markov_parameters=_in_units(estimate.theta, scaling, past),
+        scaling=scaling,
+        settings=settings,
+        data=tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
+        windows=whole.windows,
+        skipped=whole.skipped,
+        gain_method="none: the noise is not modelled",
+        notes=_notes(whole, estimate, model),
+        version=aeolid.__version__,
+    )
+
+
+def _order(
+    settings: Settings, fitted: WindowFactor, records: Sequence[Record], scaling: Scaling, through: tuple[bool, ...]
+) -> OrderChoice:
+    if settings.order is not None:
+        return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
+    theta = estimate_markov(fitted, through, settings.regularization).theta
+    held_out = held_out_stretches(records, scaling, settings.past)
+    return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through)
+
+
+def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
+    usable = largest_useful_order(basis)
+    if choice.order > usable:
+        raise NotIdentifiable(
+            f"{source}: order {choice.order} asked for, the data carry {usable} singular values above rounding; "
+            "lower the order or lengthen the windows"
+        )
+
+
+def _poles(
+    settings: Settings, order: int, through: tuple[bool, ...]
+) -> Callable[[WindowFactor], NDArray[np.complex128]]:
+    """Return what estimates the poles of this order from another factor."""
+
+    def estimate(factor: WindowFactor) -> NDArray[np.complex128]:
+        theta = estimate_markov(factor, through, settings.regularization).theta
+        T = find_states(factor, theta, settings.future).state_map(order)
+        return np.linalg.eigvals(fit_matrices(factor, T, through).A).astype(complex)
+
+    return estimate
+
+
+def fit_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) -> ScaledModel:
+    """Return A, B, C, D for the state map T (n, p r) by two regressions without innovations; K is zero."""
+    R, m, r, n = factor.R, factor.channels, factor.inputs, len(T)
+    width, outputs = factor.past * m, factor.outputs
+    now, following = R[:, :width] @ T.T, R[:, m : width + m] @ T.T
+    u, y, through = factor.u_now, factor.y_now, np.flatnonzero(feedthrough)
+    first = np.linalg.lstsq(np.hstack([now, u[:, through]]), y, rcond=1e-11)[0].T
+    second = np.linalg.lstsq(np.hstack([now, u]), following, rcond=1e-11)[0].T
+    A, B, C = (np.asarray(m, np.float64) for m in (second[:, :n], second[:, n:], first[:, :n]))
+    D = np.zeros((outputs, r))
+    D[:, through] = first[:, n:]
+    noise = y - now @ C.T - u @ D.T
+    covariance = noise.T @ noise / max(factor.windows - n, 1)
+    return ScaledModel(A, B, C, D, np.zeros((n, outputs)), covariance, "none")
+
+
+def choose_order(
+    fitted: WindowFactor, basis: StateBasis, held_out: Sequence[Array], feedthrough: tuple[bool, ...]
+) -> OrderChoice:
+    """Choose the smallest order whose free run of the held-out part is within one standard error of the best.
+
+    A share of the error power, as for one-step predictions, would not do: the power is that of the noise, and a poor
+    model may add little to it. The standard error is that of the difference between two models over blocks of p samples
+    (each output's error in its standard deviations).
+    """
+    most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
+    gap = largest_gap(basis.singular_values, most)
+    if sum(max(len(z) - fitted.past, 0) for z in held_out) < 4 * fitted.past:
+        return OrderChoice(
+            gap, f"order {gap}: the singular values fall most there; too few samples to hold some out", ()
+        )
+    blocks = np.array(
+        [_block_errors(fitted, basis.state_map(n), held_out, feedthrough) for n in range(1, most + 1)]
+    )  # (most, blocks)
+    losses = blocks.mean(axis=1)
+    best = int(np.argmin(losses))
+    difference = blocks - blocks[best]
+    error = difference.std(axis=1, ddof=1) / np.sqrt(blocks.shape[1]) if blocks.shape[1] > 1 else np.zeros(most)
+    order = next(i for i in range(most) if losses[i] <= losses[best] + error[i]) + 1
+    reason = (
+        f"order {order}: the smallest whose free run over the held-out last {1 - FIT_PART:.0%} is within one standard "
+        f"error of the best (order {best + 1} of 1 to {most}); the singular values fall most after {gap}"
+    )
+    return OrderChoice(order, reason, tuple(losses.tolist()))
+
+
+def _block_errors(factor: WindowFactor, T: Array, held_out: Sequence[Array], feedthrough: tuple[bool, ...]) -> Array:
+    """Return the mean squared error of free runs in blocks of p samples, infinite where a run diverges."""
+    model, p, r, found = fit_matrices(factor, T, feedthrough), factor.past, factor.inputs, []
+    for z in held_out:
+        u, y = z[p:, :r], z[p:, r:]
+        with np.errstate(all="ignore"):
+            x = run_states(model.A, u @ model.B.T, T @ z[:p, :r].ravel())[:-1]
+            e = y - x @ model.C.T - u @ model.D.T
+            e = e - e.mean(axis=0)
+        whole = len(e) // p * p
+        found.append((e[:whole] ** 2).reshape(-1, p * e.shape[1]).mean(axis=1))
+    errors = np.concatenate(found)
+    return np.where(np.isfinite(errors), errors, 1e300)
+
+
+def _in_units(theta: Array, scaling: Scaling, past: int) -> Array:
+    r = len(scaling.inputs)
+    out: Array = scaling.scale[r:, None] * theta / np.tile(scaling.scale[:r], past + 1)
+    return out
+
+
+def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) -> tuple[str, ...]:
+    notes, p = [], factor.past
+    if factor.skipped:
+        notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
+    if estimate.rank < estimate.regressors:
+        notes.append(
+            f"the inputs excite {estimate.rank} of {estimate.regressors} regressors; the smallest solution was taken"
+        )
+    left = float(abs(np.linalg.eigvals(model.A)).max()) ** p
+    if left > FORGOTTEN:
+        notes.append(
+            f"after the past window of {p} samples the slowest mode has {min(left, 1.0):.0%} of its size left: "
+            "lengthen the window, decimate, or use varx"
+        )
+    return tuple(notes)

@@ -1,0 +1,72 @@
+"""Go from the factor of a loop's windows to its plant: the steps of paper 002 in their order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.identify.ort.joint import Layout, Lq, decompose_windows
+from aeolid.identify.ort.plant import connect, fit_response, join, reduce
+from aeolid.identify.ort.subsystems import (
+    Deterministic,
+    Spectra,
+    Stochastic,
+    find_spectra,
+    realise_deterministic,
+    realise_stochastic,
+)
+from aeolid.identify.subspace import ScaledModel
+from aeolid.identify.windows import WindowFactor
+
+Array = NDArray[np.float64]
+RESPONSES = ("fit", "theorem")
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """Hold a decomposed window factor, from which subsystems and plants of any order follow."""
+
+    factor: WindowFactor
+    layout: Layout
+    lq: Lq
+    spectra: Spectra
+
+    @classmethod
+    def of(cls, factor: WindowFactor, layout: Layout) -> Loop:
+        """Decompose the factor of windows of p + f + 1 samples."""
+        lq = decompose_windows(factor, layout)
+        return cls(factor, layout, lq, find_spectra(lq, factor.windows))
+
+    @property
+    def most(self) -> int:
+        """Return the largest order of the two subsystems that the windows allow."""
+        joint, q = len(self.layout.joint), len(self.layout.disturbances)
+        window = min((self.layout.future - 1) * joint, self.layout.past * q, self.layout.past * joint)
+        return min(self.spectra.most, window)
+
+    @property
+    def most_plant(self) -> int:
+        """Return the largest order of the plant that the future window allows."""
+        return min(self.most, (self.layout.future - 1) * len(self.layout.outputs))
+
+    def subsystems(self, order: int) -> tuple[Deterministic, Stochastic]:
+        """Return the deterministic and the stochastic subsystem of this order."""
+        stochastic = realise_stochastic(self.spectra, self.factor, self.lq, self.layout, order)
+        return realise_deterministic(self.spectra, self.lq, self.layout, order), stochastic
+
+    def plant(self, joint: tuple[Deterministic, Stochastic], order: int, response: str) -> tuple[ScaledModel, Array]:
+        """Return the plant of this order, scaled, and the values (n_s,) by which states were kept.
+
+        response: "fit" fits B and D of the disturbances again, "theorem" keeps those of Theorem 5.
+        """
+        model, values = reduce(join(*joint, self.layout), self.factor, order)
+        return (fit_response(model, self.lq, self.layout) if response == "fit" else model), values
+
+
+def compatibility(deterministic: Deterministic, stochastic: Stochastic) -> float:
+    """Return |Γ_d − Γ_s T|/|Γ_d|: 0 where both subsystems show the same poles, Lemma 4."""
+    T = connect(deterministic, stochastic)
+    gap = deterministic.gamma - stochastic.gamma @ T
+    return float(np.linalg.norm(gap) / np.linalg.norm(deterministic.gamma))

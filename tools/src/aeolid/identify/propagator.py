@@ -1,0 +1,242 @@
+"""Follow a plant sample by sample: recursive state space from streamed Markov parameters, without an SVD a sample.
+
+Steps 2 and 3 of the recursive method behind paper 000. With Ξ from any filter, ΓK(Ξ) of its eq. (22) and a fixed
+selection S of n of the rows (the propagator), x_k = S ΓK z̄_k is a state whose coordinates stay what they are:
+predictions of the same n outputs ahead. Two small recursive least-squares problems then follow
+    y_k = C x_k + D u_k + e_k,        x_{k+1} = A x_k + B u_k + K e_k,
+and the poles are those of A. The rows are chosen once, from a singular value decomposition of the first ΓK.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import qr
+
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.identify.subspace import gamma_k
+from aeolid.identify.windows import decompose
+from aeolid.models.state_space import Signal, StateSpace
+
+Array = NDArray[np.float64]
+GROWTH_MAX = 10.0  # of a variance over its start 1/ρ, before forgetting stops
+REGULARISATION = 1e-4  # ρ: as if that part of a sample of unit size had been seen in each direction
+INDEPENDENT = 1e-9  # least size of a chosen row beside the first, after what the others hold is taken off
+
+
+class SmallRls:
+    """Estimate Θ (t, k) of target = Θ φ recursively, with forgetting, in square-root form.
+
+    P = root rootᵀ is updated by an orthogonal transformation of [√λ, 0; φᵀ root, root] (Potter's form), so it stays
+    positive. A quiet spell cannot wind it up: forgetting stops while a variance is above GROWTH_MAX/ρ.
+    """
+
+    def __init__(
+        self, targets: int, regressors: int, forgetting: float, regularisation: float = REGULARISATION
+    ) -> None:
+        self.forgetting = forgetting
+        self.theta: Array = np.zeros((targets, regressors))
+        self.root: Array = np.eye(regressors) / np.sqrt(regularisation)
+        self._most = GROWTH_MAX / regularisation
+
+    def update(self, regressor: Array, target: Array) -> Array:
+        """Take one sample; returns the residual target − Θ φ (t,) with the new Θ. Cost: 3 k² + 2 t k."""
+        f = self.root.T @ regressor
+        rest = float(f @ f)
+        lam = self.forgetting if (self.root**2).sum(axis=1).max() < self._most else 1.0
+        alpha = lam + rest
+        gain = self.root @ f
+        error = target - self.theta @ regressor
+        self.theta += np.outer(error, gain / alpha)
+        self.root = (self.root - np.outer(gain, f / (alpha + np.sqrt(lam * alpha)))) / np.sqrt(lam)
+        residual: Array = error * (lam / alpha)
+        return residual
+
+
+class Propagator:
+    """Track A, B, C, D, K from samples and Markov parameters, in fixed coordinates.
+
+    Feed `update_markov` whenever a snapshot arrives (every sample or every minute) and `update` with every sample;
+    between snapshots the states keep coming from the last one.
+    """
+
+    def __init__(
+        self,
+        *,
+        inputs: int,
+        outputs: int,
+        past: int,
+        order: int,
+        future: int | None = None,
+        forgetting: float = 0.99,
+        feedthrough: Sequence[int] = (),
+        model_set: str = "varx",
+        offset: ArrayLike | None = None,
+        scale: ArrayLike | None = None,
+    ) -> None:
+        """Prepare a tracker of n = order states for r inputs and l outputs.
+
+        past, feedthrough (indices of inputs whose present value is a regressor), model_set: those of the filter.
+        future: f ≤ p rows of ΓK to choose from, default p. forgetting: λ of step 3, 0.5 … 1, default 0.99; that of the
+        filter is a good choice. offset, scale (r + l,), inputs first: what brings the channels to size one (the
+        filter's own, or mean and standard deviation), default 0 and 1. Raises UsageError for a setting out of range.
+        """
+        if model_set not in ("varx", "varmax"):
+            raise UsageError(f"model set {model_set!r} is none of varx, varmax")
+        chosen = past if future is None else future
+        if not 1 <= chosen <= past:
+            raise UsageError(f"future window {chosen} is not within 1 … past window {past}")
+        if not 1 <= order <= chosen * outputs:
+            raise UsageError(f"order {order} is not within 1 … {chosen * outputs} (future window times outputs)")
+        if not 0.5 <= forgetting <= 1:
+            raise UsageError(f"forgetting {forgetting} is not within 0.5 … 1")
+        if any(not 0 <= i < inputs for i in feedthrough):
+            raise UsageError(f"feedthrough {tuple(feedthrough)} names an input that is not within 0 … {inputs - 1}")
+        self.inputs, self.outputs, self.past, self.future, self.order = inputs, outputs, past, chosen, order
+        self.feedthrough = tuple(sorted(set(feedthrough)))
+        self.block = inputs + outputs * (2 if model_set == "varmax" else 1)
+        self.selection: tuple[int, ...] | None = None
+        channels = inputs + outputs
+        self._offset = np.zeros(channels) if offset is None else _table(offset, channels, "offset")
+        self._scale = np.ones(channels) if scale is None else _table(scale, channels, "scale")
+        if np.any(self._scale <= 0):
+            raise UsageError("scale must be above 0")
+        self._theta: Array | None = None
+        self._map: Array | None = None  # S ΓK, (n, p m)
+        self._window: Array = np.zeros(past * self.block)
+        self._filled = 0
+        self.updates = 0
+        present = len(self.feedthrough)
+        self._outer = SmallRls(outputs, order + present, forgetting)
+        self._inner = SmallRls(order, order + inputs + outputs, forgetting)
+
+    def update_markov(self, theta: ArrayLike) -> None:
+        """Take a snapshot Ξ (l, p m + d) in the channels' units, order of paper 000 eq. (9) or (14).
+
+        The first one chooses the rows. Raises DataError where the shape is another or a value is not finite,
+        NotIdentifiable where ΓK has fewer than n independent rows.
+        """
+        values = np.asarray(theta, dtype=np.float64)
+        expected = (self.outputs, self.past * self.block + len(self.feedthrough))
+        if values.shape != expected:
+            raise DataError(f"Markov parameters have shape {values.shape}, {expected} is needed")
+        if not np.isfinite(values).all():
+            raise DataError("Markov parameters hold a value that is not finite; the snapshot is incomplete")
+        r = self.inputs
+        sizes = np.concatenate([np.tile(self._blocks, self.past), self._scale[:r][list(self.feedthrough)]])
+        self._theta = values * sizes / self._scale[r:, None]
+        stacked = gamma_k(self._theta[:, : self.past * self.block], self.past, self.future, self.block)
+        if self.selection is None:
+            self.selection = choose_rows(stacked, self.order)
+        self._map = stacked[list(self.selection)]
+
+    @property
+    def _blocks(self) -> Array:
+        """Return the scales of a block (m,)."""
+        innovations = self.block - self.inputs - self.outputs
+        return np.concatenate([self._scale, self._scale[self.inputs :][:innovations]])
+
+    def update(self, u: ArrayLike, y: ArrayLike, e: ArrayLike | None = None) -> bool:
+        """Take one sample u (r,), y (l,) in the channels' units; returns whether the estimate moved.
+
+        e (l,): the filter's residual, for VARMAX; where it is left out it is y − Ξ z. A missing value (NaN) empties the
+        window: p good samples later estimation goes on. So it must be called with NaN for samples that were lost.
+        Raises UsageError where a length is wrong. Cost: 2 n p m + 3 (n + r + l)² operations.
+        """
+        sample = np.concatenate([_table(u, self.inputs, "u"), _table(y, self.outputs, "y")])
+        z = (sample - self._offset) / self._scale
+        if not np.isfinite(z).all():
+            self._filled = 0
+            return False
+        window, filled = self._window, self._filled
+        block = np.concatenate([z, self._innovation(z, e)])[: self.block]
+        self._window = np.concatenate([window[self.block :], block])
+        self._filled = min(filled + 1, self.past)
+        if filled < self.past or self._map is None:
+            return False
+        now, following = self._map @ window, self._map @ self._window
+        residual = self._outer.update(np.concatenate([now, z[list(self.feedthrough)]]), z[self.inputs :])
+        self._inner.update(np.concatenate([now, z[: self.inputs], residual]), following)
+        self.updates += 1
+        return True
+
+    def _innovation(self, z: Array, e: ArrayLike | None) -> Array:
+        """Return e scaled: the filter's where it is given and known, else y − Ξ z, zero before a window is full."""
+        if self.block == len(z):
+            return np.zeros(0)
+        if e is not None:
+            given: Array = _table(e, self.outputs, "e") / self._scale[self.inputs :]
+            if np.isfinite(given).all():
+                return given
+        if self._filled < self.past or self._theta is None:
+            return np.zeros(self.outputs)
+        own: Array = z[self.inputs :] - self._theta @ np.concatenate([self._window, z[list(self.feedthrough)]])
+        return own
+
+    @property
+    def ready(self) -> bool:
+        """Return whether as many samples were used as there are unknowns a row: before, poles mean nothing."""
+        return self.updates >= self.order + self.inputs + self.outputs
+
+    @property
+    def A(self) -> Array:
+        """Return A (n, n)."""
+        return self._inner.theta[:, : self.order].copy()
+
+    @property
+    def poles(self) -> NDArray[np.complex128]:
+        """Return the poles (n,), largest magnitude first; NaN before `ready`."""
+        if not self.ready:
+            return np.full(self.order, np.nan + 0j)
+        values = np.linalg.eigvals(self._inner.theta[:, : self.order]).astype(complex)
+        return values[np.argsort(-abs(values), kind="stable")]
+
+    def model(self, inputs: Sequence[Signal], outputs: Sequence[Signal], sample_time_s: float) -> StateSpace:
+        """Return the present model in the channels' units; inputs, outputs give names and units.
+
+        Raises NotIdentifiable before `ready`.
+        """
+        if not self.ready:
+            needed = self.order + self.inputs + self.outputs
+            raise NotIdentifiable(f"{self.updates} samples have come with a full window, {needed} are needed")
+        n, r = self.order, self.inputs
+        su, sy = self._scale[:r], self._scale[r:]
+        D = np.zeros((self.outputs, r))
+        D[:, list(self.feedthrough)] = self._outer.theta[:, n:]
+        inner: Any = self._inner.theta
+
+        def named(signals: Sequence[Signal], offsets: Array) -> tuple[Signal, ...]:
+            return tuple(Signal(s.name, s.unit, float(o)) for s, o in zip(signals, offsets, strict=True))
+
+        return StateSpace(
+            self.A, inner[:, n : n + r] / su, sy[:, None] * self._outer.theta[:, :n], sy[:, None] * D / su,
+            inner[:, n + r :] / sy, np.zeros(n), None, sample_time_s, named(inputs, self._offset[:r]),
+            named(outputs, self._offset[r:]), tuple(Signal(f"x{i + 1}") for i in range(n)),
+        )  # fmt: skip
+
+
+def choose_rows(stacked: Array, order: int) -> tuple[int, ...]:
+    """Return `order` rows of ΓK (f l, p m) whose part of Γ is conditioned best.
+
+    The rows of the first n left singular vectors stand for those of Γ; pivoted QR picks the most independent. Raises
+    NotIdentifiable where there are fewer than n above rounding.
+    """
+    left, values, _ = decompose(stacked)
+    rank = int(np.count_nonzero(values > INDEPENDENT * max(float(values[0]), 1e-300)))
+    if rank < order:
+        raise NotIdentifiable(
+            f"the Markov parameters show {rank} states above rounding, {order} were asked for; lower the order or wait"
+            " until the filter has converged"
+        )
+    _, _, pivots = qr(left[:, :order].T, mode="economic", pivoting=True)
+    return tuple(sorted(int(i) for i in pivots[:order]))
+
+
+def _table(values: ArrayLike, length: int, name: str) -> Array:
+    table = np.asarray(values, dtype=np.float64).ravel()
+    if table.shape != (length,):
+        raise UsageError(f"{name} holds {table.size} values, {length} are needed")
+    return table
