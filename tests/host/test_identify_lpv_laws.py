@@ -9,7 +9,6 @@ from aeolid.errors import UsageError
 from aeolid.identify.lpv.data import LpvData, feedthrough_columns, find_lpv_scaling, gather
 from aeolid.identify.lpv.dual import select_rows, solve_dual
 from aeolid.identify.lpv.kernel import Kernel
-from aeolid.identify.lpv.matrices import choose_gain
 from aeolid.identify.lpv.primal import extended_rows, factorise_lpv, gamma_k, lag_blocks, solve_primal
 from aeolid.identify.lpv.ridge import Spectrum, choose_penalty, filter_factors, gcv_score
 from aeolid.identify.lpv.structure import Structure
@@ -231,14 +230,3 @@ def test_structures_that_no_predictor_has_are_refused():
                            ("", "no matrix depends"), ("AD", "no input has feedthrough")):  # fmt: skip
         with pytest.raises(UsageError, match=words):
             replace(base, varying=frozenset(varying))
-
-
-@pytest.mark.parametrize("solve", ["primal", "dual"])
-def test_innovations_that_are_rounding_give_no_gain(solve):
-    data, structure = benchmark_data(samples=600)
-    if solve == "primal":
-        estimate = solve_primal(data, structure, PAST, "none")
-    else:
-        estimate = solve_dual(data, structure, PAST, "none", None, "greedy")
-    model, method = choose_gain(data, estimate.states.X[:, :4], structure)
-    assert not model.K.any() and method.startswith("none")

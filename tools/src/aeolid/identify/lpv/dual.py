@@ -24,6 +24,7 @@ from aeolid.identify.windows import decompose
 
 Array = NDArray[np.float64]
 LOW_RANK = 0.6  # of the windows; up to here the Cholesky factor is cheaper than all eigenvectors
+ROUNDING = 1e-10  # the kernel holds squares of what the primal data matrix holds
 SELECTIONS = ("greedy", "first")
 
 
@@ -54,7 +55,7 @@ def solve_dual(
         solution = _solve_rows(kernel, regularization, kernel_rows, selection)
     stacked = kernel.states_rows(solution.alpha, future, solution.rows)
     _, s, right = decompose(stacked)
-    kept = largest_kept(s)
+    kept = largest_kept(s, ROUNDING)
     X = right[:kept].T * np.sqrt(s[:kept])
     used = data.windows if solution.rows is None else len(solution.rows)
     facts = {

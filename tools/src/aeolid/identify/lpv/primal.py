@@ -21,6 +21,7 @@ from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.windows import decompose, triangularise
 
 Array = NDArray[np.float64]
+ROUNDING = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ def solve_primal(data: LpvData, structure: Structure, future: int, regularizatio
     stacked = gamma_k(theta[:, :q], structure, data.past, future)
     width = stacked.shape[1]
     left, values, _ = decompose(stacked @ _lag_factor(factor, structure, data.past).T)
-    kept = largest_kept(values)
+    kept = largest_kept(values, ROUNDING)
     selector = left[:, :kept].T / np.sqrt(values[:kept])[:, None]
     T = selector @ stacked  # (kept, q of one output factor)
     X = np.concatenate(

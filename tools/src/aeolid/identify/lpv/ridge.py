@@ -84,5 +84,7 @@ def choose_penalty(spectrum: Spectrum, output: int) -> float:
     if gcv_score(spectrum, output, 0.0) <= scores[place]:
         return 0.0
     around = (grid[max(place - 1, 0)], grid[min(place + 1, len(grid) - 1)])
+    if not np.isfinite([cost(edge) for edge in around]).all():
+        return float(np.exp(grid[place]))  # next to where the score ends
     found = minimize_scalar(cost, bounds=around, method="bounded")
     return float(np.exp(found.x if found.fun <= scores[place] else grid[place]))

@@ -40,8 +40,8 @@ class Estimate:
     facts: dict[str, Any]
 
 
-def largest_kept(values: Array) -> int:
-    """Return the number of singular values above rounding, at most LARGEST_ORDER."""
+def largest_kept(values: Array, rounding: float) -> int:
+    """Return the number of singular values above rounding, a fraction of the largest, at most LARGEST_ORDER."""
     if not len(values) or values[0] <= 0:
         return 0
-    return min(int(np.count_nonzero(values > values[0] * len(values) * 1e-13)), LARGEST_ORDER)
+    return min(int(np.count_nonzero(values > values[0] * len(values) * rounding)), LARGEST_ORDER)
