@@ -154,7 +154,7 @@ def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, cod
 @pytest.mark.parametrize(
     "arguments, code, words",
     [
-        (["--method", "ort"], 2, "ort is not in this release"),
+        (["--method", "ort"], 3, "no channel has the role 'disturbance'; ort needs one"),
         (["--method", "magic"], 2, "'magic' is unknown"),
         (["--order", "seven"], 2, "'seven'"),
         (["--order", "900"], 2, "order 900"),

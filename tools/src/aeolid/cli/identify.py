@@ -13,11 +13,12 @@ from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
     from aeolid.identify.lpv import LpvIdentification
+    from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
+    from aeolid.record import Record
 
-METHODS = ("varx", "varmax", "lpv", "lpv-kernel")
-SCHEDULED = METHODS[2:]
-LATER = ("ort",)
+METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
+SCHEDULED = METHODS[2:4]
 
 
 def register(app: typer.Typer) -> None:
@@ -35,14 +36,20 @@ def identify(
     method: Annotated[
         str,
         typer.Option(
-            "--method", help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling."
+            "--method",
+            help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling; "
+            "ort: closed loop without a test signal, a measured disturbance; fir: open loop, coloured noise.",
         ),
     ] = "varx",
     future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
     markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
     feedthrough: Annotated[
-        list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
+        list[str] | None,
+        typer.Option(
+            "--feedthrough",
+            help="Input that acts within the sample; repeatable. ort: disturbance that does, default all, or none.",
+        ),
     ] = None,
     regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
@@ -70,6 +77,12 @@ def identify(
     memory: Annotated[
         float | None, typer.Option("--memory", help="lpv: refuse what needs more gigabytes; default 4.")
     ] = None,
+    joint_order: Annotated[
+        int | None, typer.Option("--joint-order", help="ort: states of plant and controller together; default auto.")
+    ] = None,
+    response: Annotated[
+        str | None, typer.Option("--response", help="ort: of the disturbance, fit (default) or theorem (paper 002).")
+    ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
@@ -83,15 +96,12 @@ def identify(
         offsets=offsets, memory_gb=memory,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
+    joint = _given(joint_order=joint_order, response=response)
+    _check_ort_and_fir(joint, method, markov, regularize, stable)
     from aeolid.formats import read_record
-    from aeolid.identify.lpv import identify_lpv
-    from aeolid.identify.streamed import StreamedMarkov
-    from aeolid.identify.varmax import identify_varmax
-    from aeolid.identify.varx import identify_varx
     from aeolid.record import Roles
 
     table = Roles.load(roles)
-    streamed = None if markov is None else StreamedMarkov.load(markov)
     with progress_console.status("reading"):
         records = [read_record(path, table) for path in recordings]
     with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
@@ -99,12 +109,9 @@ def identify(
             "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
             "regularization": _regularization(regularize), "decimation": decimate,
         }  # fmt: skip
-        result: Identification | LpvIdentification
-        if method in SCHEDULED:
-            result = identify_lpv(records, method=method, **common, **scheduled)
-        else:
-            run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
-            result = run(records, markov=streamed, stable=stable, **common, **own)
+        if method == "ort":
+            common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
+        result = _run(method, records, common, own | scheduled | joint, markov, stable)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -117,11 +124,35 @@ def identify(
     emit_json(result.to_json(), json_target)
 
 
+def _run(
+    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], markov: Path | None, stable: bool
+) -> Identification | LpvIdentification | OrtIdentification:
+    """Identify; common: options of every method, own: those of this one."""
+    if method in SCHEDULED:
+        from aeolid.identify.lpv import identify_lpv
+
+        return identify_lpv(records, method=method, **common, **own)
+    if method == "ort":
+        from aeolid.identify.ort import identify_ort
+
+        common = {key: value for key, value in common.items() if key != "regularization"}
+        return identify_ort(records, stable=stable, **common, **own)
+    if method == "fir":
+        from aeolid.identify.fir import identify_fir
+
+        return identify_fir(records, **common)
+    from aeolid.identify.streamed import StreamedMarkov
+    from aeolid.identify.varmax import identify_varmax
+    from aeolid.identify.varx import identify_varx
+
+    streamed = None if markov is None else StreamedMarkov.load(markov)
+    run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
+    return run(records, markov=streamed, stable=stable, **common, **own)
+
+
 def _check_method(method: str) -> None:
     if method in METHODS:
         return
-    if method in LATER:
-        raise UsageError(f"method {method} is not in this release; it has {', '.join(METHODS)}")
     if method in FILTERS:
         raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
     raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
@@ -140,6 +171,18 @@ def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, st
     if method in SCHEDULED and (markov is not None or stable):
         option = "--stable" if stable else "--markov"
         raise UsageError(f"{option} is for time-invariant models; leave it out with --method {method}")
+
+
+def _check_ort_and_fir(given: dict[str, Any], method: str, markov: Path | None, regularize: str, stable: bool) -> None:
+    """Refuse options of ort elsewhere, and with ort and fir what they do not have."""
+    if given and method != "ort":
+        raise UsageError(f"--{next(iter(given)).replace('_', '-')} belongs to --method ort")
+    if method in ("ort", "fir") and markov is not None:
+        raise UsageError(f"--markov holds a predictor with outputs; --method {method} takes recordings only")
+    if method == "ort" and regularize != "gcv":
+        raise UsageError("--regularize has no meaning with --method ort; leave it out")
+    if method == "fir" and stable:
+        raise UsageError("--stable is not for --method fir: a plant it can identify forgets, lengthen --past instead")
 
 
 def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:

@@ -1,0 +1,360 @@
+"""Check the identification with a measured disturbance (paper 002): laws, exact covariances, the paper's example."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.linalg import solve_discrete_lyapunov
+from scipy.optimize import linear_sum_assignment
+
+from aeolid.cli.main import main
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.identify.jackknife import leave_one_out, merged
+from aeolid.identify.ort import identify_ort
+from aeolid.identify.ort.estimate import Loop, compatibility
+from aeolid.identify.ort.feedback import check_feedback
+from aeolid.identify.ort.joint import Layout, decompose_windows, stochastic_rows
+from aeolid.identify.ort.subsystems import find_spectra, realise_deterministic
+from aeolid.identify.subspace import spectral_radius
+from aeolid.identify.windows import Scaling, WindowFactor, factorise, triangularise
+from aeolid.models.prediction import free_run
+from aeolid.models.state_space import from_json
+from aeolid.plants.disturbed_loop import disturbed_plant, numerators, simulate_disturbed_loop
+from aeolid.record import Channel, Record
+
+TRUE = np.array([-1.8, 0.85, -0.3, 1.0, 1.0, -1.3, 0.0775])
+LAYOUT = Layout((1,), (0,), (2,), 12, 10, (True,))  # blocks [u, r, y]
+UNIT = Scaling(("u", "r"), ("y",), np.zeros(3), np.ones(3))
+
+
+def markov(A, B, C, count):
+    """Return C Aᵏ B, k < count: what no choice of coordinates changes."""
+    return np.array([C @ np.linalg.matrix_power(A, k) @ B for k in range(count)])
+
+
+def pole_errors(found, true):
+    distance = abs(np.asarray(found)[:, None] - np.asarray(true)[None])
+    rows, columns = linear_sum_assignment(distance)
+    return distance[rows, columns]
+
+
+@pytest.fixture(scope="module")
+def record():
+    return simulate_disturbed_loop(4000, 1)
+
+
+@pytest.fixture(scope="module")
+def factor(record):
+    joint = replace(record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels))
+    return factorise([joint], UNIT, LAYOUT.past + LAYOUT.future)
+
+
+def hankel(values, start, count, windows):
+    return np.vstack([values[i : i + windows].T for i in range(start, start + count)])
+
+
+def test_blocks_are_the_projections_of_the_paper(record, factor):
+    """Eq. (24), (25), (27) against Hankel matrices of the whole recording and explicit projections."""
+    p, f, N = LAYOUT.past, LAYOUT.future, factor.windows
+    r, w = record.column("r")[:, None], record.columns(["y", "u"])
+    Rp, Rf, Wp, Wf = hankel(r, 0, p, N), hankel(r, p, f, N), hankel(w, 0, p, N), hankel(w, p, f, N)
+    Rp, Rf, Wp, Wf = (M - M.mean(axis=1, keepdims=True) for M in (Rp, Rf, Wp, Wf))
+    R = np.vstack([Rf, Rp])
+    onto = R.T @ np.linalg.solve(R @ R.T, R)
+    lq = decompose_windows(factor, LAYOUT)
+    explained = np.hstack([lq.L41, lq.L42])
+    np.testing.assert_allclose(explained @ explained.T, Wf @ onto @ Wf.T, rtol=0, atol=1e-8 * np.linalg.norm(Wf) ** 2)
+    past, future = Wp - Wp @ onto, Wf - Wf @ onto
+    np.testing.assert_allclose(lq.L33 @ lq.L33.T, past @ past.T, atol=1e-9 * np.linalg.norm(past) ** 2)
+    np.testing.assert_allclose(lq.L43 @ lq.L33.T, future @ past.T, atol=1e-9 * np.linalg.norm(past) ** 2)
+    rest = future @ future.T
+    np.testing.assert_allclose(lq.L43 @ lq.L43.T + lq.L44 @ lq.L44.T, rest, atol=1e-9 * np.linalg.norm(rest))
+    rows = stochastic_rows(factor, LAYOUT, lq, slice(0, p * 2), 0)
+    np.testing.assert_allclose(rows.T @ rows, past @ past.T, atol=1e-9 * np.linalg.norm(past) ** 2)
+    r_columns = factor.R[:, LAYOUT.columns((1,), 0, p + f)]
+    assert abs(rows.T @ r_columns).max() < 1e-9 * np.linalg.norm(past) * np.linalg.norm(r_columns)
+
+
+def test_deterministic_subsystem_is_exact_without_noise():
+    """Nothing but r moves the loop: the subsystem is that of plant and controller together, transient included."""
+    record = simulate_disturbed_loop(1500, 3, noise=0.0, dither=0.0)
+    joint = replace(record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels))
+    lq_factor = factorise([joint], UNIT, 22)
+    lq = decompose_windows(lq_factor, LAYOUT)
+    found = realise_deterministic(find_spectra(replace(lq, L33=np.eye(24)), 1000), lq, LAYOUT, 3)
+    plant, g, i = disturbed_plant(), 0.04, 0.04 / 30  # x, s: u = −g y − i (s + y)
+    A = np.block([[plant.A - (g + i) * plant.B[:, :1] @ plant.C, -i * plant.B[:, :1]], [plant.C, np.ones((1, 1))]])
+    B = np.vstack([plant.B[:, 1:] - (g + i) * plant.B[:, :1], [[1.0]]])
+    C = np.block([[plant.C, np.zeros((1, 1))], [-(g + i) * plant.C, np.array([[-i]])]])
+    np.testing.assert_allclose(found.D, [[1.0], [-(g + i)]], atol=1e-8)
+    assert pole_errors(np.linalg.eigvals(found.A), np.linalg.eigvals(A)).max() < 1e-7
+    np.testing.assert_allclose(markov(found.A, found.B, found.C, 8), markov(A, B, C, 8), atol=1e-7)
+
+
+def fast_plant():
+    """Return a plant that forgets in a few samples, whatever is told of it, so that windows can be complete."""
+    A, B = np.array([[1.0, -0.34], [1.0, 0.0]]), np.array([[1.0, 0.3], [0.0, 0.5]])
+    return replace(disturbed_plant(), A=A, B=B, K=np.array([[0.3], [0.2]]))  # |poles| 0.58, of A − K C 0.68
+
+
+def exact_factor(layout, plant, lag=0.3, gain=0.2, windows=1_000_000):
+    """Return the factor that infinitely many samples would give: covariances from Lyapunov's equation, no data.
+
+    The loop is u = −gain/(1 − lag z⁻¹) z⁻¹ y + η; also returns A of plant and controller together.
+    """
+    zero, one = np.zeros((1, 1)), np.ones((1, 1))
+    A = np.block([[plant.A, plant.B[:, :1] * -gain], [plant.C, lag * one]])  # x, s⁺ = lag s + y, u = −gain s + η
+    B = np.block([[plant.B, plant.K], [zero, one, one]]) @ np.diag([0.2, 0.5, 0.6])  # η, r, v
+    C = np.block([[np.zeros((1, 2)), -gain * one], [np.zeros((1, 3))], [plant.C, zero]])  # u, r, y
+    D = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 1.0, 1.0]]) @ np.diag([0.2, 0.5, 0.6])
+    count = layout.past + layout.future + 1
+    start = np.linalg.cholesky(solve_discrete_lyapunov(A, B @ B.T))
+    # window = [C; C A; …] x_0 + Toeplitz of D, C B, C A B, … times white noise
+    rows = np.vstack([C @ np.linalg.matrix_power(A, k) @ start for k in range(count)])
+    forced = np.zeros((3 * count, 3 * count))
+    for k in range(count):
+        for j in range(k + 1):
+            block = D if j == k else C @ np.linalg.matrix_power(A, k - 1 - j) @ B
+            forced[3 * k : 3 * k + 3, 3 * j : 3 * j + 3] = block
+    full = np.zeros((3 * count + 1, 3 * count + 1))
+    full[0, 0] = np.sqrt(windows)
+    full[1:, 1:] = triangularise(np.hstack([rows, forced]).T) * np.sqrt(windows)
+    return WindowFactor(full, count - 1, 2, 1, windows, 0), A
+
+
+@pytest.mark.parametrize("response", ["fit", "theorem"])
+def test_plant_is_exact_from_exact_covariances(response):
+    """Infinitely many samples: Theorem 5 gives the plant, its gain and the controller's pole besides.
+
+    The exponent of Σ_ff in Γ_s is +1/2: with the −1/2 of the print T, and with it B_r, are wrong here.
+    """
+    layout, true = replace(LAYOUT, past=60, future=40), fast_plant()
+    factor, closed = exact_factor(layout, true)
+    loop = Loop.of(factor, layout)
+    joint = loop.subsystems(3)
+    for subsystem in joint:
+        assert pole_errors(np.linalg.eigvals(subsystem.A), np.linalg.eigvals(closed)).max() < 1e-8
+    assert compatibility(*joint) < 1e-9
+    model, values = loop.plant(joint, 2, response)
+    assert pole_errors(np.linalg.eigvals(model.A), np.linalg.eigvals(true.A)).max() < 1e-7
+    np.testing.assert_allclose(model.D, true.D, atol=1e-7)
+    np.testing.assert_allclose(markov(model.A, model.B, model.C, 10), markov(true.A, true.B, true.C, 10), atol=1e-7)
+    np.testing.assert_allclose(markov(model.A, model.K, model.C, 6), markov(true.A, true.K, true.C, 6), atol=1e-6)
+    np.testing.assert_allclose(model.covariance, [[0.36]], atol=1e-6)
+    assert values[2] < 1e-6 * values[1]  # the controller's state is not seen from y once u is given
+
+
+def test_units_offsets_and_the_order_of_channels_change_nothing(record):
+    gains, offsets = np.array([57.3, 1e-3, 2e4]), np.array([5.0, -3.0, 1e5])
+    base = identify_ort([record], past=15, order=2, joint_order=3)
+    scaled = replace(record, values=record.values * gains + offsets)
+    turned = replace(scaled, values=scaled.values[:, ::-1], channels=scaled.channels[::-1])
+    for other, places in ((scaled, [0, 1]), (turned, [1, 0])):
+        found = identify_ort([other], past=15, order=2, joint_order=3)
+        assert pole_errors(found.eigenvalues, base.eigenvalues).max() < 1e-8
+        np.testing.assert_allclose(found.singular_values, base.singular_values, rtol=1e-6)
+        inputs = other.columns([s.name for s in found.model.inputs])
+        simulated = (free_run(found.model, inputs, np.zeros(2)) - offsets[2]) / gains[2]
+        expected = free_run(base.model, record.columns(["u", "r"]), np.zeros(2))
+        np.testing.assert_allclose(simulated, expected, atol=1e-6 * record.column("y").std())
+        assert [s.name for s in found.model.inputs] == [("u", "r")[i] for i in places]
+
+
+def test_recordings_merge_as_if_measured_in_one_go(record):
+    halves = [record.slice(0, 2000), record.slice(2000, 4000)]
+    whole = identify_ort([record], past=15, order=2, joint_order=3)
+    both = identify_ort(halves, past=15, order=2, joint_order=3)
+    assert both.windows == whole.windows - 30
+    assert pole_errors(both.eigenvalues, whole.eigenvalues).max() < 1e-3
+    alone = identify_ort(halves[1:], past=15, order=2, joint_order=3)
+    assert pole_errors(alone.eigenvalues, whole.eigenvalues).max() > 1e-3
+    turned = identify_ort(halves[::-1], past=15, order=2, joint_order=3)
+    assert pole_errors(turned.eigenvalues, both.eigenvalues).max() < 1e-9
+
+
+def test_stretches_left_out_add_up(record, factor):
+    """The factor without a stretch is that of the other stretches, and all of them are the factor of the whole."""
+    joint = replace(record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels))
+    parts = [factorise([joint], UNIT, 22, first=g / 5, last=(g + 1) / 5) for g in range(5)]
+    gram = factor.full.T @ factor.full
+    np.testing.assert_allclose(merged(parts).full.T @ merged(parts).full, gram, atol=1e-9 * abs(gram).max())
+    for part, others in zip(parts, leave_one_out(parts), strict=True):
+        rest = gram - part.full.T @ part.full
+        np.testing.assert_allclose(others.full.T @ others.full, rest, atol=1e-9 * abs(gram).max())
+        assert others.windows == factor.windows - part.windows
+
+
+def test_missing_samples_are_left_out_and_said(record):
+    values = record.values.copy()
+    values[np.random.default_rng(0).integers(0, 4000, 30), 1] = np.nan
+    result = identify_ort([replace(record, values=values)], past=15, order=2)
+    assert result.skipped > 200 and "were left out" in " ".join(result.notes)
+    assert pole_errors(result.eigenvalues, [0.9 + 0.2j, 0.9 - 0.2j]).max() < 0.02
+
+
+def test_example_of_the_paper_and_its_order_with_a_reason():
+    """20 runs of 2000 samples: no coefficient is off by more than three standard errors of the mean and 0.01."""
+    found = []
+    for seed in range(20):
+        result = identify_ort([simulate_disturbed_loop(2000, seed)], past=25, order=2)
+        found.append(numerators(result.model))
+    mean, error = np.mean(found, axis=0), np.std(found, axis=0, ddof=1) / np.sqrt(20)
+    assert np.all(abs(mean - TRUE) < 3 * error + 0.01), (mean, error)
+    result = identify_ort([simulate_disturbed_loop(3000, 50)], past=20)
+    assert result.order == 2 and result.order_choice.reason.startswith("order 2: the smallest whose one-step error")
+    assert result.joint_choice.reason.startswith(f"joint order {result.joint_choice.order}: the smallest")
+    assert spectral_radius(result.model.A - result.model.K @ result.model.C) < 1
+
+
+def test_fitted_response_scatters_less_than_the_theorem():
+    """B_r, D_r given the rest: the noise that the loop passes on cancels."""
+    records = [simulate_disturbed_loop(1000, seed) for seed in range(15)]
+    spread = {}
+    for kind in ("fit", "theorem"):
+        found = [identify_ort([r], past=21, order=2, joint_order=3, response=kind) for r in records]
+        spread[kind] = np.std([numerators(f.model) for f in found], axis=0)
+    assert np.all(spread["fit"][5:] < 0.8 * spread["theorem"][5:])
+
+
+def test_feedforward_of_the_disturbance_does_no_harm():
+    """A controller that uses r: u_d has another numerator than the stochastic part, eq. (7a) holds all the same."""
+    result = identify_ort([simulate_disturbed_loop(20_000, 2, forward=-0.5)], past=25, order=2)
+    assert np.all(abs(numerators(result.model) - TRUE) < [0.01, 0.01, 0.1, 0.1, 0.03, 0.06, 0.06])
+
+
+def test_feedthrough_is_a_mask_over_disturbances(record):
+    result = identify_ort([record], past=15, order=2, feedthrough=())
+    assert np.all(result.model.D == 0) and result.settings.feedthrough == ()
+    assert identify_ort([record], past=15, order=2).model.D[0] == pytest.approx([0.0, 1.0], abs=0.1)
+
+
+def test_feedback_of_the_disturbance_is_noticed_and_its_absence_too():
+    silent = []
+    for seed in range(40):
+        record = simulate_disturbed_loop(1000, seed)
+        joint = replace(
+            record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels)
+        )
+        silent.append(check_feedback(factorise([joint], UNIT, 22), LAYOUT, ("r",))[0].p_value)
+    assert 0.3 < np.mean(silent) < 0.7 and min(silent) > 1e-3  # uniform where there is nothing
+    result = identify_ort([simulate_disturbed_loop(8000, 1, back=0.05)], past=15, order=2)
+    assert (
+        result.feedback[0].alarms and "'r' is not free of feedback: past inputs and outputs explain" in result.notes[0]
+    )
+    share = result.feedback[0].predictable
+    assert 0.005 < share < 0.3
+    assert not any(t.alarms for t in identify_ort([simulate_disturbed_loop(1000, 1)], past=15, order=2).feedback)
+
+
+def test_deviations_of_the_poles_match_the_scatter():
+    """Leaving out twentieths: right within the accuracy of 40 runs, rather too large than too small."""
+    found, said = [], []
+    for seed in range(40):
+        modes = identify_ort([simulate_disturbed_loop(3000, seed)], past=15, order=2, joint_order=3).modes
+        found.append([modes[0].frequency_hz, modes[0].damping])
+        said.append([modes[0].frequency_std_hz, modes[0].damping_std])
+    ratio = np.mean(said, axis=0) / np.std(found, axis=0, ddof=1)
+    assert np.all((ratio > 0.75) & (ratio < 1.8)), ratio
+
+
+def unstable_record(samples, seed):
+    """Simulate a plant with poles 1.05 and 0.6 under u = −0.5 y₋₁ + η with a disturbance that acts like an input."""
+    random = np.random.default_rng(seed)
+    A, B, E, K = np.diag([1.05, 0.6]), np.array([0.5, 0.3]), np.array([0.2, 0.6]), np.array([0.4, 0.1])
+    x, y, values = np.zeros(2), 0.0, np.empty((samples + 200, 3))
+    for k in range(samples + 200):
+        r, v, eta = random.standard_normal(3) * [0.5, 0.3, 0.3]
+        u, y = -0.5 * y + eta, x.sum() + v
+        values[k] = u, r, y
+        x = A @ x + B * u + E * r + K * v
+    channels = (Channel("u", "", "input"), Channel("r", "", "disturbance"), Channel("y", "", "output"))
+    return Record(np.arange(samples, dtype=float), values[200:], channels, 1.0, "unstable", "")
+
+
+def test_unstable_plant_in_a_stable_loop_is_found():
+    result = identify_ort([unstable_record(8000, 0)], past=15, order=2, joint_order=3, feedthrough=())
+    assert pole_errors(result.eigenvalues, [1.05, 0.6]).max() < 0.06
+    assert any("outside the unit circle" in note for note in result.notes)
+    stable = identify_ort([unstable_record(8000, 0)], past=15, order=2, joint_order=3, feedthrough=(), stable=True)
+    assert spectral_radius(stable.model.A) < 1
+
+
+@pytest.mark.parametrize(
+    "options, error, words",
+    [
+        ({"past": 0}, UsageError, "past window 0"),
+        ({"past": 10, "future": 1}, UsageError, "future window 1"),
+        ({"past": 10, "order": 0}, UsageError, "order 0"),
+        ({"past": 10, "order": 4, "joint_order": 3}, UsageError, "joint order 3 is below order 4"),
+        ({"past": 10, "order": 30}, NotIdentifiable, "order 30 asked for, past window 10 and future window 10 carry 9"),
+        ({"past": 10, "joint_order": 30}, NotIdentifiable, "joint order 30 asked for"),
+        ({"past": 10, "response": "guess"}, UsageError, "'guess' is none of fit, theorem"),
+        ({"past": 10, "feedthrough": ("u",)}, UsageError, "feedthrough of 'u'.*use method varx"),
+        ({"past": 10, "feedthrough": ("w",)}, UsageError, "no such disturbance; the disturbances are r"),
+        ({"past": 900}, NotIdentifiable, "needs at least"),
+    ],
+)
+def test_bad_requests_are_named(record, options, error, words):
+    with pytest.raises(error, match=words):
+        identify_ort([record], **options)
+
+
+def with_roles(record, **roles):
+    return replace(record, channels=tuple(replace(c, role=roles.get(c.name, c.role)) for c in record.channels))
+
+
+def with_disturbance(record, values):
+    changed = record.values.copy()
+    changed[:, 1] = values
+    return replace(record, values=changed)
+
+
+def test_data_that_do_not_carry_the_answer_are_named(record):
+    with pytest.raises(DataError, match="no channel has the role 'disturbance'; ort needs one"):
+        identify_ort([with_roles(record, r="input")], past=10)
+    with pytest.raises(DataError, match="no channel has the role 'input'"):
+        identify_ort([with_roles(record, u="ignore")], past=10)
+    with pytest.raises(DataError, match="no channel has the role 'output'"):
+        identify_ort([with_roles(record, y="ignore")], past=10)
+    with pytest.raises(NotIdentifiable, match="'r' is constant"):
+        identify_ort([with_disturbance(record, 3.0)], past=10)
+    tones = np.sin(0.3 * np.arange(4000)) + np.sin(np.arange(4000))
+    with pytest.raises(NotIdentifiable, match=r"r is persistently exciting of order 4, .* need 20"):
+        identify_ort([with_disturbance(record, tones)], past=10)
+    with pytest.raises(NotIdentifiable, match=r"has rank .* 20 is needed: u must move by more than"):
+        identify_ort([simulate_disturbed_loop(2000, 1, dither=0.0)], past=10)
+    with pytest.raises(NotIdentifiable, match="has rank 3"):  # the start still rings: plant and controller
+        identify_ort([simulate_disturbed_loop(2000, 1, dither=0.0, noise=0.0)], past=10)
+
+
+def test_result_is_complete_json_and_the_model_reads_back(record):
+    result = identify_ort([record], past=15)
+    facts = json.loads(json.dumps(result.model_json(), allow_nan=False))
+    model = from_json(facts, "memory")
+    assert [s.name for s in model.inputs] == ["u", "r"] and model.D[0, 0] == 0
+    for key in ("singular_values", "order", "order_reason", "joint_order_reason", "eigenvalues", "modes", "fit",
+                "settings", "feedback", "compatibility", "canonical_correlations"):  # fmt: skip
+        assert key in facts["identification"]
+    assert {"frequency_hz", "damping", "frequency_std_hz", "damping_std"} <= set(facts["identification"]["modes"][0])
+    assert "joint order" in result.summary()
+
+
+def test_commands_take_the_model(record, tmp_path, capsys):
+    """identify, then simulate, validate and diagnose with the same roles: the disturbance is one of the inputs."""
+    table = "time_s,u,r,y\n" + "\n".join(
+        f"{t},{u},{r},{y}" for t, (u, r, y) in zip(record.time_s, record.values, strict=True)
+    )
+    (tmp_path / "rec.csv").write_text(table + "\n")
+    roles = "\n".join(f'[[channel]]\nname = "{c.name}"\nunit = ""\nrole = "{c.role}"' for c in record.channels)
+    (tmp_path / "roles.toml").write_text('[recording]\ntime = "time_s"\n' + roles + "\n")
+    common = [str(tmp_path / "rec.csv"), "--roles", str(tmp_path / "roles.toml")]
+    model = str(tmp_path / "model.json")
+    options = ["--method", "ort", "--past", "15", "--out", model, "--report", str(tmp_path / "page.html")]
+    assert main(["identify", *common, *options]) == 0
+    assert "joint order" in capsys.readouterr().out
+    assert main(["simulate", model, *common, "--out", str(tmp_path / "sim.csv")]) == 0
+    assert main(["validate", model, *common, "--json", str(tmp_path / "v.json")]) == 0
+    assert json.loads((tmp_path / "v.json").read_text())["one_step"]["vaf"]["y"] > 85
+    for bad in (["--regularize", "none"], ["--markov", "m.npz"], ["--method", "varx", "--joint-order", "3"]):
+        assert main(["identify", *common, *options, *bad]) == 2
