@@ -65,7 +65,9 @@ def identify_lpv(
     Raises NotIdentifiable where scheduling or inputs do not vary enough, windows are too few, the order is too large or
     memory too small; DataError on missing roles or recordings that differ; UsageError on bad options.
     """
-    names = _check(records, method, past, future, order, scheduling, feedthrough, kernel_rows, kernel_selection)
+    names = _check(
+        records, method, past, future, order, scheduling, feedthrough, kernel_rows, kernel_selection, memory_gb
+    )
     settings = LpvSettings(
         method, past, past if future is None else future, order, names, tuple(sorted(parse_varying(varying))),
         tuple(feedthrough), regularization, False, decimation, kernel_rows, kernel_selection, memory_gb,
@@ -103,6 +105,7 @@ def identify_lpv(
 def _check(
     records: Sequence[Record], method: str, past: int, future: int | None, order: int | None,
     scheduling: Sequence[str], feedthrough: Sequence[str], kernel_rows: int | None, selection: str,
+    memory_gb: float,
 ) -> tuple[str, ...]:  # fmt: skip
     """Check the options against the recordings; returns the scheduling channels."""
     if not records:
@@ -121,6 +124,8 @@ def _check(
     if unknown:
         have = ", ".join(records[0].names("input"))
         raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
+    if not 0 < memory_gb < 1e6:
+        raise UsageError(f"a memory of {memory_gb:g} GB is not above 0")
     if method == "lpv" and kernel_rows is not None:
         raise UsageError("a number of kernel rows belongs to method lpv-kernel")
     if selection not in SELECTIONS:
