@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import can
@@ -12,9 +13,11 @@ import numpy as np
 import pytest
 
 from aeolid.can.logs import open_log
-from aeolid.can.messages import ERROR, PASSIVE, REMOTE, pack_messages, split_errors, unpack_messages, with_errors
+from aeolid.can.messages import ERROR, PASSIVE, REMOTE, pack_messages, unpack_messages
+from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.recorder import read_log
+from aeolid.can.slcan import parse_all
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
@@ -241,14 +244,21 @@ def test_files_that_are_no_logs_are_told(tmp_path: Path) -> None:
         open_raw_log(tmp_path / "nowhere" / "x.blf")
 
 
-def test_texts_that_were_no_frame_are_in_the_log(tmp_path: Path) -> None:
-    """Garbled lines are kept as error frames, and counted again on replay."""
-    frames = traffic(20, fd=False)
-    data = split_errors(frames)
-    assert data.garbled == np.count_nonzero(frames.flags & ERROR) and not (data.flags & (ERROR | REMOTE)).any()
-    batch = Frames(data.id, data.flags, data.length, data.data, data.time_s, garbled=3)
-    found, _ = read(write(tmp_path / "bus.asc", with_errors(batch)))
-    assert split_errors(found).garbled == 3 and len(found) == len(data) + 3
+@SUFFIXES
+def test_texts_that_were_no_frame_keep_their_place_in_the_log(suffix: str, tmp_path: Path) -> None:
+    """Garbled lines are kept as error frames where they stood; the replay doubts what the reception doubted."""
+    text = b"".join(b"T%08X8%016X\r" % (0x1CFF4207, k) for k in range(100))
+    spoilt = text[: 27 * 40] + b"what is this\r" + text[27 * 40 : -9] + b"\r"
+    frames, rest = parse_all(spoilt)
+    assert rest == b"" and np.flatnonzero(frames.flags & ERROR).tolist() == [40, 100]
+    stamped = replace(frames, time_s=1.79e9 + 1e-3 * np.arange(len(frames)))
+    found, _ = read(write(tmp_path / f"bus{suffix}", stamped))
+    assert_equal(found, stamped)
+    live, replay = Assembly(), Assembly()
+    for k in range(0, len(stamped), 30):
+        live.feed(stamped.take(np.arange(k, min(k + 30, len(stamped)))))
+    replay.feed(found)
+    assert (live.garbled, live.foreign) == (replay.garbled, replay.foreign) == (2, 0)
 
 
 @SUFFIXES

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames
+from aeolid.can.wire import EXTENDED, FAST, FD, Frames
 
 # further flags of a frame, which never carry a message of a node
 PASSIVE, REMOTE, ERROR = 8, 16, 32  # sender was error passive (ESI); remote frame; error frame, or text that was none
@@ -72,14 +72,8 @@ def split_errors(frames: Frames) -> Frames:
     return replace(frames.take(other == 0), garbled=frames.garbled + errors)
 
 
-def with_errors(frames: Frames) -> Frames:
-    """Return a batch for a log: the texts that were no frame follow it as error frames, since a log keeps frames."""
-    if not frames.garbled:
-        return frames
-    count = frames.garbled
-    stamp = frames.time_s[-1] if len(frames) else np.nan
-    errors = Frames(
-        np.zeros(count, np.uint32), np.full(count, ERROR, np.uint8), np.zeros(count, np.uint8),
-        np.zeros((count, frames.data.shape[1]), np.uint8), np.full(count, stamp),
-    )  # fmt: skip
-    return join_frames([replace(frames, garbled=0), errors])
+def error_frames(count: int) -> Frames:
+    """Return so many error frames, without a time."""
+    none = np.zeros(count, np.uint8)
+    stamps = np.full(count, np.nan)
+    return Frames(none.astype(np.uint32), none + np.uint8(ERROR), none, np.zeros((count, 8), np.uint8), stamps)

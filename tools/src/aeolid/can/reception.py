@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aeolid.can.clock import ClockKeeper
-from aeolid.can.messages import split_errors, with_errors
+from aeolid.can.messages import ERROR
 from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
@@ -29,7 +29,7 @@ class Reception:
         """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown."""
         self.source, self.recorder, self.log = source, recorder, log
         self.assembly, self.clocks = Assembly(), ClockKeeper()
-        self.frames = 0  # data frames of anybody
+        self.frames = 0  # of anybody
         self.busy_s = 0.0  # what they took on the bus at most
         self.fault: str | None = None  # why nothing more could be written
         self.began = self.ended = time.monotonic()
@@ -81,20 +81,19 @@ class Reception:
         until = time.monotonic() + DRAIN_S
         while self.source.ended is None and time.monotonic() < until:
             frames = self.source.read(0.1)
-            if not len(frames) and not frames.garbled:
+            if not len(frames):
                 return
             self._take(frames)
 
     def _take(self, frames: Frames) -> None:
-        if len(frames) or frames.garbled:
+        if len(frames):
             if self.log is not None:
-                self.log.write(with_errors(frames))
-            data = split_errors(frames)
-            self.frames += len(data)
-            self.busy_s += time_on_bus(data, *self._rates)
-            self.assembly.feed(data)
+                self.log.write(frames)
+            self.frames += int(np.count_nonzero(frames.flags & ERROR == 0))
+            self.busy_s += time_on_bus(frames, *self._rates)
+            self.assembly.feed(frames)
             described = {n.number: n.now.description for n in self.assembly.nodes.values() if n.now is not None}
-            self.clocks.feed(data, {number: d.sample_time_s for number, d in described.items()})
+            self.clocks.feed(frames, {number: d.sample_time_s for number, d in described.items()})
         now = time.monotonic()
         due = now - self._looked >= LOOK_S
         if due:

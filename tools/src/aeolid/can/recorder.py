@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.logs import open_log
-from aeolid.can.messages import split_errors
 from aeolid.can.node import Assembly, Configuration, Node
 from aeolid.can.runs import Run, channels_of
 from aeolid.can.snapshots import MarkovSnapshot
@@ -97,7 +96,7 @@ def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
     source = open_log(str(path))
     assembly = Assembly()
     while source.ended is None:
-        assembly.feed(split_errors(source.read(0.0)))
+        assembly.feed(source.read(0.0))
     assembly.close()
     source.close()
     if source.ended.startswith("damaged"):
