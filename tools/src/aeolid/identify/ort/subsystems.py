@@ -114,20 +114,36 @@ def realise_stochastic(spectra: Spectra, factor: WindowFactor, lq: Lq, layout: L
     The extended observability matrix is Σ_ff^{+1/2} Û Σ̂^{1/2}: the exponent −1/2 printed in section 6.2 is a slip (the
     future is Γ x + …, and Σ_ff^{−1/2} Γ = Û Σ̂^{1/2}).
     """
-    joint, N = len(layout.joint), factor.windows
-    half = np.sqrt(spectra.correlations[:order])
-    gamma = spectra.root @ (spectra.left_s[:, :order] * half)
-    # x = Σ̂^{1/2} V' Σ_pp^{−1/2} w past, Σ_pp^{1/2} = L33/√N
-    T = np.sqrt(N) * solve_triangular(lq.L33.T, spectra.right_s[:order].T, lower=False).T * half[:, None]
+    gamma = spectra.root @ (spectra.left_s[:, :order] * np.sqrt(spectra.correlations[:order]))
+    x, targets = stochastic_states(spectra, factor, lq, layout, order)
+    found = np.asarray(np.linalg.lstsq(x, targets, rcond=None)[0].T, np.float64)
+    return with_gain(found[:order], found[order:], gamma, x, targets)
+
+
+def stochastic_states(
+    spectra: Spectra, factor: WindowFactor, lq: Lq, layout: Layout, order: int
+) -> tuple[Array, Array]:
+    """Return states x_k (rows, n) and [x_{k+1}, w_k] (rows, n + l + m) in the coordinates of the factor, over √N.
+
+    x = Σ̂^{1/2} V' Σ_pp^{−1/2} w past with Σ_pp^{1/2} = L33/√N, of the stochastic component; sums over rows are means
+    over windows.
+    """
+    joint = len(layout.joint)
+    half = np.sqrt(spectra.correlations[:order] * factor.windows)
+    T = solve_triangular(lq.L33.T, spectra.right_s[:order].T, lower=False).T * half[:, None]
     past = slice(0, layout.past * joint)
     now = slice(layout.past * joint, (layout.past + 1) * joint)
-    x = stochastic_rows(factor, layout, lq, past, 0) @ T.T
-    following = stochastic_rows(factor, layout, lq, past, 1) @ T.T
+    states, following = (stochastic_rows(factor, layout, lq, past, shift) @ T.T for shift in (0, 1))
     targets = np.hstack([following, stochastic_rows(factor, layout, lq, now, 0)])
-    found = np.linalg.lstsq(x, targets, rcond=None)[0]
-    residual = targets - x @ found
-    covariance = residual.T @ residual / max(N - 1, 1)
+    return states / np.sqrt(factor.windows), targets / np.sqrt(factor.windows)
+
+
+def with_gain(A: Array, C: Array, gamma: Array, x: Array, targets: Array) -> Stochastic:
+    """Return the stochastic subsystem of these A, C: K from the covariance of what they leave of the targets."""
+    order = len(A)
+    residual = targets - x @ np.vstack([A, C]).T
+    covariance = residual.T @ residual
     Q, S, R = covariance[:order, :order], covariance[:order, order:], covariance[order:, order:]
-    A, C = found[:, :order].T, found[:, order:].T
-    K, innovation, method = kalman_gain(A, C, Q, S, R, np.linalg.solve(R, S.T).T)
+    direct = np.asarray(np.linalg.solve(R, S.T).T, np.float64)
+    K, innovation, method = kalman_gain(A, C, Q, S, R, direct)
     return Stochastic(A, C, K, innovation, gamma, method)
