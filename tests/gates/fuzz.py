@@ -1,4 +1,4 @@
-"""Gate: no bytes given as saved state, configuration or sample make a filter or the regressor misbehave.
+"""Gate: no bytes given as saved state, configuration, sample or frame make filters, regressor or streamer misbehave.
 
 python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, the same every time;
 with it so many seconds for each precision, from a seed of its own, on inputs kept in the folder CORPUS. libFuzzer with
@@ -22,7 +22,7 @@ FLAGS = ["-std=c99", "-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-s
 def build(precision: str, path: Path) -> str:
     """Build the fuzzer; returns the compiler's messages, empty when built."""
     include = [f"-I{path}" for path in (gate.ROOT / "include", gate.ROOT / "src", TESTS / "family")]
-    sources = [TESTS / "fuzz/fuzz.c", TESTS / "family/family.c", *gate.SOURCES]
+    sources = [TESTS / "fuzz/fuzz.c", TESTS / "fuzz/fuzz_wire.c", TESTS / "family/family.c", *gate.SOURCES]
     command = ["clang", *FLAGS, *gate.PRECISIONS[precision], *include, *map(str, sources), "-lm", "-o", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"

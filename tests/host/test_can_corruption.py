@@ -152,7 +152,7 @@ def check(assembly: Assembly, truths: dict[int, Truth]) -> tuple[int, int]:
         for name, value in node.counters.items():
             most = truth.counters.get(name)
             if name == "SampleIndex":
-                assert 0 <= value <= last
+                assert 0 <= value <= last, (number, value, last, node._health._items)
             elif most is not None:
                 assert value <= most, (name, value, most)
             else:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import zlib
 from pathlib import Path
 
 import can
 import numpy as np
 import pytest
+from can_frames import COUNT, L, P, R, bits, describe, latest, receive, row, samples, snapshot, stopped
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aeolid.can import Assembly, MarkovSnapshot, build_records, open_source, read_log, wire
+from aeolid.can import Assembly, build_records, open_source, read_log, wire
 from aeolid.can.description import CHANNELS_MAX
 from aeolid.can.node import EARLY_MAX, NODES_MAX
 from aeolid.can.repair import group_members, repair_sets, restore
@@ -20,93 +20,6 @@ from aeolid.can.snapshots import physical
 from aeolid.errors import DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.record import Roles
-
-R, L, P = 2, 3, 4
-COUNT = L * P * (R + L)
-Row = tuple[int, bool, bytes]
-
-
-def bits(value: float) -> int:
-    """Return the binary32 pattern."""
-    return int(np.array([value], np.float32).view(np.uint32)[0])
-
-
-def describe(
-    node: int = 1, *, version: int = 1, past: int = P, names: tuple[str, ...] = ("a", "b"), every: int = 1,
-    parameters: int | None = None, shape: int | None = None, scales: tuple[float, ...] = (1, 10, 0.1, 2, 5),
-    sample_time: float = 0.1,
-) -> list[Row]:  # fmt: skip
-    """Build the description frames of a node, written independently of the C streamer."""
-    count = L * past * (R + L) if parameters is None else parameters
-    parts = {
-        (1, 0): R | L << 8 | 1 << 24 if shape is None else shape,
-        (2, past): count,
-        (3, every): bits(sample_time),
-        (4, 0): bits(0.99),
-        (5, 0): bits(2.0),
-        (6, 0): 0,
-    }
-    for i in range(R + L):
-        parts[7, i], parts[8, i] = bits(0.5 * i), bits(scales[i])
-    for i, name in enumerate(names):
-        for part in range(-(-len(name) // 4)):
-            text = name[4 * part : 4 * part + 4].encode().ljust(4, b"\0")
-            parts[9, i | part << 8] = int.from_bytes(text, "little")
-    words = np.array([(tag | index << 16, value) for (tag, index), value in sorted(parts.items())], "<u4")
-    head = ((0, version), zlib.crc32(words.tobytes()))
-    return [row(node, wire.DESCRIPTION, tag, index, value) for (tag, index), value in [head, *sorted(parts.items())]]
-
-
-def row(node: int, kind: int, tag: int, index: int, value: int) -> Row:
-    """Build one frame."""
-    identifier, data = wire.encode(node, kind, tag, index, value)
-    return identifier, True, data
-
-
-def samples(first: int, count: int, node: int = 1, every: int = 1) -> list[Row]:
-    """Build sample frames; the value tells index and channel."""
-    return [
-        row(node, wire.SAMPLE, channel, k & 0xFFFF, bits(k + channel / 8))
-        for k in range(first, first + count * every, every)
-        for channel in range(R + L)
-    ]
-
-
-def snapshot(theta: np.ndarray, number: int = 1, index: int = 77, repairs: int = 40, node: int = 1) -> list[Row]:
-    """Build the frames of one snapshot."""
-    values = theta.astype(np.float32).view(np.uint32)
-    crc = zlib.crc32(values.astype("<u4").tobytes())
-    order = group_members(len(values))[0]  # one group: at most 256 parameters
-    rows = [row(node, wire.BEGIN, number, len(values) - 1, index)]
-    rows += [row(node, wire.PARAMETER, number, int(i), int(values[i])) for i in order]
-    rows += [row(node, wire.END, number, index & 0xFFFF, crc)]
-    member = group_members(len(values))[0]
-    for k in range(repairs):
-        chosen = repair_sets(np.array([k]), len(member))[0]
-        rows.append(row(node, wire.REPAIR, number, k, int(np.bitwise_xor.reduce(values[member][chosen]))))
-    return rows + 2 * [row(node, wire.END, number, index & 0xFFFF, crc)]
-
-
-def stopped(index: int, node: int = 1) -> Row:
-    """Build a goodbye."""
-    return row(node, wire.HEALTH, 0, wire.STOPPED, index)
-
-
-def receive(rows: list[Row], batch: int = 10**9) -> Assembly:
-    """Feed frames in batches of this size."""
-    assembly = Assembly()
-    for k in range(0, len(rows), batch):
-        assembly.feed(wire.pack_frames(rows[k : k + batch]))
-    assembly.close()
-    return assembly
-
-
-def latest(assembly: Assembly, node: int = 1) -> MarkovSnapshot:
-    """Return the newest snapshot, complete or not."""
-    now = assembly.nodes[node].now
-    assert now is not None and now.snapshots.latest is not None
-    return now.snapshots.latest
-
 
 THETA = np.random.default_rng(3).standard_normal(COUNT)
 

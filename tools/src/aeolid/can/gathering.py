@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,7 @@ class Gathering:
         self.crc: int | None = None
         self.ends = 0
         self.done = False
+        self.contradicted = False  # all parameters are there and the checksum is of others
         self.first_place: int | None = None
         self.last_place = 0
         self._node = node
@@ -39,6 +41,7 @@ class Gathering:
         self._have.ravel()[self._count :] = True  # what the last block lacks is zero
         self._torn = np.zeros((blocks, self._width), bool)  # came twice with different values
         self._repairs: dict[int, Words] = {}
+        self._tried = 0  # repair frames at the last try
         self._low: int | None = None
         self._index: int | None = None
 
@@ -83,11 +86,16 @@ class Gathering:
         return bool(self._have.all())
 
     def may_be_complete(self) -> bool:
-        """Tell whether it is time to look: the checksum is there, and all parameters or the first repairs."""
-        return self.crc is not None and (self.is_whole() or self.ends >= 2)
+        """Tell whether it is time to look: the checksum is there, and all parameters or repairs enough for the rest."""
+        if self.crc is None:
+            return False
+        missing = int(np.count_nonzero(~self._have.all(axis=1)))
+        enough = missing + self._tried // 8 < len(self._repairs) and len(self._repairs) > self._tried
+        return missing == 0 or self.ends >= 2 or enough
 
     def repair(self) -> None:
         """Restore missing parameters from the repair frames."""
+        self._tried = len(self._repairs)
         if not self.is_whole() and self._repairs:
             whole: Mask = np.all(self._have, axis=1)
             before = int(np.count_nonzero(self._have))
@@ -100,7 +108,7 @@ class Gathering:
         """Return copies of the values (N,) and which of them are there."""
         return self._values.reshape(-1)[: self._count].copy(), self._have.reshape(-1)[: self._count].copy()
 
-    def fits(self, newest: int | None) -> bool:
+    def fits(self, newest: Sequence[int]) -> bool:
         """Tell whether all parameters are there and are those the checksum was made of.
 
         In version 2 node, number, count and sample index are part of it: it also finds the index where begin was lost.
@@ -109,25 +117,27 @@ class Gathering:
             return False
         theta = self._values.reshape(-1)[: self._count].astype("<u4").tobytes()
         if self._version == 1:
-            return zlib.crc32(theta) == self.crc
-        for index in (self.begin, self._guess(newest)):
+            self.contradicted = zlib.crc32(theta) != self.crc
+            return not self.contradicted
+        for index in (self.begin, *self._guesses(newest)):
             if index is not None:
                 head = np.array(
                     [self.number | self._count - 1 << 8 | self._node << 24, index & 0xFFFFFFFF], "<u4"
                 ).tobytes()
-                if zlib.crc32(head + theta) == self.crc:
+                self.contradicted = zlib.crc32(head + theta) != self.crc
+                if not self.contradicted:
                     self._index = index & 0xFFFFFFFF
                     return True
         return False
 
-    def _guess(self, newest: int | None) -> int | None:
-        """Return the index nearest to the newest sample that ends like the one in the end frames."""
-        if self._low is None or newest is None:
-            return None
-        return max(newest + (self._low - newest + 32768) % 65536 - 32768, 0)
+    def _guesses(self, newest: Sequence[int]) -> list[int]:
+        """Return the indices nearest to the newest sample that end like the one in the end frames."""
+        if self._low is None:
+            return []
+        return [max(n + (self._low - n + 32768) % 65536 - 32768, 0) for n in newest]
 
-    def sample_index(self, newest: int | None) -> int | None:
+    def sample_index(self, newest: Sequence[int]) -> int | None:
         """Return the sample index; where no checksum has proved one, what begin or end say."""
         if self._index is not None:
             return self._index
-        return self.begin if self.begin is not None else self._guess(newest)
+        return self.begin if self.begin is not None else next(iter(self._guesses(newest)), None)

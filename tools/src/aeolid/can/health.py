@@ -8,7 +8,8 @@ from aeolid.can.garbling import Garbling
 from aeolid.can.wire import STOPPED, health_names
 
 DEPTH = 8  # messages of an item that are kept
-GROWTH = 1 << 20  # a counter that grows by more between its neighbours in time is not believed
+GROWTH = 16  # times as much as in the messages before may a counter grow around one that is believed, and …
+GROWTH_FREE = 256  # … so much at any time
 GOODBYES = 2  # closing messages that end a stream; one is enough once nothing more can come
 
 
@@ -59,7 +60,7 @@ class Health:
         for name, told in self._items.items():
             for i in range(len(told) - 1, -1, -1):
                 value, place = told[i]
-                between = 0 < i < len(told) - 1 and _grows(told[i - 1][0], value, told[i + 1][0])
+                between = 0 < i < len(told) - 1 and _grows(told[0][0], told[i - 1][0], value, told[i + 1][0])
                 if between or self._garbling.quiet_at(place):
                     self._told[name] = value
                     break
@@ -71,7 +72,7 @@ class Health:
         return told[-1][0] if told else None
 
 
-def _grows(before: int, value: int, after: int) -> bool:
-    """Tell whether a counter (modulo 2^32) goes up slowly over three messages."""
-    step, span = (value - before) % (1 << 32), (after - before) % (1 << 32)
-    return step <= span < GROWTH
+def _grows(oldest: int, before: int, value: int, after: int) -> bool:
+    """Tell whether a counter (modulo 2^32) goes up over three messages, and not much faster than it did before."""
+    step, span, usual = ((b - a) % (1 << 32) for a, b in ((before, value), (before, after), (oldest, before)))
+    return step <= span <= GROWTH * min(usual, 1 << 24) + GROWTH_FREE

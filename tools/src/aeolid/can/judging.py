@@ -14,7 +14,7 @@ Words = NDArray[np.uint32]
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.int64]
 VALUE, SURE, SEAL = 0, 1, 2  # what a message is: guarded by a CRC-8, guarded by a CRC-32, seal of a sample
-NEAR = 64  # samples; a value with no neighbour so near, before or after, has strayed from another node
+SHUFFLE = 16  # gateways may swap neighbours; a longer way back is a restart, or a silence of 65536 samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +66,13 @@ class Rows:
 
 
 def drop_strays(part: Part, every: int, before: int | None, after: int | None) -> Part:
-    """Leave out values whose neighbours in time are both far away; before, after: samples beyond the ends."""
-    near = np.abs(np.diff(part.index)) <= NEAR * every
-    first = before is not None and abs(int(part.index[0]) - before) <= NEAR * every
-    last = after is not None and abs(int(part.index[-1]) - after) <= NEAR * every
+    """Leave out values whose neighbours in time are both far away: they have strayed from another node's count.
+
+    before, after: samples beyond the ends. What strays by less meets its sample's true value, and the seal decides.
+    """
+    near = np.abs(np.diff(part.index)) <= SHUFFLE * every
+    first = before is not None and abs(int(part.index[0]) - before) <= SHUFFLE * every
+    last = after is not None and abs(int(part.index[-1]) - after) <= SHUFFLE * every
     kept = np.append(first, near) | np.append(near, last) | (part.what == SURE)
     return part if kept.all() else part.take(kept)
 

@@ -200,9 +200,9 @@ class Node:
         if snapshot.any():
             now.snapshots.add(m.take(snapshot), self._newest(now))
 
-    def _newest(self, now: Configuration) -> int | None:
-        index = now.samples.last_index()
-        return self._health.newest_index() if index is None else index
+    def _newest(self, now: Configuration) -> list[int]:
+        told = self._health.newest_index()
+        return now.samples.last_indices() + ([] if told is None else [told])
 
     def _take_health(self, m: Messages, goes_on: NDArray[np.bool_]) -> None:
         alive = np.flatnonzero(goes_on)

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.garbling import MARGIN, Garbling
-from aeolid.can.judging import SEAL, VALUE, Part, Rows, believe, drop_strays, gather, join_parts
+from aeolid.can.judging import SEAL, SHUFFLE, VALUE, Part, Rows, believe, drop_strays, gather, join_parts
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 JUMP = 1000  # a larger hole may be a restart or a silence longer than the index counts: a full index decides
-SHUFFLE = 16  # gateways may swap neighbours; a longer way back is a restart, or a silence of 65536 samples
+SOON = 20_000  # after so few samples without a full index none of the 16 bits has been lost count of
 ANCHOR = 20_000  # a full index told within one batch lies no farther from the newest sample; below half of 65536
 VOTES = 16  # different full indices that a segment remembers; more are garbled or forged
 SPARSE = 20  # rows per arrived value that a table may have
@@ -46,6 +46,7 @@ class _Segment:
     last: int = 0
     votes: dict[int, tuple[int, int]] = field(default_factory=dict)
     settled: int | None = None
+    dated: bool = True  # `settled` is certain
     floor: int | None = None  # samples below it have been released
     ceiling: int | None = None  # samples from here on are held elsewhere
 
@@ -171,6 +172,14 @@ class SampleStore:
             count, first = segment.votes.get(turn, (0, place))
             segment.votes[turn] = (count + 1, first)
 
+    def last_indices(self) -> list[int]:
+        """Return what the newest sample index may be, the likeliest first."""
+        if not self._segments:
+            return []
+        segment = self._segments[-1]
+        turns = [segment.guess() or 0, *segment.votes, self._expect(segment, self._before)]
+        return [segment.last + turn for turn in dict.fromkeys(turns)]
+
     def last_index(self) -> int | None:
         """Return the newest sample index as far as it is known."""
         if not self._segments:
@@ -223,13 +232,14 @@ class SampleStore:
         part = segment.joined()
         cut = segment.first + (int(part.index[count]) - segment.first) // step * step
         old = part.index < cut
-        head = _Segment([part.take(old)], segment.first, cut - step, segment.votes, segment.settled, segment.floor, cut)
+        head = _Segment([part.take(old)], segment.first, cut - step, segment.votes, segment.settled)
+        head.dated, head.floor, head.ceiling = segment.dated, segment.floor, cut
         rows = self._rows(head, step)
-        turn = self._turn(segment, self._before)
+        turn, certain = self._turn(segment, self._before)
         if rows is not None:
             _, turns, proved = believe(rows, {turn}, self._garbling)
-            turn = int(turns[-1]) if proved.any() else turn
-        rest = _Segment([part.take(~old)], cut, segment.last, settled=turn, floor=cut)
+            turn, certain = (int(turns[-1]), True) if proved.any() else (turn, certain)
+        rest = _Segment([part.take(~old)], cut, segment.last, {}, turn, certain, cut)
         return head, rest
 
     def _rows(self, segment: _Segment, every: int) -> Rows | None:
@@ -261,8 +271,10 @@ class SampleStore:
         rows = self._rows(segment, every)
         if rows is None:
             return []
-        turn = self._turn(segment, last)
+        turn, certain = self._turn(segment, last)
         believed, turns, proved = believe(rows, {turn, *segment.votes}, self._garbling)
+        if not certain and self._garbling is not None:
+            believed &= proved | self._garbling.is_quiet(rows.first, rows.last)
         index = rows.index + np.where(proved, turns, turn)
         cuts = (np.flatnonzero(np.diff(turns)) + 1).tolist()
         pieces = []
@@ -274,16 +286,20 @@ class SampleStore:
                 pieces.append(_Piece(index[span], rows.bits[span], there, int(np.count_nonzero(~believed[span]))))
         return pieces
 
-    def _turn(self, segment: _Segment, last: int | None) -> int:
-        """Decide the turn of what no seal dates: two full indices that agree, or one on a quiet bus, or none."""
+    def _turn(self, segment: _Segment, last: int | None) -> tuple[int, bool]:
+        """Decide the turn of what no seal dates, and whether it is certain.
+
+        Certain are two full indices that agree, one on a quiet bus, or a start soon after sample `last`.
+        """
         if segment.settled is not None:
-            return segment.settled
-        likely, first = self._expect(segment, last), segment.guess()
-        if first is None or first == likely:
-            return likely
-        count, place = segment.votes[first]
-        sure = count > 1 or self._garbling is None or self._garbling.quiet_at(place)
-        return first if sure else likely
+            return segment.settled, segment.dated
+        likely, told = self._expect(segment, last), segment.guess()
+        count, place = (0, 0) if told is None else segment.votes[told]
+        if told is not None and (count > 1 or self._garbling is None or self._garbling.quiet_at(place)):
+            return told, True
+        if last is not None and 0 <= segment.first + likely - last <= SOON:
+            return likely, True
+        return (likely if told is None else told), False
 
     @staticmethod
     def _expect(segment: _Segment, last: int | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,19 +65,19 @@ class SnapshotStore:
         self.repaired = 0  # parameters restored from repair frames
         self._open: dict[int, Gathering] = {}  # by number, the one touched last at the end
 
-    def add(self, messages: Messages, newest: int | None) -> None:
-        """Take begin, parameter, repair and end messages in the order of arrival; newest sample index so far."""
+    def add(self, messages: Messages, newest: Sequence[int]) -> None:
+        """Take begin, parameter, repair and end messages in order; newest: what the newest sample index may be."""
         change = np.flatnonzero(np.diff(messages.tag)) + 1
         for start, stop in zip([0, *change.tolist()], [*change.tolist(), len(messages)], strict=True):
             if stop > start:
                 self._run(messages.take(slice(start, stop)), newest)
 
-    def close(self, newest: int | None = None) -> None:
+    def close(self, newest: Sequence[int] = ()) -> None:
         """Finish what is under way with what there is."""
         for number in list(self._open):
             self._drop(number, newest)
 
-    def _run(self, m: Messages, newest: int | None) -> None:
+    def _run(self, m: Messages, newest: Sequence[int]) -> None:
         """Take messages of one snapshot number."""
         number = int(m.tag[0])
         begins = m.value[m.kind == BEGIN]
@@ -99,10 +100,10 @@ class SnapshotStore:
             if now.fits(newest) or now.ends >= 3:
                 self._settle(now, newest)
 
-    def _drop(self, number: int, newest: int | None) -> None:
+    def _drop(self, number: int, newest: Sequence[int]) -> None:
         self._settle(self._open.pop(number), newest)
 
-    def _settle(self, now: Gathering, newest: int | None) -> None:
+    def _settle(self, now: Gathering, newest: Sequence[int]) -> None:
         """Judge an assembly once; a stray frame or two make no snapshot."""
         if now.done or now.messages < SWITCH:
             return
@@ -115,16 +116,16 @@ class SnapshotStore:
         if fits:
             self.complete = snapshot
             self.completed += 1
-        elif now.is_whole() and now.crc is not None:
+        elif now.contradicted:
             self.damaged += 1
         else:
             self.incomplete += 1
 
-    def _snapshot(self, now: Gathering, complete: bool, newest: int | None) -> MarkovSnapshot:
+    def _snapshot(self, now: Gathering, complete: bool, newest: Sequence[int]) -> MarkovSnapshot:
         d = self.description
         words, have = now.parameters()
         flat: NDArray[np.float32] = words.view(np.float32)
-        believed = complete or (not (now.crc is not None and now.is_whole()) and self._trusts(now))
+        believed = complete or (not now.contradicted and self._trusts(now))
         flat[~have | (not believed)] = np.nan
         scaled = flat.reshape(d.outputs, d.regressors)
         missing = tuple(np.flatnonzero(~have).tolist())
