@@ -251,7 +251,8 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
 {
     if (self == NULL || regressor == NULL || regressor->model_set != (uint8_t)AEO_VARMAX ||
         regressor->length != self->config.regressors || regressor->outputs != self->config.outputs ||
-        regressor->past != self->config.past) {
+        regressor->past != self->config.past ||
+        regressor->past * (unsigned)regressor->block_length + self->config.present != self->config.regressors) {
         return AEO_E_ARG;
     }
     aeo_status_t status = aeo_regressor_push(regressor, u, y, time_us);

@@ -119,8 +119,9 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
     if (words < AEO_FAST_RLS_WORDS(config->past, config->block, tail, config->outputs)) {
         return AEO_E_MEMORY;
     }
-    memset(self, 0, sizeof *self);
-    self->config = *config;
+    self->config = *config; /* which may be self's own */
+    self->health = 0;
+    memset(&self->count, 0, sizeof self->count);
     self->tail = tail;
     self->length = (uint16_t)AEO_FAST_RLS_LENGTH(config->past, config->block, tail);
     self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting);            /* forgetting >= 1/2 */
@@ -301,8 +302,11 @@ static void replace_array(aeo_fast_rls_t *self)
 static void feed_follower(aeo_fast_rls_t *self)
 {
     aeo_fast_rls_array_t *const first = &self->array[self->active], *const follower = &self->array[self->active ^ 1u];
-    if (follower->age == 0u && first->age < self->life && !aeo_fast_array_is_late(first)) {
-        return;
+    if (follower->age == 0u) {
+        if (first->age < self->life && !aeo_fast_array_is_late(first)) {
+            return;
+        }
+        aeo_fast_array_start(self, follower); /* until now its memory held the rests of the first */
     }
     if (!aeo_fast_array_step(self, follower)) {
         aeo_fast_array_start(self, follower);

@@ -7,16 +7,14 @@
 
 #include <string.h>
 
-/* Places of the numbers saved; from health to hold they come before. */
-enum { AGE = 9, RANDOM = 11, FILLED, ACTIVE, NUMBERS, SIZES = 5 };
+/* Places of the numbers saved: those that lie side by side from random to hold, then the arrays' ages. */
+enum { RANDOM, FILLED, ACTIVE, AGES = 12, NUMBERS = 14, SIZES = 5 };
 
 static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
 {
-    const unsigned char *const kept = (const unsigned char *)self;
-    memcpy(numbers, kept + offsetof(aeo_fast_rls_t, health), AGE * sizeof *numbers);
-    numbers[AGE] = self->array[0].age;
-    numbers[AGE + 1] = self->array[1].age;
-    memcpy(numbers + RANDOM, kept + offsetof(aeo_fast_rls_t, random), (NUMBERS - RANDOM) * sizeof *numbers);
+    memcpy(numbers, (const unsigned char *)self + offsetof(aeo_fast_rls_t, random), AGES * sizeof *numbers);
+    numbers[AGES] = self->array[0].age;
+    numbers[AGES + 1] = self->array[1].age;
 }
 
 static size_t count_kept(const aeo_fast_rls_t *self)
@@ -24,8 +22,8 @@ static size_t count_kept(const aeo_fast_rls_t *self)
     return (size_t)(self->residual - self->array[0].forward) + self->config.outputs;
 }
 
-/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; health, counters, hold, ages,
- * random, filled, active; then arrays, theta, window, innovation and residual as they lie in memory (saved.h). */
+/* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; random, filled, active, health,
+ * counters, hold, ages; then arrays, theta, window, innovation and residual as they lie in memory (saved.h). */
 static void describe(const aeo_fast_rls_t *self, uint16_t sizes[SIZES], aeo_saved_form_t *form)
 {
     sizes[0] = self->config.past;
@@ -92,11 +90,9 @@ aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved,
     if (!numbers_hold(self, numbers) || !words_hold(self, body)) {
         return AEO_E_DAMAGED;
     }
-    unsigned char *const kept = (unsigned char *)self;
-    memcpy(kept + offsetof(aeo_fast_rls_t, health), numbers, AGE * sizeof *numbers);
-    self->array[0].age = numbers[AGE];
-    self->array[1].age = numbers[AGE + 1];
-    memcpy(kept + offsetof(aeo_fast_rls_t, random), numbers + RANDOM, (NUMBERS - RANDOM) * sizeof *numbers);
+    memcpy((unsigned char *)self + offsetof(aeo_fast_rls_t, random), numbers, AGES * sizeof *numbers);
+    self->array[0].age = numbers[AGES];
+    self->array[1].age = numbers[AGES + 1];
     memcpy(self->array[0].forward, body, count_kept(self) * sizeof *body);
     return AEO_OK;
 }

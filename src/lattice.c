@@ -91,16 +91,17 @@ aeo_status_t aeo_lattice_init(aeo_lattice_t *self, const aeo_lattice_config_t *c
     if (words < aeo_lattice_count_words(config)) {
         return AEO_E_MEMORY;
     }
-    memset(self, 0, sizeof *self);
-    self->config = *config;
+    self->config = *config; /* which may be self's own */
+    self->following = 0;
+    self->health = 0;
+    memset(&self->count, 0, sizeof self->count);
     place_arrays(self, memory);
     const unsigned n = config->past * (unsigned)config->block + config->present;
     self->inverse_forgetting = AEO_REAL(1) / config->forgetting; /* forgetting >= 1/2 */
     self->gate = config->excitation_min * (AEO_REAL(1) - config->forgetting) * (aeo_real_t)n;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
-    /* each comes round within 1 / (2 (1 - lambda)) samples, in which forgetting makes it grow by at most 2 */
-    const aeo_real_t share = AEO_REAL(2) * (AEO_REAL(1) - config->forgetting);
-    self->scan_step = (uint16_t)(share * (aeo_real_t)aeo_lattice_count_variances(config) + AEO_REAL(1));
+    self->scan_step =
+        (uint16_t)aeo_settings_find_scan_step(aeo_lattice_count_variances(config), config->forgetting); /* < 2^11 */
     aeo_lattice_reset(self);
     return AEO_OK;
 }

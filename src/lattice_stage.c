@@ -66,8 +66,8 @@ void aeo_lattice_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x,
 /* Bierman's update, with P = L D L': from the last column to the first, with v_j = (L'r)_j, b the sum of D v L over the
  * columns behind,
  *     alpha_new = alpha + D v^2,   D_new = D alpha / alpha_new scale,   L_new = L - b v / alpha,   b_new = b + D v L.
- * alpha is above 0 and grows, so neither divisor is 0; alpha / alpha_new cannot round above 1, so without forgetting D
- * never creeps up, and it stays above 0. */
+ * alpha is above 0 and grows, so neither divisor is 0; alpha / alpha_new cannot round above 1 (nor could alpha times a
+ * rounded 1 / alpha_new, which is rounded once more), so without forgetting D never creeps up, and it stays above 0. */
 aeo_real_t aeo_lattice_turn(aeo_real_t *factor, const aeo_real_t *r, aeo_real_t *gain, size_t m, aeo_real_t alpha,
                             aeo_real_t scale)
 {

@@ -7,24 +7,17 @@
 
 #if AEO_REAL_BYTES == 8
 typedef uint64_t bits_t;
-#define EXPONENT UINT64_C(0x7FF0000000000000)
 #define SIGN     UINT64_C(0x8000000000000000)
+#define REAL_MAX DBL_MAX
 #else
 typedef uint32_t bits_t;
-#define EXPONENT UINT32_C(0x7F800000)
 #define SIGN     UINT32_C(0x80000000)
+#define REAL_MAX FLT_MAX
 #endif
 
 int aeo_linalg_all_finite(const aeo_real_t *x, size_t count)
 {
-    bits_t bits;
-    for (size_t i = 0; i < count; i++) {
-        memcpy(&bits, &x[i], sizeof bits);
-        if ((bits & EXPONENT) == EXPONENT) {
-            return 0;
-        }
-    }
-    return 1;
+    return aeo_linalg_all_within(x, count, REAL_MAX);
 }
 
 int aeo_linalg_all_within(const aeo_real_t *x, size_t count, aeo_real_t limit)
@@ -123,15 +116,7 @@ void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *res
 
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, size_t count)
 {
-    size_t i = 0;
-    for (; i + 4 <= count; i += 4) {
-        const aeo_real_t y0 = a * x[i], y1 = a * x[i + 1], y2 = a * x[i + 2], y3 = a * x[i + 3];
-        y[i] = y0;
-        y[i + 1] = y1;
-        y[i + 2] = y2;
-        y[i + 3] = y3;
-    }
-    for (; i < count; i++) {
+    for (size_t i = 0; i < count; i++) {
         y[i] = a * x[i];
     }
 }

@@ -25,7 +25,7 @@
 #define aeo_linalg_row_norm2      aeo_linalg_row_norm2_f64
 #endif
 
-/* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on the exponent bits: a compiler told that there
+/* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on their bits: a compiler told that there
  * are no NaNs (-ffast-math) would drop x != x. */
 int aeo_linalg_all_finite(const aeo_real_t *x, size_t count);
 

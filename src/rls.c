@@ -25,24 +25,12 @@ static aeo_status_t judge_config(const aeo_rls_config_t *config)
     return status;
 }
 
-/* How many of count variances to check a sample so that each comes round before forgetting can double it. */
-static uint32_t find_scan_step(unsigned count, aeo_real_t lambda)
-{
-    aeo_real_t shrink = lambda;
-    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
-    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
-        shrink *= lambda;
-        samples++;
-    }
-    return (count + samples - 1u) / samples;
-}
-
 static void derive_from_forgetting(aeo_rls_t *self)
 {
     const aeo_real_t lambda = self->config.forgetting;
     self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(lambda); /* lambda >= 1/2 */
     self->gate = self->config.excitation_min * (AEO_REAL(1) - lambda) * (aeo_real_t)self->config.regressors;
-    self->scan_step = find_scan_step(self->config.regressors, lambda);
+    self->scan_step = aeo_settings_find_scan_step(self->config.regressors, lambda);
 }
 
 aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_real_t *memory, size_t words)
@@ -58,14 +46,15 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     if (words < AEO_RLS_WORDS(n, l)) {
         return AEO_E_MEMORY;
     }
-    memset(self, 0, sizeof *self);
-    self->config = *config;
+    self->config = *config; /* which may be self's own */
+    self->health = 0;
+    memset(&self->count, 0, sizeof self->count);
     self->factor = memory;
     self->theta = self->factor + n * (n + 1) / 2;
-    self->gain = self->theta + n * l;
-    self->projection = self->gain + n;
-    self->innovation = self->projection + n;
+    self->innovation = self->theta + n * l;
     self->residual = self->innovation + l;
+    self->gain = self->residual + l;
+    self->projection = self->gain + n;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
     derive_from_forgetting(self);
     aeo_rls_reset(self);
@@ -253,13 +242,13 @@ int aeo_rls_invariants_hold(const aeo_rls_t *self)
         return 0;
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
-    return self->theta == self->factor + n * (n + 1) / 2 && self->residual == self->theta + n * l + 2 * n + l &&
+    return self->theta == self->factor + n * (n + 1) / 2 && self->projection == self->theta + n * l + 2 * l + n &&
            self->scan_row < n && aeo_linalg_all_finite(self->theta, n * l + 2 * n + 2 * l) &&
            factor_holds(self->factor, n, self->variance_max);
 }
 
 /* The saved array: version, bytes of a real, n, l, four settings; health, five counters, scan row; factor, theta,
- * innovation, residual (saved.h). */
+ * innovation, residual as they lie in memory (saved.h). */
 enum { SCAN_ROW = 6, NUMBERS };
 
 static void describe(const aeo_rls_t *self, aeo_saved_form_t *form)
@@ -282,9 +271,7 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
     describe(self, &form);
     const aeo_status_t status = aeo_saved_begin(&form, &self->health, saved, length);
     if (status == AEO_OK) {
-        const size_t ends = 2u * (size_t)self->config.outputs, kept = form.words - AEO_RLS_SAVED_HEAD - ends;
-        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, kept * sizeof *saved); /* theta lies behind it */
-        memcpy(saved + AEO_RLS_SAVED_HEAD + kept, self->innovation, ends * sizeof *saved);
+        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, (form.words - AEO_RLS_SAVED_HEAD) * sizeof *saved);
     }
     return status;
 }
@@ -315,9 +302,7 @@ aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t le
         return AEO_E_DAMAGED;
     }
     memcpy((unsigned char *)self + offsetof(aeo_rls_t, health), numbers, form.number_count * sizeof *numbers);
-    const size_t ends = 2u * (size_t)self->config.outputs, kept = form.words - AEO_RLS_SAVED_HEAD - ends;
-    memcpy(self->factor, body, kept * sizeof *body);
-    memcpy(self->innovation, body + kept, ends * sizeof *body);
+    memcpy(self->factor, body, (form.words - AEO_RLS_SAVED_HEAD) * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

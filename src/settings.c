@@ -30,6 +30,17 @@ aeo_status_t aeo_settings_judge_common(const aeo_real_t *settings)
     return status == AEO_OK && settings[3] / settings[1] > VARIANCE_MAX ? AEO_E_ARG : status;
 }
 
+uint32_t aeo_settings_find_scan_step(unsigned count, aeo_real_t lambda)
+{
+    aeo_real_t shrink = lambda;
+    unsigned samples = 1; /* lambda >= 1/2, so one sample never more than doubles P */
+    while (samples < count && shrink * lambda >= AEO_REAL(0.5)) {
+        shrink *= lambda;
+        samples++;
+    }
+    return (count + samples - 1u) / samples;
+}
+
 unsigned aeo_settings_count_bits(uint32_t mask)
 {
     unsigned bits = 0;

@@ -6,9 +6,10 @@
 #include "aeolid/status.h"
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_settings_judge        aeo_settings_judge_f64
-#define aeo_settings_judge_common aeo_settings_judge_common_f64
-#define aeo_settings_count_bits   aeo_settings_count_bits_f64
+#define aeo_settings_judge          aeo_settings_judge_f64
+#define aeo_settings_judge_common   aeo_settings_judge_common_f64
+#define aeo_settings_find_scan_step aeo_settings_find_scan_step_f64
+#define aeo_settings_count_bits     aeo_settings_count_bits_f64
 #endif
 
 /* Return 1 when low <= x <= high; x is finite. */
@@ -23,6 +24,9 @@ aeo_status_t aeo_settings_judge(const aeo_real_t *settings, const aeo_real_t (*r
 
 /* Judge what the filters have in common, side by side: forgetting, regularisation, excitation_min, growth_max. */
 aeo_status_t aeo_settings_judge_common(const aeo_real_t *settings);
+
+/* Return how many of count variances to check a sample so that each comes round before forgetting can double it. */
+uint32_t aeo_settings_find_scan_step(unsigned count, aeo_real_t lambda);
 
 /* Return how many bits of mask are set. */
 unsigned aeo_settings_count_bits(uint32_t mask);

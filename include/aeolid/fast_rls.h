@@ -31,7 +31,10 @@
  *     with a disturbance of +-((1 - lambda) rho / growth_max)^(1/2) of its own. The innovation is formed without it, so
  *     it biases nothing: it is the bound of rls.h in a form that keeps the shift. No excitation gate: with a lambda
  *     that changes, P_k and P_{k-1} are no longer shifts of each other.
- *   4 Start within a record: blocks before the first window are unknown, taken as zeros by the arrays, and theta waits
+ *   4 Rests: in float, what rounding cuts off the sums of A and B is kept, in the memory of the second array while that
+ *     one is at rest, and added the next time. In VARMAX the window foretells the newest e but for what theta moves, and
+ *     these sums made theta 20 times worse than that of rls.h in float. -ffast-math undoes it.
+ *   5 Start within a record: blocks before the first window are unknown, taken as zeros by the arrays, and theta waits
  *     until the window is whole, unless they are zeros. In directions that the data excite little, theta comes to that
  *     of rls.h only as the arrays forget this start (turbine data of condition 1e4: 1e-2 after 8 memories, 1e-4 after
  *     12).
@@ -40,9 +43,9 @@
  *   Memory: AEO_FAST_RLS_WORDS(p, m, d, l) words of aeo_real_t from the caller:
  *   n (4m + l + 5) + 3m^2 + 7m + 2l + 6.
  *   p=10, m=5, d=0, l=3: 1,522 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,122 words (28.5 kB).
- *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample, 6 m n more while a second array
- *   warms up. Worst stack: 256 bytes. Determinism: no branch depends on anything but the data; the same calls give
- *   the same bits in the same build.
+ *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample; in float 6 m n
+ *   additions more for the rests; or 6 m n of both more while a second array warms up. Worst stack: 256 bytes.
+ *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.
  */
@@ -90,7 +93,7 @@ extern "C" {
 #define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l) (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l))
 
 /* Version of the saved array. */
-#define AEO_FAST_RLS_SAVED_VERSION 1
+#define AEO_FAST_RLS_SAVED_VERSION 2
 
 /* Health flags; once set they stay until aeo_fast_rls_clear_health. Bits 2 and 4 mean what they mean in rls.h. */
 #define AEO_FAST_RLS_BOUNDED       2u  /* a variance met its bound: some direction is not excited */
@@ -110,8 +113,9 @@ typedef struct {
                                   their way at the start, and start again with 16 times as much; too large: bias.
                                   Start: 1 with scaled channels */
     aeo_real_t growth_max;     /* bound on the variance of a newest entry relative to 1 / rho, 4 ... 1e6 and
-                                  growth_max / rho <= 1e10. Too small: disturbs weakly excited directions; too large:
-                                  float loses directions not excited at all, and renewals follow. Start: 100 */
+                                  growth_max / rho <= 1e10. Too small: disturbs weakly excited directions, as the e of
+                                  VARMAX are; too large: float loses directions not excited at all, and renewals
+                                  follow. Start: 100; for VARMAX 1000 */
 } aeo_fast_rls_config_t;
 
 /* Counters never decrease; at 4,294,967,295 they stay. */
@@ -127,8 +131,8 @@ typedef struct {
 
 /* One array: everything that stands for P. Private but for reading. */
 typedef struct {
-    aeo_real_t *forward;  /* m x n by rows: A */
-    aeo_real_t *backward; /* m x n by rows: B */
+    aeo_real_t *forward;  /* m x n by rows: A, or, at rest, what rounding cut off that of the other array */
+    aeo_real_t *backward; /* m x n by rows: B, the same */
     aeo_real_t *gain;     /* n + m: kappa, then m entries of scratch */
     aeo_real_t *factor;   /* m (m + 1) / 2: lower triangular S by columns, F^{-1} = S S'; diagonal above 0 */
     aeo_real_t *energy;   /* m x m: E */
@@ -215,8 +219,8 @@ aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, si
  * from a filter. On failure self is unchanged. */
 aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved, size_t length);
 
-/* Return 1 when every number is finite, the factors' diagonals and 1 / gamma are above 0 and the sizes agree, else 0;
- * O(m n), for tests and debugging. A null pointer answers 0. */
+/* Return 1 when every number is finite, those of A and B at most 1e30, the factors' diagonals above 0, 1 / gamma at
+ * least 1 and the sizes agree, else 0; O(m n), for tests and debugging. A null pointer answers 0. */
 int aeo_fast_rls_invariants_hold(const aeo_fast_rls_t *self);
 
 #ifdef __cplusplus

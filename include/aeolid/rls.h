@@ -107,10 +107,10 @@ typedef struct {
 typedef struct {
     aeo_real_t *factor;     /* n (n + 1) / 2: S by columns, column j holds rows j ... n-1; diagonal above 0 */
     aeo_real_t *theta;      /* l x n by rows */
-    aeo_real_t *gain;       /* n: g_k, scratch */
-    aeo_real_t *projection; /* n: S'z_k, scratch */
     aeo_real_t *innovation; /* l */
-    aeo_real_t *residual;   /* l */
+    aeo_real_t *residual;   /* l; all up to here is saved, the rest scratch */
+    aeo_real_t *gain;       /* n: g_k */
+    aeo_real_t *projection; /* n: S'z_k */
     aeo_real_t inverse_root_forgetting;
     aeo_real_t gate;         /* excitation_min (1 - lambda) n */
     aeo_real_t variance_max; /* growth_max / rho */

@@ -126,8 +126,8 @@ GATE_DEFECTS = [
     Defect(
         "proof rls restore",
         "src/rls.c",
-        "memcpy(self->innovation, body + kept, ends",
-        "memcpy(self->innovation, body + kept, (ends + 1)",
+        "memcpy(self->factor, body, (form.words - AEO_RLS_SAVED_HEAD)",
+        "memcpy(self->factor, body, (form.words - AEO_RLS_SAVED_HEAD + 1)",
         "FAILURE",
     ),
     Defect(
@@ -160,9 +160,9 @@ TEST_DEFECTS = [
     Defect(
         "contract_rls",
         "src/linalg.c",
-        "if ((bits & EXPONENT) == EXPONENT) {",
-        "if (x[i] != x[i]) {",
-        "refusal",
+        "    return aeo_linalg_all_within(x, count, REAL_MAX);",
+        "    while (count > 0 && !(x[count - 1] != x[count - 1])) {\n        count--;\n    }\n    return count == 0;",
+        "restore_survives",
         tuple(FAST_MATH),
     ),
     Defect("contract_rls", "src/linalg.c", "        aeo_count_up(rejected);\n", "", "refusal"),
@@ -170,8 +170,8 @@ TEST_DEFECTS = [
     Defect(
         "contract_rls",
         "src/rls.c",
-        "memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, kept",
-        "memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, (kept - 1)",
+        "self->factor, (form.words - AEO_RLS_SAVED_HEAD) * sizeof *saved",
+        "self->factor, (form.words - AEO_RLS_SAVED_HEAD - 1) * sizeof *saved",
         "restore",
     ),
     Defect(
@@ -217,6 +217,39 @@ TEST_DEFECTS = [
         "units_law",
     ),
     Defect("status", "src/status.c", '"a number is NaN or infinite"', '"done"', "own_sentence"),
+    Defect("els", "src/els.c", "e = self->rls.residual[i];", "e = self->rls.innovation[i];", "bursts"),
+    Defect("els", "src/guard.c", "return levels[POWER] > limit;", "return 0;", "divergence"),
+    Defect("els", "src/guard.c", "OUTLIER_MAX * limit", "AEO_REAL(1e6) * limit", "outliers"),
+    Defect(
+        "els_life",
+        "src/els.c",
+        "(unsigned)regressor->block_length + self->config.present != self->config.regressors",
+        "(unsigned)regressor->block_length > self->config.regressors",
+        "does_not_fit",
+    ),
+    Defect(
+        "contract_fast_rls",
+        "src/fast_array.c",
+        "aeo_linalg_axpy(-array->gain[n + c]",
+        "aeo_linalg_axpy(array->gain[n + c]",
+        "law_equals_batch",
+    ),
+    Defect("fast_rls", "src/fast_array.c", "r[c] += self->feedback * difference[c];", "", "errors_die_out"),
+    Defect("fast_rls", "src/fast_array.c", "rest[i] = step0 - (sum0 - y0);", "rest[i] = 0 * step0;", "small_residuals"),
+    Defect("fast_rls", "src/fast_rls.c", "self->window[n + c] += draw_disturbance(self);", "", "collinear"),
+    Defect("fast_rls", "src/fast_array.c", "*sum < NEWS_LEAST", "*sum < -GAIN_MAX", "without_sense"),
+    Defect("fast_rls_saved", "src/saved.c", "(found < expected ||", "(i < 5u && found < expected ||", "names"),
+    Defect("contract_lattice", "src/lattice.c", "        explain_present(self);\n", "", "law_equals_batch"),
+    Defect("contract_lattice", "src/lattice_read.c", "aeo_linalg_axpy(before, error, older, m);", "", "law_residuals"),
+    Defect("lattice", "src/lattice.c", "self->following = self->orders < p;", "self->following = 0;", "new_window"),
+    Defect("lattice", "src/settings.c", "shrink * lambda >= AEO_REAL(0.5)", "shrink >= AEO_REAL(0.5)", "in_time"),
+    Defect(
+        "lattice_life",
+        "src/lattice.c",
+        "return aeo_linalg_all_within(self->forward, m, AEO_LATTICE_ERROR_MAX) &&",
+        "return 1 ||",
+        "no_target_shows",
+    ),
 ]
 
 

@@ -84,7 +84,16 @@ static void a_regressor_that_does_not_fit_is_refused(void)
     const aeo_real_t four[4] = {one, one, one, one};
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &flat, window, WINDOW));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, &regressor, four, &one, 1000));
-    start_regressor(2);
+    /* one block of 4 and a present input instead of one block of 5: p, l and n are the same */
+    aeo_els_config_t wide = make_els_config(1);
+    wide.regressors = 5;
+    start(&wide);
+    const aeo_regressor_config_t narrow = {
+        .inputs = 2, .outputs = L, .past = 1, .model_set = AEO_VARMAX, .feedthrough = 1, .period_us = 1000};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &narrow, window, WINDOW));
+    TEST_ASSERT_EQUAL_UINT(5, regressor.length);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, &regressor, four, &one, 1000));
+    start(&config);
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(NULL, &regressor, &one, &one, 1000));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, NULL, &one, &one, 1000));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_step(&els, &regressor, NULL, &one, 1000));
@@ -225,6 +234,9 @@ static void settings_out_of_range_are_refused(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_init(&els, NULL, memory, WORDS));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_els_init(&els, &config, NULL, WORDS));
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &els, sizeof els);
+    start(&config);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &els.config, memory, WORDS)); /* its own, once more */
+    TEST_ASSERT_TRUE(els.config.past == 2 && aeo_els_invariants_hold(&els));
 }
 
 static void invariants_notice_damage(void)

@@ -180,6 +180,39 @@ static void errors_die_out(void)
     TEST_ASSERT_TRUE(late < 3.0 * early);
 }
 
+/* A library built with -ffast-math, which takes the rests of sums out, is known by numbers it flushes to zero. */
+static int keeps_rests(void)
+{
+    volatile float tiny = 1e-38f;
+    tiny *= 0.1f;
+    return sizeof(aeo_real_t) == 4 && tiny > 0.0f;
+}
+
+static void small_residuals_in_the_window_are_borne(void)
+{
+    /* Both filters see the z of one VARMAX loop, where the newest e is all but foretold by the window. Float sums of A
+     * and B without their rests make the array disagree until it is renewed, four to six times here (eight seeds). */
+    start(AEO_VARMAX, 0, 0.998, 1.0, 1e6);
+    noise = 0.03;
+    double worst = 0.0;
+    for (int k = 0; k < 60000; k++) {
+        aeo_real_t u[R], y[L];
+        step_plant(u, y);
+        tick++;
+        if (!push(&rls_regressor, u, y)) {
+            continue;
+        }
+        const aeo_real_t *const z = aeo_regressor_z(&rls_regressor);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, y));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        aeo_regressor_set_innovation(&rls_regressor, aeo_rls_residual(&rls));
+        worst = k % 200 == 0 && k >= 10000 ? fmax(worst, find_distance()) : worst;
+    }
+    TEST_ASSERT_TRUE(fast.count.renewed == 0u || (sizeof(aeo_real_t) == 4 && !keeps_rests()));
+    TEST_ASSERT_TRUE(worst < (fast.count.renewed == 0u ? 1.0 : 2.0) * promised());
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_fast_rls_health(&fast));
+}
+
 static void short_memories_are_renewed(void)
 {
     /* memory 40 samples for 24 regressors: errors grow, arrays take turns, and theta stays with the other filter */
@@ -274,15 +307,59 @@ static void lost_array_is_replaced(void)
     }
 }
 
+static void gain_without_sense_is_refused(void)
+{
+    /* 1 + w'kappa is at least 1; a little less may be rounding and counts as 1, which invariants demand */
+    static aeo_real_t kept[WORDS];
+    aeo_real_t u[R], y[L];
+    start(AEO_VARX, 0, 0.998, 1.0, 1e6);
+    feed(6000);
+    const aeo_fast_rls_t before = fast;
+    memcpy(kept, fast_memory, sizeof kept);
+    step_plant(u, y);
+    tick++;
+    feed_fast(u, y);
+    const double news = (double)fast.array[0].scalar[0] - 1.0;
+    for (int lost = 0; lost < 2; lost++) {
+        fast = before;
+        memcpy(fast_memory, kept, sizeof kept);
+        const size_t m = fast.config.block, n = fast.length;
+        const aeo_real_t *const w = fast.window + m; /* its entries from m on, and those of kappa, stay in the window */
+        double size = 0.0;
+        for (size_t j = m; j < n; j++) {
+            size += (double)w[j] * (double)w[j];
+        }
+        for (size_t j = m; j < n; j++) {
+            fast.array[0].gain[j] += (aeo_real_t)(((lost ? -1.0 : -0.05) - news) * (double)w[j] / size);
+        }
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, aeo_regressor_z(&fast_regressor), y));
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
+        TEST_ASSERT_EQUAL_UINT32(lost ? AEO_FAST_RLS_REINITIALISED : 0, aeo_fast_rls_health(&fast));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(kept + (fast.theta - fast_memory), fast.theta, sizeof *kept * fast.length * L);
+}
+
+/* Something is kept where the rows of the second array will be. */
+static int has_rests(void)
+{
+    int found = 0;
+    for (const aeo_real_t *rest = fast.array[1].forward; rest < fast.array[1].gain; rest++) {
+        found |= *rest > 0 || *rest < 0;
+    }
+    return found;
+}
+
 static void follower_takes_over_when_errors_disagree(void)
 {
     start(AEO_VARX, 0, 0.998, 1.0, 1e6);
     feed(6000);
     TEST_ASSERT_EQUAL_UINT32(0, fast.array[1].age);
+    TEST_ASSERT_EQUAL_INT(keeps_rests(), has_rests());
     /* beyond LATE, short of LOST */
     fast.array[0].scalar[1] = (sizeof(aeo_real_t) == 4 ? AEO_REAL(0.02) : AEO_REAL(1e-5)) * fast.array[0].scalar[2];
     feed(1);
     TEST_ASSERT_EQUAL_UINT32(1, fast.array[1].age);
+    TEST_ASSERT_FALSE(has_rests()); /* A and B begin at 0, which one sample with a gain of 0 leaves */
     feed(fast.warm);
     TEST_ASSERT_EQUAL_UINT32(1, fast.count.renewed);
     TEST_ASSERT_EQUAL_UINT32(1, fast.active);
@@ -346,34 +423,22 @@ static void health_is_sticky_until_cleared(void)
     TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(NULL));
 }
 
-static void read_copies_theta(void)
-{
-    start(AEO_VARX, 0, 0.998, 1.0, 10);
-    feed(100);
-    aeo_real_t theta[N_MAX * L];
-    const size_t count = (size_t)fast.length * L;
-    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_fast_rls_read(&fast, theta, count - 1));
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(NULL, theta, count));
-    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(&fast, NULL, count));
-    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_read(&fast, theta, count));
-    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_theta(&fast), theta, count * sizeof *theta);
-}
-
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(words_are_known_at_compile_time);
     RUN_TEST(agrees_with_square_root_rls);
     RUN_TEST(errors_die_out);
+    RUN_TEST(small_residuals_in_the_window_are_borne);
     RUN_TEST(short_memories_are_renewed);
     RUN_TEST(start_within_a_record_waits_for_the_window);
     RUN_TEST(break_keeps_theta_and_waits);
     RUN_TEST(frequent_breaks_do_not_stop_learning);
     RUN_TEST(lost_array_is_replaced);
+    RUN_TEST(gain_without_sense_is_refused);
     RUN_TEST(follower_takes_over_when_errors_disagree);
     RUN_TEST(collinear_channels_stay_bounded_and_unbiased);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(health_is_sticky_until_cleared);
-    RUN_TEST(read_copies_theta);
     return UNITY_END();
 }

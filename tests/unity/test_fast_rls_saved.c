@@ -1,4 +1,4 @@
-/* The fast filter's settings, its saved form and its invariants; its behaviour is in test_fast_rls.c. */
+/* The fast filter's settings, its saved form, its read-out and its invariants; its behaviour is in test_fast_rls.c. */
 #include "aeolid/fast_rls.h"
 #include "samples.h"
 #include "unity.h"
@@ -79,6 +79,9 @@ static void settings_out_of_range_are_refused(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, NULL, fast_memory, WORDS));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_init(&fast, &config, NULL, WORDS));
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &fast, sizeof fast);
+    start_and_feed();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &fast.config, fast_memory, WORDS)); /* its own, once more */
+    TEST_ASSERT_TRUE(fast.config.past == P && fast.count.updates == 0u && aeo_fast_rls_invariants_hold(&fast));
 }
 
 static void restore_names_what_is_wrong(void)
@@ -101,10 +104,11 @@ static void restore_names_what_is_wrong(void)
     const struct {
         size_t at;
         double value;
-    } damage[] = {{35, P + 2},                             /* more samples than the window holds */
-                  {37, 2},                                 /* a third array */
+    } damage[] = {{13, P + 2},                             /* more samples than the window holds */
+                  {15, 2},                                 /* a third array */
                   {factor, 0},                             /* a diagonal entry of the factor */
                   {factor + M * (M + 1) / 2 + M * M, 0.5}, /* 1 / gamma below 1 */
+                  {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
                   {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}}; /* the window */
     for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
         const aeo_real_t good = saved[damage[t].at];
@@ -112,7 +116,7 @@ static void restore_names_what_is_wrong(void)
         TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
         saved[damage[t].at] = good;
     }
-    saved[32] = saved[33] = AEO_REAL(0); /* the random state, never 0 */
+    saved[10] = saved[11] = AEO_REAL(0); /* the random state, never 0 */
     TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
     TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
 }
@@ -124,6 +128,18 @@ static void saved_head_is_counted_right(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, SAVED));
     TEST_ASSERT_EQUAL_MEMORY(fast.array[0].forward, saved + AEO_FAST_RLS_SAVED_HEAD, 50 * sizeof *saved);
     TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_residual(&fast), saved + SAVED - L, L * sizeof *saved);
+}
+
+static void read_copies_theta(void)
+{
+    aeo_real_t theta[N * L];
+    const size_t count = N * L;
+    start_and_feed();
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_fast_rls_read(&fast, theta, count - 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(NULL, theta, count));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fast_rls_read(&fast, NULL, count));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_read(&fast, theta, count));
+    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_theta(&fast), theta, count * sizeof *theta);
 }
 
 static void invariants_notice_damage(void)
@@ -148,6 +164,7 @@ int main(void)
     RUN_TEST(settings_out_of_range_are_refused);
     RUN_TEST(restore_names_what_is_wrong);
     RUN_TEST(saved_head_is_counted_right);
+    RUN_TEST(read_copies_theta);
     RUN_TEST(invariants_notice_damage);
     return UNITY_END();
 }

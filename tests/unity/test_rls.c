@@ -320,6 +320,10 @@ static void settings_out_of_range_are_refused(void)
         TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_rls_init(&rls, &config, memory, WORDS));
     }
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &rls, sizeof rls);
+    start(0.99, 0.05, 1000);
+    feed(1.0);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &rls.config, memory, WORDS)); /* its own, once more */
+    TEST_ASSERT_TRUE(rls.config.regressors == N && rls.count.updates == 0u && aeo_rls_invariants_hold(&rls));
 }
 
 static void restore_names_what_is_wrong(void)

@@ -1,0 +1,279 @@
+/* How the lattice is used: read-outs in slices, copies, its saved form, what it refuses, its health. */
+#include "lattice_bench.h"
+#include "samples.h"
+#include "unity.h"
+
+#include <math.h>
+#include <string.h>
+
+void setUp(void)
+{
+    reset_lattice_bench();
+}
+
+void tearDown(void)
+{
+}
+
+static void slices_and_copies_read_one_sample(void)
+{
+    aeo_real_t whole[L * N], slices[L * N], copied[L * N];
+    start_lattice(0.99, 0, 1e6);
+    for (int k = 0; k < 200; k++) {
+        feed_lattice(1.0, 0.1);
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, whole, L * N));
+    for (int j = 0; j + 1 < P; j++) {
+        TEST_ASSERT_EQUAL_INT(AEO_FILLING, aeo_lattice_read_next(&lattice, slices, L * N));
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read_next(&lattice, slices, L * N));
+    TEST_ASSERT_EQUAL_MEMORY(whole, slices, sizeof whole);
+    /* the copy is read slice by slice while the filter goes on, and must tell of the sample it was taken at */
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_copy(&lattice, &twin, twin_memory, WORDS));
+    for (int j = 0; j < P; j++) {
+        feed_lattice(1.0, 0.1);
+        TEST_ASSERT_EQUAL_INT(j + 1 < P ? AEO_FILLING : AEO_OK, aeo_lattice_read_next(&twin, copied, L * N));
+        TEST_ASSERT_TRUE(aeo_lattice_invariants_hold(&twin));
+    }
+    TEST_ASSERT_EQUAL_MEMORY(whole, copied, sizeof whole);
+    /* an update between two slices begins the read-out anew */
+    TEST_ASSERT_EQUAL_INT(AEO_FILLING, aeo_lattice_read_next(&lattice, slices, L * N));
+    feed_lattice(1.0, 0.1);
+    for (int j = 0; j < P; j++) {
+        TEST_ASSERT_EQUAL_INT(j + 1 < P ? AEO_FILLING : AEO_OK, aeo_lattice_read_next(&lattice, slices, L * N));
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, whole, L * N));
+    TEST_ASSERT_EQUAL_MEMORY(whole, slices, sizeof whole);
+}
+
+static void a_copy_goes_on_alike(void)
+{
+    aeo_real_t one[L * N], two[L * N];
+    start_lattice(0.99, 0.05, 1000);
+    for (int k = 0; k < 100; k++) {
+        feed_lattice(1.0, 0.1);
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_copy(&lattice, &twin, twin_memory, WORDS));
+    for (int k = 0; k < 50; k++) {
+        feed_lattice(1.0, 0.1);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&twin, lattice_z, lattice_y));
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, one, L * N));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&twin, two, L * N));
+    TEST_ASSERT_EQUAL_MEMORY(one, two, sizeof one);
+    const aeo_lattice_t untouched = twin;
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_lattice_copy(&lattice, &twin, twin_memory, WORDS - 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_copy(&lattice, &lattice, twin_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_copy(NULL, &twin, twin_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_copy(&lattice, NULL, twin_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_copy(&lattice, &twin, NULL, WORDS));
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &twin, sizeof twin);
+}
+
+static void refused_reads_leave_theta(void)
+{
+    aeo_real_t theta[L * N];
+    start_lattice(0.99, 0, 1e6);
+    feed_lattice(1.0, 0.1);
+    for (size_t i = 0; i < L * N; i++) {
+        theta[i] = AEO_REAL(7);
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_lattice_read(&lattice, theta, L * N - 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, aeo_lattice_read_next(&lattice, theta, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_read(&lattice, NULL, L * N));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_read(NULL, theta, L * N));
+    for (size_t i = 0; i < L * N; i++) {
+        TEST_ASSERT_TRUE(theta[i] > AEO_REAL(6.5) && theta[i] < AEO_REAL(7.5));
+    }
+    /* weights that only a flipped bit makes: their products leave the range of numbers */
+    for (size_t i = 0; i < (P - 1) * M * M; i++) {
+        lattice.backward_weight[i] = lattice.forward_weight[i] = (aeo_real_t)(sizeof(aeo_real_t) == 4 ? 1e25 : 1e200);
+    }
+    lattice.target_weight[(P - 1) * M * (L + D)] = AEO_REAL(1e20);
+    TEST_ASSERT_EQUAL_INT(AEO_E_RANGE, aeo_lattice_read(&lattice, theta, L * N));
+}
+
+static void runaway_starts_afresh(void)
+{
+    aeo_real_t *const weights[3] = {lattice.target_weight, lattice.forward_weight, lattice.backward_weight};
+    for (unsigned t = 0; t < 3; t++) {
+        start_lattice(1.0, 0, 1000);
+        for (int k = 0; k < 100; k++) {
+            feed_lattice(1.0, 0.01);
+        }
+        weights[t][0] = AEO_REAL(1e20); /* as a flipped bit would */
+        feed_lattice(1.0, 0.01);
+        TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_REINITIALISED, aeo_lattice_health(&lattice));
+        TEST_ASSERT_EQUAL_UINT32(1, lattice.count.reinitialised);
+        for (int k = 0; k < 2000; k++) {
+            feed_lattice(1.0, 0.01);
+        }
+        TEST_ASSERT_TRUE(distance_from_lattice_model() < 0.01);
+    }
+}
+
+static void runaway_of_blocks_that_no_target_shows_is_noticed(void)
+{
+    /* y hangs on nothing, so errors of blocks reach no target, large as they are */
+    start_lattice(1.0, 0, 1000);
+    for (int k = 0; k < 100; k++) {
+        feed_lattice(1.0, 0.01);
+    }
+    memset(lattice.target_weight, 0, P * M * (L + D) * sizeof *lattice.target_weight);
+    memset(lattice.backward_weight, 0, (P - 1) * M * M * sizeof *lattice.backward_weight);
+    lattice.backward_weight[(P - 2) * M * M] = AEO_REAL(1e12); /* of the last stage: nothing else meets it */
+    feed_lattice(1.0, 0.01);
+    TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_REINITIALISED, aeo_lattice_health(&lattice));
+}
+
+static void settings_out_of_range_are_refused(void)
+{
+    static const double BAD[][4] = {{0.49, 1, 0, 4},  {1.01, 1, 0, 4},  {1, 0.9e-8, 0, 4},
+                                    {1, 1.1e8, 0, 4}, {1, 1, -0.1, 4},  {1, 1, 1.1, 4},
+                                    {1, 1, 0, 3.9},   {1, 1, 0, 1.1e6}, {1, 1e-8, 0, 200}};
+    const aeo_lattice_t untouched = lattice;
+    for (size_t t = 0; t < sizeof BAD / sizeof BAD[0]; t++) {
+        aeo_lattice_config_t config = make_lattice_config(BAD[t][0], BAD[t][2], BAD[t][3]);
+        config.regularisation = (aeo_real_t)BAD[t][1];
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(&lattice, &config, lattice_memory, WORDS));
+    }
+    for (int t = 0; t < 16; t++) {
+        aeo_lattice_config_t config = make_lattice_config(1, 0, 4);
+        aeo_real_t *const fields[4] = {&config.forgetting, &config.regularisation, &config.excitation_min,
+                                       &config.growth_max};
+        *fields[t / 4] = make_not_finite(t % 4);
+        TEST_ASSERT_EQUAL_INT(AEO_E_NOT_FINITE, aeo_lattice_init(&lattice, &config, lattice_memory, WORDS));
+    }
+    static const uint16_t SIZES[][4] = {{0, 3, 0, 1},     {1, 0, 0, 1},     {4, 3, 4, 1},    {4, 3, 0, 0},
+                                        {4, 3, 0, 33},    {1, 97, 0, 1},    {1025, 1, 0, 1}, {341, 3, 2, 1},
+                                        {65535, 1, 0, 1}, {1, 65535, 0, 1}, {4, 3, 65535, 1}};
+    for (size_t t = 0; t < sizeof SIZES / sizeof SIZES[0]; t++) {
+        aeo_lattice_config_t config = make_lattice_config(1, 0, 4);
+        config.past = SIZES[t][0];
+        config.block = SIZES[t][1];
+        config.present = SIZES[t][2];
+        config.outputs = SIZES[t][3];
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(&lattice, &config, lattice_memory, WORDS));
+    }
+    aeo_lattice_config_t config = make_lattice_config(0.5, 0, 4);
+    config.past = 22; /* 0.5^21 < 1e-6: a window longer than the memory */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(&lattice, &config, lattice_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(NULL, &config, lattice_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(&lattice, NULL, lattice_memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_lattice_init(&lattice, &config, NULL, WORDS));
+    TEST_ASSERT_EQUAL_MEMORY(&untouched, &lattice, sizeof lattice);
+    start_lattice(0.99, 0.05, 1000);
+    feed_lattice(1.0, 0.1);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_init(&lattice, &lattice.config, lattice_memory, WORDS)); /* its own */
+    TEST_ASSERT_TRUE(lattice.config.past == P && lattice.count.updates == 0u && aeo_lattice_invariants_hold(&lattice));
+}
+
+static void restore_names_what_is_wrong(void)
+{
+    static aeo_real_t saved[SAVED];
+    start_lattice(0.99, 0.05, 1000);
+    for (int k = 0; k < 20; k++) {
+        feed_lattice(1.0, 0.1);
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, saved, SAVED));
+    const aeo_lattice_t before = lattice;
+    for (size_t i = 0; i < AEO_LATTICE_SAVED_HEAD; i++) { /* head, then health, counters and places in halves */
+        const aeo_real_t wrong[3] = {saved[i] + AEO_REAL(0.5), AEO_REAL(-1), AEO_REAL(65536)};
+        for (int t = 0; t < 3; t++) {
+            const aeo_real_t good = saved[i];
+            saved[i] = wrong[t];
+            TEST_ASSERT_EQUAL_INT(i == 0   ? AEO_E_VERSION
+                                  : i < 10 ? AEO_E_MISMATCH
+                                           : AEO_E_DAMAGED,
+                                  aeo_lattice_restore(&lattice, saved, SAVED));
+            saved[i] = good;
+            TEST_ASSERT_EQUAL_MEMORY(&before, &lattice, sizeof lattice);
+        }
+    }
+    static const struct {
+        size_t word;
+        double value;
+    } PLACES[] = {{25, P + 1}, {26, 1}, {29, P}, {31, (2 * P - 1) * M + D}, {33, 2}, {35, 2}};
+    for (size_t t = 0; t < sizeof PLACES / sizeof PLACES[0]; t++) {
+        const aeo_real_t good = saved[PLACES[t].word];
+        saved[PLACES[t].word] = (aeo_real_t)PLACES[t].value;
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&lattice, saved, SAVED));
+        saved[PLACES[t].word] = good;
+        TEST_ASSERT_EQUAL_MEMORY(&before, &lattice, sizeof lattice);
+    }
+    saved[AEO_LATTICE_SAVED_HEAD] = AEO_REAL(0); /* first diagonal entry */
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&lattice, saved, SAVED));
+}
+
+static void saved_head_is_counted_right(void)
+{
+    /* the formula, the writer and this test agree: the state starts right after the head */
+    static aeo_real_t saved[SAVED];
+    start_lattice(1, 0, 4);
+    feed_lattice(1.0, 0.1);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, saved, SAVED));
+    TEST_ASSERT_EQUAL_MEMORY(lattice.factor, saved + AEO_LATTICE_SAVED_HEAD,
+                             sizeof *saved * AEO_LATTICE_STATE(P, M, D, L));
+}
+
+static void health_is_sticky_until_cleared(void)
+{
+    start_lattice(0.99, 0.9, 1000);
+    feed_lattice(1e-6, 0.0);
+    feed_lattice(1e-6, 0.0);
+    feed_lattice(1.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_WITHHELD, aeo_lattice_health(&lattice));
+    aeo_lattice_reset(&lattice);
+    TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_WITHHELD, aeo_lattice_health(&lattice));
+    aeo_lattice_clear_health(&lattice);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_lattice_health(&lattice));
+    TEST_ASSERT_TRUE(lattice.count.withheld >= 1);
+    lattice.count.updates = UINT32_MAX;
+    feed_lattice(1.0, 0.0);
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, lattice.count.updates); /* never decreases */
+    aeo_lattice_reset(NULL);
+    aeo_lattice_clear_health(NULL);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_lattice_health(NULL));
+    TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(NULL));
+}
+
+static void invariants_notice_damage(void)
+{
+    start_lattice(0.99, 0, 100);
+    feed_lattice(1.0, 0.1);
+    aeo_real_t *const places[5] = {lattice.factor, lattice.present_factor, lattice.alpha, lattice.window,
+                                   lattice.target_weight};
+    for (unsigned t = 0; t < 5; t++) {
+        const aeo_real_t good = *places[t];
+        *places[t] = make_not_finite((int)t % 4);
+        TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(&lattice));
+        if (t < 3) {
+            *places[t] = AEO_REAL(0);
+            TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(&lattice));
+        }
+        if (t < 2) {
+            *places[t] = AEO_REAL(401); /* a variance beyond 4 * 100 */
+            TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(&lattice));
+        }
+        *places[t] = good;
+        TEST_ASSERT_TRUE(aeo_lattice_invariants_hold(&lattice));
+    }
+    lattice.orders = P + 1;
+    TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(&lattice));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(slices_and_copies_read_one_sample);
+    RUN_TEST(a_copy_goes_on_alike);
+    RUN_TEST(refused_reads_leave_theta);
+    RUN_TEST(runaway_starts_afresh);
+    RUN_TEST(runaway_of_blocks_that_no_target_shows_is_noticed);
+    RUN_TEST(settings_out_of_range_are_refused);
+    RUN_TEST(restore_names_what_is_wrong);
+    RUN_TEST(saved_head_is_counted_right);
+    RUN_TEST(health_is_sticky_until_cleared);
+    RUN_TEST(invariants_notice_damage);
+    return UNITY_END();
+}
