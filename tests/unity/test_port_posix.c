@@ -313,6 +313,29 @@ static void what_cannot_be_opened_is_closed_and_explained(void)
     TEST_ASSERT_EQUAL_INT(ENAMETOOLONG, socketcan_open(&can, names[3], 0));
 }
 
+static void the_lock_is_the_mutex_and_the_clock_runs(void)
+{
+    static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
+    static socketcan_t can;
+    uint32_t before_us;
+    can.fd = -1;
+    socketcan_port(&can, &port, &mutex);
+    port.lock(port.context);
+    TEST_ASSERT_EQUAL_INT(EBUSY, pthread_mutex_trylock(&mutex));
+    port.unlock(port.context);
+    TEST_ASSERT_EQUAL_INT(0, pthread_mutex_trylock(&mutex));
+    TEST_ASSERT_EQUAL_INT(0, pthread_mutex_unlock(&mutex));
+    TEST_ASSERT_EQUAL_INT(0, socketcan_poll(&can)); /* takes it and gives it back */
+    TEST_ASSERT_EQUAL_INT(0, pthread_mutex_trylock(&mutex));
+    TEST_ASSERT_EQUAL_INT(0, pthread_mutex_unlock(&mutex));
+    before_us = port.time_us(port.context);
+    (void)usleep(2000);
+    TEST_ASSERT_GREATER_OR_EQUAL_UINT32(2000, port.time_us(port.context) - before_us);
+    socketcan_port(&can, &port, NULL);
+    TEST_ASSERT_NULL(port.lock);
+    TEST_ASSERT_NULL(port.unlock);
+}
+
 static void every_reason_has_its_remedy(void)
 {
     static const struct {
@@ -353,6 +376,7 @@ int main(void)
     RUN_TEST(endless_commands_are_survived);
     RUN_TEST(template_ring_keeps_order_and_refuses);
     RUN_TEST(what_cannot_be_opened_is_closed_and_explained);
+    RUN_TEST(the_lock_is_the_mutex_and_the_clock_runs);
     RUN_TEST(every_reason_has_its_remedy);
     return UNITY_END();
 }

@@ -31,6 +31,7 @@ MODULES = ("net/can/can", "net/can/can-raw", "drivers/net/can/dev/can-dev", "dri
 FINIT_MODULE = 313  # x86-64; a machine without kmod has no insmod
 TIOCSETD, N_SLCAN, SIOCGIFNAME = 0x5423, 17, 0x8910  # set the line discipline of a terminal; ask its interface
 REFUSED, BACK = "refused until it is back", "the interface is back"
+SO_RCVBUFFORCE = 33
 ERROR_FLAG, BUS_OFF, RESTARTED = 0x20000000, 0x40, 0x100
 
 started: list[int] = []  # processes of the step, for its end
@@ -63,6 +64,11 @@ def wait_for(condition: Callable[[], bool], what: str, seconds: float = PATIENCE
         if time.monotonic() > end:
             raise TimeoutError(f"waited in vain for {what}")
         time.sleep(0.02)
+
+
+def count_sent(interface: str) -> int:
+    """Return the frames that an interface has sent since it was made."""
+    return int(Path(f"/sys/class/net/{interface}/statistics/tx_packets").read_text())
 
 
 def receivers(kind: str, interface: str) -> int:
@@ -110,12 +116,11 @@ class Node:
         return {"code": code, "said": [s for s in said if not s.startswith("health ")], "counters": counters}
 
 
-class Listener:
-    """Own one `aeolid listen`, forked: the imports, which take seconds here, are done once."""
+class Command:
+    """Own one `aeolid` command, forked: the imports, which take seconds here, are done once."""
 
-    def __init__(self, name: str, bus: str, *options: str) -> None:
-        files = ["--record", f"{out}/{name}.csv", "--markov", f"{out}/{name}.npz", "--json", f"{out}/{name}.json"]
-        self._log = out / f"{name}.listen.log"
+    def __init__(self, name: str, *words: str) -> None:
+        self._log = out / f"{name}.{words[0]}.log"
         self.pid = os.fork()
         if self.pid == 0:
             log = os.open(self._log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
@@ -128,15 +133,11 @@ class Listener:
             try:
                 from aeolid.cli.main import main
 
-                code = main(["listen", "--bus", bus, *files, *options])
+                code = main(list(words))
                 sys.stdout.flush()
             finally:
                 os._exit(code)
         started.append(self.pid)
-
-    def wait_until_open(self, interface: str) -> None:
-        """Wait until its socket takes everything from the interface."""
-        wait_for(lambda: receivers("all", interface) > 0, f"a listener on {interface}")
 
     def finish(self) -> dict[str, Any]:
         """Wait for the end; returns exit code and what it said."""
@@ -146,10 +147,20 @@ class Listener:
             if pid:
                 return {"code": os.waitstatus_to_exitcode(status), "said": self._log.read_text().splitlines()}
             if time.monotonic() > end:
-                os.kill(self.pid, signal.SIGKILL)
-                os.waitpid(self.pid, 0)
-                raise TimeoutError(f"listener did not end: {self._log.read_text()}")
+                raise TimeoutError(f"a command did not end: {self._log.read_text()}")
             time.sleep(0.02)
+
+
+class Listener(Command):
+    """Own one `aeolid listen` that records all it can."""
+
+    def __init__(self, name: str, bus: str, *options: str) -> None:
+        files = ["--record", f"{out}/{name}.csv", "--markov", f"{out}/{name}.npz", "--json", f"{out}/{name}.json"]
+        super().__init__(name, "listen", "--bus", bus, *files, *options)
+
+    def wait_until_open(self, interface: str) -> None:
+        """Wait until its socket takes everything from the interface."""
+        wait_for(lambda: receivers("all", interface) > 0, f"a listener on {interface}")
 
 
 class Capture:
@@ -157,6 +168,7 @@ class Capture:
 
     def __init__(self, interface: str) -> None:
         self._socket = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+        self._socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, 1 << 22)
         self._socket.bind((interface,))
 
     def count(self, wanted: int, seconds: float) -> int:
@@ -324,6 +336,14 @@ def refusals() -> dict[str, Any]:
     return facts
 
 
+def command_line() -> dict[str, Any]:
+    """Run `aeolid node` itself, on an interface and without one."""
+    turbine = ("node", "--turbine", "--samples", "50", "--past", "3", "--speed", "max", "--bus")
+    before = count_sent("vcan1")
+    facts = {"done": Command("turbine", *turbine, "can:vcan1").finish(), "frames": count_sent("vcan1") - before}
+    return facts | {"refused": Command("refused", *turbine, "can:vcan7").finish()}
+
+
 def wiring() -> dict[str, Any]:
     """Run the program that README shows, on its can0."""
     ip("link add dev can0 type vcan")
@@ -357,23 +377,14 @@ def main() -> None:
         ip(f"link set {interface} up")
     from aeolid.cli.main import main as command
 
+    os.environ["AEOLID_NATIVE"] = str(Path(plan["node"]).parent)
     # all imports, which take seconds here: the forks inherit them
     command(["listen", "--bus", plan["log"], "--record", f"{out}/log.csv", "--markov", f"{out}/log.npz"])
     importlib.import_module("aeolid.can.socketcan")
     print(f"imports: {time.monotonic() - begun:.1f} s", flush=True)
 
-    steps: list[Callable[[], dict[str, Any]]] = [
-        classic,
-        slcan,
-        two_nodes,
-        down_and_up,
-        full_queue,
-        refusals,
-        wiring,
-        program,
-    ]
-    if plan["offers_fd"]:
-        steps.append(fd)
+    steps: list[Callable[[], dict[str, Any]]] = [classic, slcan, two_nodes, down_and_up, full_queue, refusals]
+    steps += [command_line, wiring, program, *([fd] if plan["offers_fd"] else [])]
     results: dict[str, Any] = {}
     for step in steps:
         begun = time.monotonic()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -217,6 +218,15 @@ def test_refusals_name_the_remedy(case: str, code: int, words: str, guest: Path)
     if told is None:
         pytest.skip("this node sends classic frames only")
     assert told["code"] == code and len(told["said"]) == 1 and words in told["said"][0], told
+
+
+def test_the_node_command(guest: Path) -> None:
+    """`aeolid node --bus can:…` streams and sums up; without the interface it ends with the node's own sentence."""
+    told = facts(guest, "command_line")
+    assert told["done"]["code"] == 0 and told["done"]["said"][0] == "socketcan:vcan1", told
+    sent = re.search(r"50 samples, .* (\d+) frames, 0 dropped", " ".join(told["done"]["said"]))
+    assert sent and int(sent[1]) == told["frames"] > 250, told
+    assert told["refused"]["code"] == 3 and "ip link add dev vcan7" in told["refused"]["said"][-1], told
 
 
 def test_the_port_between_two_threads(guest: Path) -> None:

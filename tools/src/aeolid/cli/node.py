@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -77,11 +77,22 @@ def run(
     facts = json_module.loads(health)
     emit_json(facts, json)
     if json != "-" and facts:
-        rejected = facts["not_finite"] + facts["range"] + facts["time"]
-        progress_console.print(
-            f"{facts['samples']} samples, {rejected} rejected, {facts['gaps']} gaps, {facts['snapshots']} snapshots,"
-            f" {facts['sent']} frames, {facts['dropped'] + facts['overrun']} dropped"
-        )
+        progress_console.print(_sum_up(facts), soft_wrap=True)
+
+
+def _sum_up(facts: dict[str, Any]) -> str:
+    """Put the counters of a node into words; a CAN interface has some of its own."""
+    rejected = facts["not_finite"] + facts["range"] + facts["time"]
+    text = (
+        f"{facts['samples']} samples, {rejected} rejected, {facts['gaps']} gaps, {facts['snapshots']} snapshots,"
+        f" {facts['sent']} frames, {facts['dropped'] + facts['overrun']} dropped"
+    )
+    interface = facts.get("interface", {})
+    if interface.get("lost"):
+        text += f"; the interface was down, away or in bus-off {interface['lost']} times ({interface['down']} refusals)"
+    if interface.get("full"):
+        text += f"; its queue was full {interface['full']} times (ip link set … txqueuelen 100 makes it longer)"
+    return text
 
 
 def _choose_feed(recording: Path | None, roles: Path | None, turbine: bool, samples: int | None, seed: int) -> Feed:
