@@ -147,6 +147,30 @@ def test_turns_of_the_index_silences_and_restarts() -> None:
     assert second.fit().start_utc == pytest.approx(START + 30_000, abs=1e-6)
 
 
+@pytest.mark.parametrize(("before", "pause_s"), [(60, 0.0), (60, 14.0), (5000, 1.0), (5000, 600.0)])
+def test_a_restart_begins_a_new_line(before: int, pause_s: float) -> None:
+    """After few samples or many, a short pause or a long one: two lines, the second one dated on its own."""
+    keeper, again = ClockKeeper(), np.arange(100)
+    begun = START + H * before + pause_s
+    for part in [*batches(np.arange(before), START + H * np.arange(before)), *batches(again, begun + H * again)]:
+        keeper.feed(part, {1: H})
+    first, second = (run.fit() for run in keeper.runs(1))
+    assert first is not None and first.start_utc == pytest.approx(START, abs=1e-6)
+    assert second is not None and second.start_utc == pytest.approx(begun, abs=1e-6)
+
+
+@pytest.mark.parametrize("speed", [0.2, 1.0, 37.0, 800.0])
+def test_a_controller_in_a_hurry_has_one_line(speed: float) -> None:
+    """A simulation may run at any speed: that is no restart."""
+    keeper, index = ClockKeeper(), np.arange(20_000)
+    for part in batches(index, START + H / speed * index, size=400):
+        keeper.feed(part, {1: H})
+    (run,) = keeper.runs(1)
+    fit = run.fit()
+    assert fit is not None and fit.drift_ppm == pytest.approx(1e6 * (1 / speed - 1), rel=1e-3, abs=0.1)
+    assert fit.is_real_time == (speed == 1.0)
+
+
 def test_the_anchor_is_in_the_files(tmp_path: Path) -> None:
     """Parquet and MDF4 carry when time 0 was; the roles file says so for people."""
     from asammdf import MDF

@@ -11,8 +11,10 @@ from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, decode
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-STRAY = 1000  # samples by which the index may differ from what the host's clock lets expect, and
+STRAY = 50  # samples by which the index may differ from what the host's clock lets expect, and
 STRAY_SHARE = 0.05  # this share of the samples that went by; beyond, the node was restarted
+BACK = 16  # samples by which frames may overtake each other
+JUMP = 1000  # a longer step within a batch is looked at with the host's clock
 PAIRS_MAX = 4096  # pairs that are kept: with more, neighbours are merged
 BINS = 48  # earliest arrivals of so many stretches make the line
 LEAST = 4  # stretches
@@ -52,6 +54,7 @@ class ClockPairs:
     def __init__(self, sample_time_s: float) -> None:
         self.sample_time_s = sample_time_s
         self.count = 0
+        self.first: tuple[int, float] | None = None
         self.last: tuple[int, float] | None = None
         self._index: list[Index] = []
         self._time: list[Array] = []
@@ -61,12 +64,20 @@ class ClockPairs:
     def add(self, index: Index, time_s: Array) -> None:
         """Take pairs (n,) in the order of arrival."""
         self.count += len(index)
+        self.first = self.first or (int(index[0]), float(time_s[0]))
         self.last = int(index[-1]), float(time_s[-1])
         self._index.append(index)
         self._time.append(time_s)
         self._held += len(index)
         if self._held > 2 * PAIRS_MAX:
             self._thin()
+
+    def rate(self) -> float:
+        """Return the seconds a sample took so far: a simulated controller may run faster than the clock on the wall."""
+        if self.first is None or self.last is None or self.last[0] - self.first[0] < 2 * STRAY:
+            return self.sample_time_s
+        took = (self.last[1] - self.first[1]) / (self.last[0] - self.first[0])
+        return took if took > 0 else self.sample_time_s
 
     def _thin(self) -> None:
         index, time_s = self.pairs()
@@ -151,7 +162,7 @@ class ClockKeeper:
         """Unwrap 16-bit indices: steps within a batch are short, across batches the host's clock counts the turns."""
         steps = (np.diff(low) + 32768) % 65536 - 32768
         index = low[0] + np.concatenate([[0], np.cumsum(steps)])
-        breaks = np.flatnonzero(np.abs(steps) > STRAY) + 1
+        breaks = np.flatnonzero((steps > JUMP) | (steps < -BACK)) + 1
         runs = self._runs.setdefault(node, [])
         for piece in np.split(np.arange(len(index)), breaks):
             start = self._place(runs, int(index[piece[0]]), float(time_s[piece[0]]), h)
@@ -161,10 +172,10 @@ class ClockKeeper:
     def _place(runs: list[ClockPairs], index: int, time_s: float, h: float) -> int:
         if runs and runs[-1].sample_time_s == h and runs[-1].last is not None:
             last, at = runs[-1].last
-            passed = (time_s - at) / h
+            passed = (time_s - at) / runs[-1].rate()
             expected = last + passed
             turned = index + round((expected - index) / 65536) * 65536
-            if abs(turned - expected) <= STRAY + STRAY_SHARE * abs(passed) and turned >= last - STRAY:
+            if abs(turned - expected) <= STRAY + STRAY_SHARE * abs(passed) and turned >= last - BACK:
                 return turned
         runs.append(ClockPairs(h))
         del runs[:-RUNS_MAX]

@@ -15,6 +15,10 @@ PAUSE_FIRST_S, PAUSE_MAX_S = 0.5, 15.0
 class _Bus(Protocol):
     ended: str | None
 
+    @property
+    def overrun(self) -> int:
+        """Return how many frames were dropped."""
+
     def read(self, timeout: float) -> Frames:
         """Return what has arrived."""
 
@@ -42,6 +46,7 @@ class ReconnectingSource:
         self._pause = PAUSE_FIRST_S
         self._next = self._since = 0.0
         self._why = ""
+        self._dropped = 0
 
     @property
     def status(self) -> str:
@@ -51,6 +56,11 @@ class ReconnectingSource:
         now = time.monotonic()
         due = max(0.0, self._next - now)
         return f"no bus for {now - self._since:.0f} s ({self._why}); next attempt in {due:.0f} s"
+
+    @property
+    def overrun(self) -> int:
+        """Return how many frames the interface says it has dropped, over all times it was open."""
+        return self._dropped + (0 if self._bus is None else self._bus.overrun)
 
     def read(self, timeout: float) -> Frames:
         """Return what has arrived, waiting up to `timeout` seconds; while the bus is away, try to open it."""
@@ -66,6 +76,7 @@ class ReconnectingSource:
 
     def _lose(self, why: str) -> None:
         assert self._bus is not None
+        self._dropped += self._bus.overrun
         self._bus.close()
         self._bus, self._why = None, why
         self.interruptions += 1

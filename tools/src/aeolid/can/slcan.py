@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import select
-import time
 from collections import deque
-from dataclasses import replace
 from typing import Any
 
 import can
@@ -52,7 +50,7 @@ class BulkSlcanBus(slcanBus):
         if not chunk:
             return no_frames()
         frames, self._rest = parse_all(self._rest + chunk)
-        return replace(frames, time_s=np.full(len(frames), time.time()))  # the text carries no time
+        return frames
 
     def _read_chunk(self, timeout: float) -> bytes:
         try:

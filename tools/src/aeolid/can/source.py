@@ -116,12 +116,16 @@ class BusSource:
             return no_frames()
         try:
             if hasattr(self._bus, "read_frames"):
-                frames: Frames = self._bus.read_frames(timeout)
-                return frames
+                return _dated(self._bus.read_frames(timeout))
             return self._stamped(self._collect(timeout))
         except Exception as error:  # interfaces raise can.CanError, OSError, serial.SerialException …
             self.ended = reason_of(error)
             return no_frames()
+
+    @property
+    def overrun(self) -> int:
+        """Return how many frames the interface says it has dropped."""
+        return int(getattr(self._bus, "overrun", 0))
 
     def _collect(self, timeout: float) -> list[Any]:
         messages = []
@@ -153,3 +157,9 @@ class BusSource:
         """Close the bus; a peer that has gone already is no failure here."""
         with suppress(Exception):
             self._bus.shutdown()
+
+
+def _dated(frames: Frames) -> Frames:
+    """Date frames that came without a time: now."""
+    unknown = np.isnan(frames.time_s)
+    return replace(frames, time_s=np.where(unknown, time.time(), frames.time_s)) if unknown.any() else frames

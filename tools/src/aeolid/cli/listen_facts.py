@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
@@ -109,9 +110,16 @@ def _troubles(facts: dict[str, Any]) -> str:
     told = [
         (facts["damaged"] + facts["garbled_lines"], "damaged"),
         (facts["overrun"], "dropped by the interface"),
-        (facts["interruptions"], f"times without bus ({facts['seconds_without_bus']:.0f} s)"),
     ]
-    return "".join(f", {count} {what}" for count, what in told if count)
+    text = "".join(f", {count} {what}" for count, what in told if count)
+    if facts["interruptions"]:
+        text += f", the bus broke off {times(facts['interruptions'])} ({facts['seconds_without_bus']:.0f} s without it)"
+    return text
+
+
+def times(count: int) -> str:
+    """Say how often."""
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
 def drift_text(clock: dict[str, Any]) -> str:
@@ -122,8 +130,15 @@ def drift_text(clock: dict[str, Any]) -> str:
     if not clock["real_time"]:
         return f"not in real time: {1.0 / max(1.0 + 1e-6 * drift, 1e-9):.3g} s of the controller in a second"
     if half > abs(drift):
-        return f"its clock and the host's agree within {abs(drift) + half:.2g} ppm"
-    return f"its clock is {'slow' if drift > 0 else 'fast'} by {abs(drift):.4g} ± {half:.2g} ppm"
+        return f"its clock and the host's agree within {_short(abs(drift) + half)} ppm"
+    return f"its clock is {'slow' if drift > 0 else 'fast'} by {_short(abs(drift), half)} ± {_short(half)} ppm"
+
+
+def _short(number: float, error: float | None = None) -> str:
+    """Write a number with two digits of its error, or of itself."""
+    size = abs(number if error is None else error)
+    digits = 1 - math.floor(math.log10(size)) if size > 0 else 0
+    return f"{number:.{min(max(digits, 0), 6)}f}"
 
 
 def why_nothing(reception: Reception, nodes: list[Node]) -> str:

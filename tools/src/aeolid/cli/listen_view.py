@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import progress_console
-from aeolid.cli.listen_facts import clock_facts, drift_text
+from aeolid.cli.listen_facts import clock_facts, drift_text, times
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -65,10 +65,11 @@ class Progress:
             (assembly.damaged, "frames damaged"),
             (assembly.garbled, "error frames or garbled lines"),
             (getattr(source, "overrun", 0), "frames dropped by the interface: the host is too slow"),
-            (source.interruptions, "times the bus broke off"),
         ]
-        lines = [", ".join(f"{count} {what}" for count, what in counts if count)]
-        return [line for line in (*lines, source.status) if line]
+        told = [f"{count} {what}" for count, what in counts if count]
+        if source.interruptions:
+            told.append(f"the bus broke off {times(source.interruptions)}")
+        return [line for line in (", ".join(told), source.status) if line]
 
     def _row(self, number: int, node: Node, now: float) -> tuple[str, ...]:
         if node.problem is not None or node.now is None:
@@ -90,7 +91,9 @@ class Progress:
         if now - at >= FIT_S:
             runs = self._reception.clocks.runs(number)
             fit = runs[-1].fit() if runs else None
-            text = "" if fit is None or fit.drift_ppm is None else drift_text(clock_facts(fit))
+            text = (
+                "" if fit is None or fit.drift_ppm is None else drift_text(clock_facts(fit)).removeprefix("its clock ")
+            )
             self._drift[number] = (now, text)
         return text
 
