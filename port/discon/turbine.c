@@ -97,15 +97,15 @@ static void start_observer(turbine_t *self, const float *swap)
 
 void turbine_begin(turbine_t *self, const float *swap, discon_procedure_t own)
 {
+    const int error = errno;
     self->begun = 1;
-    if (read_settings(self, own) != 0) {
-        return;
-    }
     /* the loader runs with the simulator's own environment: a library may set flush-to-zero for it as it is loaded */
-    if (controller_load(&self->controller, self->settings.controller, self->settings.symbol, own, self->why,
+    if (read_settings(self, own) == 0 &&
+        controller_load(&self->controller, self->settings.controller, self->settings.symbol, own, self->why,
                         sizeof self->why) == 0) {
         start_observer(self, swap);
     }
+    errno = error;
 }
 
 void turbine_restart(turbine_t *self, const float *swap)

@@ -142,11 +142,11 @@ static void test_arithmetic_and_errno_of_the_simulator_stay(void)
         const uint32_t signalling = UINT32_C(0x7F800001);
         int fail, error, rounding, flags;
         memcpy(wrapped.swap + 98, &signalling, sizeof signalling);
-        memcpy(wrapped.swap + 53, &signalling, sizeof signalling);
         (void)fesetround(FE_UPWARD);
         (void)feclearexcept(FE_ALL_EXCEPT);
         simulator_step(&wrapped);
         (void)simulator_call(&wrapped, k == 0u ? 0.0F : 1.0F); /* the plant raises what it likes: call again, clean */
+        memcpy(wrapped.swap + 52, &signalling, sizeof signalling);
         (void)feclearexcept(FE_ALL_EXCEPT);
         (void)feraiseexcept(FE_DIVBYZERO);
         (void)feenableexcept(FE_INVALID);
@@ -165,6 +165,80 @@ static void test_arithmetic_and_errno_of_the_simulator_stay(void)
     }
     (void)simulator_call(&wrapped, -1.0F);
     simulator_close(&wrapped);
+}
+
+/* What is filtered and streamed does not depend on the simulator's rounding and flushing: the log has the same bytes. */
+static void test_the_stream_does_not_see_the_simulators_arithmetic(void)
+{
+    static char log[2][1 << 20];
+    size_t length[2];
+    for (int odd = 0; odd < 2; odd++) {
+        simulator_t wrapped;
+        FILE *file;
+        TEST_ASSERT_TRUE(configure(CONTROLLER_BRIEF, "bus = file:a.log\nshare = 50\nsnapshot_every = 2\n"));
+        TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
+        (void)simulator_call(&wrapped, 0.0F);
+        while (wrapped.time_s < 20.0) {
+            simulator_step(&wrapped);
+            wrapped.swap[1] = (float)wrapped.time_s;
+            wrapped.swap[19] = (float)wrapped.speed;
+            wrapped.swap[52] = (float)wrapped.tower[1];
+            (void)fesetround(odd ? FE_UPWARD : FE_TONEAREST);
+            wrapped.call(wrapped.swap, &wrapped.fail, wrapped.in, wrapped.out, wrapped.message);
+            (void)fesetround(FE_TONEAREST);
+            wrapped.swap[0] = 1.0F;
+        }
+        (void)simulator_call(&wrapped, -1.0F);
+        simulator_close(&wrapped);
+        file = fopen(in_scratch("a.log"), "rb");
+        TEST_ASSERT_NOT_NULL(file);
+        length[odd] = fread(log[odd], 1, sizeof log[odd], file);
+        (void)fclose(file);
+    }
+    TEST_ASSERT_TRUE(length[0] > 50000u && length[0] < sizeof log[0]);
+    TEST_ASSERT_TRUE(length[0] == length[1] && memcmp(log[0], log[1], length[0]) == 0);
+}
+
+static void test_errno_of_the_first_call_stays(void)
+{
+    simulator_t wrapped;
+    TEST_ASSERT_TRUE(configure(controller, "bus = can:nosuch0\n"));
+    TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, "quiet"));
+    errno = 77;
+    TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, 0.0F));
+    TEST_ASSERT_EQUAL_INT(77, errno);
+    TEST_ASSERT_EQUAL_INT(0, simulator_call(&wrapped, -1.0F));
+    simulator_close(&wrapped);
+}
+
+/* With excitation on, the controller, which goes on from its own last demand, sees bit for bit what it would see
+ * without, as long as the measurements are the same: nothing that was added comes back to it. */
+static void test_the_controller_never_sees_what_was_added(void)
+{
+    simulator_t plain, wrapped;
+    unsigned excited = 0;
+    TEST_ASSERT_TRUE(configure(controller, "bus = none\n[pitch excitation]\nsignal = prbs\namplitude = 0.01\nrate = 1\n"
+                                           "start = 1\nstop = 8\nminimum = 0\nmaximum = 1\n[torque excitation]\n"
+                                           "signal = multisine\nlow = 0.5\nhigh = 3\namplitude = 900\nrate = 1e5\n"
+                                           "start = 1\nstop = 8\nminimum = 0\nmaximum = 1e6\n"));
+    TEST_ASSERT_TRUE(simulator_open(&plain, controller, RECORDS, "nan"));
+    TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, "nan"));
+    plain.swap[44] = wrapped.swap[44] = 0.2F;
+    for (unsigned k = 0; k < 1000u; k++) {
+        plain.swap[0] = wrapped.swap[0] = k == 0u ? 0.0F : k == 999u ? -1.0F : 1.0F;
+        plain.swap[1] = wrapped.swap[1] = 0.01F * (float)k;
+        plain.swap[2] = wrapped.swap[2] = 0.01F;
+        plain.swap[19] = wrapped.swap[19] = 122.0F + 0.01F * (float)(k % 50u);
+        plain.swap[48] = wrapped.swap[48] = SIMULATOR_MESSAGE;
+        plain.call(plain.swap, &plain.fail, plain.in, plain.out, plain.message);
+        wrapped.call(wrapped.swap, &wrapped.fail, wrapped.in, wrapped.out, wrapped.message);
+        TEST_ASSERT_EQUAL_MEMORY(plain.swap + TOLD - 1, wrapped.swap + TOLD - 1, 8u * sizeof *plain.swap);
+        excited += memcmp(plain.swap + 44, wrapped.swap + 44, sizeof *plain.swap) != 0 &&
+                   memcmp(plain.swap + 46, wrapped.swap + 46, sizeof *plain.swap) != 0;
+    }
+    TEST_ASSERT_TRUE(excited > 600u);
+    simulator_close(&wrapped);
+    simulator_close(&plain);
 }
 
 /* ---- what cannot be had ------------------------------------------------------------------------------------------ */
@@ -327,6 +401,9 @@ int main(void)
     RUN_TEST(test_other_symbol);
     RUN_TEST(test_array_of_64_records_is_enough);
     RUN_TEST(test_arithmetic_and_errno_of_the_simulator_stay);
+    RUN_TEST(test_the_stream_does_not_see_the_simulators_arithmetic);
+    RUN_TEST(test_errno_of_the_first_call_stays);
+    RUN_TEST(test_the_controller_never_sees_what_was_added);
     RUN_TEST(test_missing_and_wrong_libraries);
     RUN_TEST(test_settings_that_cannot_be_read);
     RUN_TEST(test_odd_message_lengths);

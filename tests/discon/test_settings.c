@@ -163,6 +163,16 @@ static void test_every_mistake_is_named_with_its_place_and_remedy(void)
     }
 }
 
+static void test_lines_of_every_length(void)
+{
+    static char text[4096];
+    for (unsigned length = 1000; length<3000u; length += length> 1015u && length < 1030u ? 1u : 15u) {
+        (void)snprintf(text, sizeof text, GOOD "# %0*d\n", (int)length - 2, 0);
+        TEST_ASSERT_EQUAL_INT(length <= 1023u ? 0 : -1, parse(text));
+        TEST_ASSERT_TRUE(length <= 1023u || strstr(why, "line 6: line: longer than 1023") != NULL);
+    }
+}
+
 static void test_too_many_channels(void)
 {
     char text[8192] = GOOD;
@@ -297,6 +307,7 @@ int main(void)
     RUN_TEST(test_the_example_is_understood);
     RUN_TEST(test_every_name_of_the_table_is_a_channel);
     RUN_TEST(test_every_mistake_is_named_with_its_place_and_remedy);
+    RUN_TEST(test_lines_of_every_length);
     RUN_TEST(test_too_many_channels);
     RUN_TEST(test_a_locale_with_a_decimal_comma_changes_nothing);
     RUN_TEST(test_files_that_are_none);
