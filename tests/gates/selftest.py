@@ -250,6 +250,19 @@ TEST_DEFECTS = [
         "return 1 ||",
         "no_target_shows",
     ),
+    Defect("frame", "src/frame.c", "if (i != FD_CHECK) {", "if (i != FD_CHECK && i != 0u) {", "golden"),
+    Defect(
+        "stream_values", "src/stream_values.c", "*crc = aeo_frame_crc32(*crc, message->value[i]);", "", "a_seal_follows"
+    ),
+    Defect("stream_snapshots", "src/spread.c", "i < left; i++", "i + 1u < left; i++", "repair_restores"),
+    Defect("stream_snapshots", "src/stream.c", "crc = aeo_frame_crc32(crc, index);", "", "theta_arrives"),
+    Defect(
+        "stream_pacing",
+        "src/stream_send.c",
+        "? aeo_stream_cost_us(&self->config, self->frame.length)",
+        "? self->frame_us",
+        "can_fd_bus",
+    ),
 ]
 
 
