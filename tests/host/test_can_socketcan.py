@@ -29,7 +29,8 @@ def draw(seed: int, fd: bool, count: int = 400) -> list[can.Message]:
         common = {"arbitration_id": identifier, "is_extended_id": extended, "timestamp": 1e9 + k / 8}
         if kind < 0.1:
             messages.append(can.Message(is_error_frame=True, dlc=8, data=rng.randbytes(8), **common))
-        elif kind < 0.2:
+        elif kind < 0.2:  # in logs a remote frame of the highest identifier has a meaning of its own
+            common["arbitration_id"] = min(identifier, 0x1FFFFFFE)
             messages.append(can.Message(is_remote_frame=True, **common))
         elif fd and kind < 0.6:
             more = {"bitrate_switch": rng.random() < 0.5, "error_state_indicator": rng.random() < 0.5}
