@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from aeolid.can.logs import open_log
-from aeolid.can.messages import ERROR, PASSIVE, REMOTE, pack_messages, unpack_messages
+from aeolid.can.messages import ERROR, GARBLED, PASSIVE, REMOTE, pack_messages, unpack_messages
 from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.recorder import read_log
@@ -42,9 +42,10 @@ def traffic(count: int, fd: bool, seed: int = 1) -> Frames:
     odd = generator.random(count)
     flags[odd < 0.02] = ERROR
     flags[(odd >= 0.02) & (odd < 0.04)] = REMOTE | EXTENDED
-    length[odd < 0.04] = 0
+    flags[(odd >= 0.04) & (odd < 0.05)] = GARBLED
+    length[odd < 0.05] = 0
     top = np.where(flags & EXTENDED, 1 << 29, 1 << 11)
-    ids = np.where(flags == ERROR, 0, generator.integers(0, top)).astype(np.uint32)
+    ids = np.where(flags & (ERROR | GARBLED), 0, generator.integers(0, top)).astype(np.uint32)
     data = generator.integers(0, 256, (count, width), dtype=np.uint8)
     data[np.arange(width)[None] >= length[:, None]] = 0
     return Frames(ids, flags, length, data, 1.79e9 + 1e-4 * np.arange(count))
@@ -246,11 +247,11 @@ def test_files_that_are_no_logs_are_told(tmp_path: Path) -> None:
 
 @SUFFIXES
 def test_texts_that_were_no_frame_keep_their_place_in_the_log(suffix: str, tmp_path: Path) -> None:
-    """Garbled lines are kept as error frames where they stood; the replay doubts what the reception doubted."""
+    """Garbled lines are marked where they stood; the replay doubts what the reception doubted."""
     text = b"".join(b"T%08X8%016X\r" % (0x1CFF4207, k) for k in range(100))
     spoilt = text[: 27 * 40] + b"what is this\r" + text[27 * 40 : -9] + b"\r"
     frames, rest = parse_all(spoilt)
-    assert rest == b"" and np.flatnonzero(frames.flags & ERROR).tolist() == [40, 100]
+    assert rest == b"" and np.flatnonzero(frames.flags & GARBLED).tolist() == [40, 100]
     stamped = replace(frames, time_s=1.79e9 + 1e-3 * np.arange(len(frames)))
     found, _ = read(write(tmp_path / f"bus{suffix}", stamped))
     assert_equal(found, stamped)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.can.damage import find_damage
-from aeolid.can.messages import ERROR, pack_messages
+from aeolid.can.messages import GARBLED, pack_messages
 from aeolid.can.wire import Frames, no_frames
 from aeolid.errors import DataError
 from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
@@ -143,12 +143,12 @@ def _rows(file: Any) -> Iterator[Frames]:
 
 
 def _unpack(stamps: Any, ids: Any, flags: Any, data: Any) -> Frames:
-    """Convert Arrow columns; data longer than a frame can be make an error frame."""
+    """Convert Arrow columns; data longer than a frame can be were none."""
     from pyarrow import compute
 
     length = np.asarray(compute.binary_length(data).fill_null(0)).astype(np.int64)
-    flag = np.asarray(flags.fill_null(ERROR)).astype(np.uint8)
-    flag = np.where(length > 64, np.uint8(ERROR), flag)
+    flag = np.asarray(flags.fill_null(GARBLED)).astype(np.uint8)
+    flag = np.where(length > 64, np.uint8(GARBLED), flag)
     count, width = len(flag), 64 if (length > 8).any() else 8
     table = np.zeros((count, width), np.uint8)
     offsets = np.frombuffer(data.buffers()[1], np.int32)[data.offset : data.offset + count + 1].astype(np.int64)

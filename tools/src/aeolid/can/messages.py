@@ -11,21 +11,24 @@ import numpy as np
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames
 
 # further flags of a frame, which never carry a message of a node
-PASSIVE, REMOTE, ERROR = 8, 16, 32  # sender was error passive (ESI); remote frame; error frame, or text that was none
+PASSIVE, REMOTE, ERROR, GARBLED = 8, 16, 32, 64  # sender error passive (ESI); remote; error frame; text that was none
+# Logs keep frames only, and none of their formats has another kind in which text that was no frame could stand without
+# being taken for something of the bus: a remote frame of the highest identifier marks its place.
+MARKER = 0x1FFFFFFF
 _WIDTHS = (8, 64)
 
 
 def pack_messages(messages: Sequence[Any]) -> Frames:
     """Build a batch from messages of python-can, with their time stamps.
 
-    A message whose data do not have the length it announces (a line cut short) becomes an error frame.
+    A message whose data do not have the length it announces (a line cut short) counts as text that was no frame.
     """
     count = len(messages)
     flags = np.fromiter(map(_flags, messages), np.uint8, count)
     length = np.fromiter((len(m.data) for m in messages), np.uint8, count)
     width = _WIDTHS[bool((length > _WIDTHS[0]).any())]
     data = b"".join(bytes(m.data).ljust(width, b"\0") for m in messages)
-    broken = flags == ERROR
+    broken = flags & (ERROR | GARBLED) != 0
     ids = np.fromiter((m.arbitration_id & 0x1FFFFFFF for m in messages), np.uint32, count)
     table = np.frombuffer(data, np.uint8).reshape(count, width)
     if broken.any():
@@ -39,9 +42,9 @@ def _flags(m: Any) -> int:
         return ERROR
     flags: int = EXTENDED * m.is_extended_id
     if m.is_remote_frame:
-        return flags | REMOTE
+        return GARBLED if m.arbitration_id == MARKER else flags | REMOTE
     if len(m.data) != m.dlc:
-        return ERROR
+        return GARBLED
     flags |= FD * m.is_fd | FAST * m.bitrate_switch | PASSIVE * m.error_state_indicator
     return flags
 
@@ -54,6 +57,8 @@ def unpack_messages(frames: Frames) -> Iterator[Any]:
     for i, f, n, d, t in zip(*(c.tolist() for c in columns[:3]), columns[3], columns[4].tolist(), strict=True):
         if f & ERROR:
             yield Message(timestamp=t, is_error_frame=True)
+        elif f & GARBLED:
+            yield Message(timestamp=t, arbitration_id=MARKER, is_extended_id=True, is_remote_frame=True)
         elif f & REMOTE:
             yield Message(timestamp=t, arbitration_id=i, is_extended_id=bool(f & EXTENDED), is_remote_frame=True)
         else:
@@ -64,16 +69,16 @@ def unpack_messages(frames: Frames) -> Iterator[Any]:
 
 
 def split_errors(frames: Frames) -> Frames:
-    """Return the data frames alone; error frames among them are counted as garbled, remote frames are left out."""
-    other = frames.flags & (REMOTE | ERROR)
+    """Return the data frames alone; texts among them that were no frame are counted."""
+    other = frames.flags & (REMOTE | ERROR | GARBLED)
     if not other.any():
         return frames
-    errors = int(np.count_nonzero(other & ERROR))
-    return replace(frames.take(other == 0), garbled=frames.garbled + errors)
+    garbled = int(np.count_nonzero(other & GARBLED))
+    return replace(frames.take(other == 0), garbled=frames.garbled + garbled)
 
 
-def error_frames(count: int) -> Frames:
-    """Return so many error frames, without a time."""
+def garbled_frames(count: int) -> Frames:
+    """Return what stands for so many texts that were no frame, without a time."""
     none = np.zeros(count, np.uint8)
     stamps = np.full(count, np.nan)
-    return Frames(none.astype(np.uint32), none + np.uint8(ERROR), none, np.zeros((count, 8), np.uint8), stamps)
+    return Frames(none.astype(np.uint32), none + np.uint8(GARBLED), none, np.zeros((count, 8), np.uint8), stamps)

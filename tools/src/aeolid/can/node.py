@@ -12,7 +12,7 @@ from aeolid.can.garbling import Garbling
 from aeolid.can.health import Health
 from aeolid.can.judging import SEAL as SEALED
 from aeolid.can.judging import SURE, VALUE
-from aeolid.can.messages import ERROR
+from aeolid.can.messages import ERROR, GARBLED
 from aeolid.can.samples import SampleStore
 from aeolid.can.snapshots import MarkovSnapshot, SnapshotStore
 from aeolid.can.wire import (
@@ -242,16 +242,16 @@ class Assembly:
         if not len(frames) and not frames.garbled:
             return
         messages = decode(frames, self._base, self.frames)
-        errors = np.flatnonzero(frames.flags & ERROR)  # of the bus, and texts that were no frame
-        self._garbling.add(errors + self.frames)
+        garbled = np.flatnonzero(frames.flags & GARBLED)
+        self._garbling.add(garbled + self.frames)
         if frames.garbled:  # where among the frames is not known
             self._garbling.add_stretch(self.frames, self.frames + len(frames))
         self._garbling.add(messages.damaged_at)
         self.frames += len(frames)
         self._garbling.frames = self.frames
-        self.foreign += messages.foreign - len(errors)
+        self.foreign += messages.foreign - int(np.count_nonzero(frames.flags & (ERROR | GARBLED)))
         self.damaged += messages.damaged
-        self.garbled += frames.garbled + len(errors)
+        self.garbled += frames.garbled + len(garbled)
         for number in np.unique(messages.node).tolist():
             node = self.nodes.get(number)
             if node is None:

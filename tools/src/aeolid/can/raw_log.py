@@ -19,7 +19,7 @@ from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
 from aeolid.formats.spare import SpareFile
 
 RAW_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".parquet")
-_NOTE = "flags: 1 29-bit identifier, 2 CAN FD, 4 bit rate switched, 8 sender error passive, 16 remote, 32 error"
+_NOTE = "flags: 1 29-bit identifier, 2 CAN FD, 4 bit rate switched, 8 error passive, 16 remote, 32 error, 64 no frame"
 
 
 class RawLog(Protocol):

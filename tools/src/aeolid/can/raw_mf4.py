@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.chunks import ChunkedLog
-from aeolid.can.messages import ERROR, PASSIVE, REMOTE
+from aeolid.can.messages import ERROR, GARBLED, MARKER, PASSIVE, REMOTE
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames
 from aeolid.formats.spare import SPARE
 
@@ -56,7 +56,7 @@ class Mf4Log(ChunkedLog):
             self._mdf.header.start_time = datetime.fromtimestamp(self._begin, UTC)
             self._begin = self._mdf.header.start_time.timestamp()  # as it is rounded there
         self._latest = float(stamps[-1])
-        kinds = np.where(frames.flags & ERROR, 1, np.where(frames.flags & REMOTE, 2, 0))
+        kinds = np.where(frames.flags & ERROR, 1, np.where(frames.flags & (REMOTE | GARBLED), 2, 0))
         for group in range(len(_KINDS)):
             mine = np.flatnonzero(kinds == group)
             if len(mine):
@@ -80,8 +80,9 @@ def _layout(kind: str) -> np.dtype[Any]:
 def _records(kind: str, frames: Frames) -> NDArray[Any]:
     records: NDArray[Any] = np.zeros(len(frames), _layout(kind))
     length = np.minimum(frames.length, 64)
-    records[f"{kind}.ID"] = frames.id
-    records[f"{kind}.IDE"] = frames.flags & EXTENDED > 0
+    garbled = frames.flags & GARBLED > 0
+    records[f"{kind}.ID"] = np.where(garbled, MARKER, frames.id)
+    records[f"{kind}.IDE"] = (frames.flags & EXTENDED > 0) | garbled
     records[f"{kind}.DLC"] = _DLC[length]
     records[f"{kind}.DataLength"] = length
     records[f"{kind}.DataBytes"][:, : frames.data.shape[1]] = frames.data

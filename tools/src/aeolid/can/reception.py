@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from aeolid.can.clock import ClockKeeper
-from aeolid.can.messages import ERROR
+from aeolid.can.messages import ERROR, GARBLED
 from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
@@ -30,6 +30,7 @@ class Reception:
         self.source, self.recorder, self.log = source, recorder, log
         self.assembly, self.clocks = Assembly(), ClockKeeper()
         self.frames = 0  # of anybody
+        self.errors = 0  # error frames: the bus is disturbed, or a controller has gone off it
         self.busy_s = 0.0  # what they took on the bus at most
         self.fault: str | None = None  # why nothing more could be written
         self.began = self.ended = time.monotonic()
@@ -89,7 +90,8 @@ class Reception:
         if len(frames):
             if self.log is not None:
                 self.log.write(frames)
-            self.frames += int(np.count_nonzero(frames.flags & ERROR == 0))
+            self.frames += int(np.count_nonzero(frames.flags & (ERROR | GARBLED) == 0))
+            self.errors += int(np.count_nonzero(frames.flags & ERROR))
             self.busy_s += time_on_bus(frames, *self._rates)
             self.assembly.feed(frames)
             described = {n.number: n.now.description for n in self.assembly.nodes.values() if n.now is not None}

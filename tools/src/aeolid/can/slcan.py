@@ -12,7 +12,7 @@ import numpy as np
 from can.interfaces.slcan import slcanBus
 from numpy.typing import NDArray
 
-from aeolid.can.messages import REMOTE, error_frames, split_errors, unpack_messages
+from aeolid.can.messages import REMOTE, garbled_frames, split_errors, unpack_messages
 from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames, no_frames
 
 READ_SIZE = 1 << 18
@@ -42,7 +42,7 @@ class BulkSlcanBus(slcanBus):
     def read_frames(self, timeout: float) -> Frames:
         """Return all frames that have arrived, after waiting up to `timeout` seconds for the first.
 
-        Text that was no frame comes as an error frame in its place.
+        Text that was no frame is GARBLED in its place.
 
         Raises can.CanOperationError when the peer is gone.
         """
@@ -83,7 +83,7 @@ def parse(text: bytes) -> tuple[Frames, bytes]:
 
 
 def parse_all(text: bytes) -> tuple[Frames, bytes]:
-    """Split text into frames of every kind, with an error frame in the place of each line that is none.
+    """Split text into frames of every kind, each line that is none is GARBLED in its place.
 
     Empty lines and those that answer a command are left out. Returns the frames and the rest after the last line end.
     """
@@ -116,9 +116,9 @@ def _parse_mixed(lines: list[bytes]) -> Frames:
         parts.append(frames)
         places.append(np.array(members)[sound])
         broken[places[-1]] = False
-    at_errors = np.flatnonzero(broken)
-    parts.append(error_frames(len(at_errors)))
-    places.append(at_errors)
+    at_garbled = np.flatnonzero(broken)
+    parts.append(garbled_frames(len(at_garbled)))
+    places.append(at_garbled)
     return join_frames(parts).take(np.argsort(np.concatenate(places)))  # places are distinct
 
 
@@ -127,12 +127,14 @@ def _parse_alike(table: NDArray[np.uint8]) -> tuple[Frames, NDArray[np.bool_]]:
     count, width = table.shape
     flags = _FLAGS.get(int(table[0, 0])) if count else None
     head = 9 if flags is not None and flags & EXTENDED else 4
-    if flags is None or width <= head:
+    if flags is None or not head < width <= head + 129:
         return no_frames(), np.zeros(count, bool)
     digits = _NIBBLE[table[:, 1:]]  # (n, k - 1): identifier, length, data
     code = digits[:, head - 1]
     length = 0 if flags & REMOTE else (width - head - 1) // 2
-    sound = ~(digits == 0xFF).any(axis=1) & (width - head - 1 == 2 * length)
+    if width - head - 1 != 2 * length or length > 64:
+        return no_frames(), np.zeros(count, bool)
+    sound = ~(digits == 0xFF).any(axis=1)
     sound &= (code <= 8) if flags & REMOTE else (code <= (15 if flags & FD else 8)) & (_FD_BYTES[code & 15] == length)
     if flags & EXTENDED:
         sound &= digits[:, 0] < 2  # 29 bits of 32

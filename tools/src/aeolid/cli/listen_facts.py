@@ -29,6 +29,7 @@ def facts_of(
         "foreign": assembly.foreign,
         "damaged": assembly.damaged,
         "garbled_lines": assembly.garbled,
+        "error_frames": reception.errors,
         "overrun": getattr(source, "overrun", 0),
         "interruptions": source.interruptions,
         "seconds_without_bus": round(getattr(source, "away_s", 0.0), 3),
@@ -109,6 +110,7 @@ def summary(facts: dict[str, Any]) -> list[str]:
 def _troubles(facts: dict[str, Any]) -> str:
     told = [
         (facts["damaged"] + facts["garbled_lines"], "damaged"),
+        (facts["error_frames"], "error frames"),
         (facts["overrun"], "dropped by the interface"),
     ]
     text = "".join(f", {count} {what}" for count, what in told if count)

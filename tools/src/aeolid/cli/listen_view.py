@@ -63,7 +63,8 @@ class Progress:
         assembly, source = r.assembly, r.source
         counts = [
             (assembly.damaged, "frames damaged"),
-            (assembly.garbled, "error frames or garbled lines"),
+            (assembly.garbled, "lines garbled"),
+            (r.errors, "error frames"),
             (getattr(source, "overrun", 0), "frames dropped by the interface: the host is too slow"),
         ]
         told = [f"{count} {what}" for count, what in counts if count]
