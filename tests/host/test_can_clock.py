@@ -138,13 +138,26 @@ def test_turns_of_the_index_silences_and_restarts() -> None:
         keeper.feed(part, {1: H})
     for part in batches(again, START + 30_000 + H * again, size=4000):
         keeper.feed(part, {1: H})
-    keeper.feed(batches(again, START + H * again)[0], {})  # nobody knows its sample time yet
     first, second = keeper.runs(1)
     low, _ = first.pairs()
     assert low[-1] - low[0] > 150_000 and first.last is not None and first.last[0] == 214_999
     fit = first.fit()
     assert fit is not None and fit.drift_ppm == pytest.approx(40, abs=1e-3)
     assert second.fit().start_utc == pytest.approx(START + 30_000, abs=1e-6)
+
+
+def test_samples_before_the_description_count_too() -> None:
+    """Until a node has told its sample time its first samples wait, some thousands at most."""
+    keeper, index = ClockKeeper(), np.arange(300)
+    for part in batches(index, START + H * index)[:-1]:
+        keeper.feed(part, {})
+    assert keeper.runs(1) == []
+    keeper.feed(batches(index, START + H * index)[-1], {1: H})
+    (run,) = keeper.runs(1)
+    assert run.count == 300 and run.first == (0, START)
+    for _ in range(PAIRS_MAX // 25):
+        keeper.feed(batches(index, START + H * index, node=2)[0], {})
+    assert sum(len(low) for low, _ in keeper._early[2]) <= PAIRS_MAX + 25
 
 
 @pytest.mark.parametrize(("before", "pause_s"), [(60, 0.0), (60, 14.0), (5000, 1.0), (5000, 600.0)])

@@ -146,13 +146,19 @@ class ClockKeeper:
     def __init__(self, base: int = BASE) -> None:
         self._base = base
         self._runs: dict[int, list[ClockPairs]] = {}
+        self._early: dict[int, list[tuple[Index, Array]]] = {}  # of nodes that have not described themselves yet
 
     def feed(self, frames: Frames, sample_times: dict[int, float]) -> None:
         """Take the data frames of a batch; sample_times: of the nodes that have described themselves, s a sample."""
         for node, index, time_s in first_channels(frames, self._base):
             h = sample_times.get(node)
-            if h is not None:
-                self._add(node, index, time_s, h)
+            early = self._early.pop(node, [])
+            if h is None:
+                known = sum(len(low) for low, _ in early)
+                self._early[node] = [*early, (index, time_s)] if known < PAIRS_MAX else early
+                continue
+            for low, at in [*early, (index, time_s)]:
+                self._add(node, low, at, h)
 
     def runs(self, node: int) -> list[ClockPairs]:
         """Return the lines of a node, oldest first."""

@@ -130,7 +130,9 @@ def drift_text(clock: dict[str, Any]) -> str:
     if drift is None or half is None:
         return "too short to tell how its clock drifts"
     if not clock["real_time"]:
-        return f"not in real time: {1.0 / max(1.0 + 1e-6 * drift, 1e-9):.3g} s of the controller in a second"
+        pace = 1.0 / max(1.0 + 1e-6 * drift, 1e-9)
+        how = f"{pace:.3g} s of the controller in a second" if pace < 1e5 else "faster than can be told"
+        return f"not in real time: {how}"
     if half > abs(drift):
         return f"its clock and the host's agree within {_short(abs(drift) + half)} ppm"
     return f"its clock is {'slow' if drift > 0 else 'fast'} by {_short(abs(drift), half)} ± {_short(half)} ppm"
