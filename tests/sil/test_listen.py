@@ -19,13 +19,14 @@ from pathlib import Path
 import flood_traffic
 import numpy as np
 import pytest
-from harness import Process, wait_for
+from harness import Process, Relay, garble, listen, wait_for
 
 from aeolid.can.logs import open_log
 from aeolid.can.reception import Reception
 from aeolid.can.runs import RunRecorder
 from aeolid.can.slcan import parse
 from aeolid.can.wire import Frames, join_frames
+from aeolid.cli.main import main
 from aeolid.formats import read_record
 from aeolid.record import Roles
 
@@ -237,6 +238,50 @@ def test_without_reconnection_the_first_break_ends_it(adapter: Adapter, start: S
         ended.assert_clean(3)
         assert "broke off" in ended.err and (tmp_path / "r.csv").exists()
         adapter._server = socket.create_server(("127.0.0.1", adapter.port))
+
+
+@pytest.mark.parametrize("mode", ["classic", "fd", "garbled"])
+def test_what_was_logged_replays_as_it_was_received(mode: str, start: Start, tmp_path: Path) -> None:
+    """A node, its bus logged; that log replayed into the next format, through all five: the same bits everywhere."""
+    options = ["--fd", "--fd-ratio", 4] if mode == "fd" else []
+    node = start(
+        "node", "--turbine", "--samples", 400, "--seed", 3, "--past", 5, "--wait", "--speed", "max", "--innovations",
+        "--dump", tmp_path / "theta.f32", *options,
+    )  # fmt: skip
+    address = node.first_line()
+    if mode == "garbled":
+        address = Relay([address], garble(0.02, 5)).address
+    logs = [tmp_path / f"bus.{suffix}" for suffix in ("blf", "mf4", "parquet", "asc", "log")]
+    target, markov = tmp_path / "live.csv", tmp_path / "live.npz"
+    ended, facts = listen(
+        address, tmp_path, "--until-end", "--record", target, "--markov", markov, "--log", logs[0]
+    )  # fmt: skip
+    ended.assert_clean()
+    theta = np.load(markov)
+    assert theta["theta_scaled"].astype("<f4").tobytes() == (tmp_path / "theta.f32").read_bytes()
+    assert (facts["garbled_lines"] > 5) == (mode == "garbled")  # type: ignore[operator]
+    for log, following in zip(logs, [*logs[1:], tmp_path / "again.blf"], strict=True):
+        again, told = tmp_path / f"{log.suffix[1:]}.csv", tmp_path / "again.json"
+        words = [
+            "--bus",
+            log,
+            "--record",
+            again,
+            "--markov",
+            again.with_suffix(".npz"),
+            "--log",
+            following,
+            "--json",
+            told,
+        ]
+        assert main(["listen", *map(str, words)]) == 0
+        assert again.read_bytes() == target.read_bytes()
+        replayed = np.load(again.with_suffix(".npz"))
+        for key in ("theta_scaled", "theta", "innovation", "sample_index", "settings"):
+            np.testing.assert_array_equal(replayed[key], theta[key], err_msg=key)
+        counted = json.loads(told.read_text())
+        for key in ("frames", "foreign", "damaged", "garbled_lines", "error_frames"):
+            assert counted[key] == facts[key], key
 
 
 @pytest.mark.parametrize(
