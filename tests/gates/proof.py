@@ -39,6 +39,7 @@ def prove(cbmc: str, name: str, step: str) -> tuple[list[str], str]:
         *sources,
     ]
     command += ["--unwind", "120", "--unwinding-assertions", "--drop-unused-functions"]
+    command += ["--object-bits", "12"]  # 8 by default: the lattice's loops, unwound, address more than 256 objects
     command += [f"--{check}-check" for check in CHECKS]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = done.stdout.splitlines()
