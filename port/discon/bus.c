@@ -125,7 +125,7 @@ void bus_port(bus_t *self, aeo_port_t *port)
 void bus_service(bus_t *self)
 {
     if (self->kind == BUS_FILE) {
-        frame_log_flush(&self->log);
+        frame_log_service(&self->log, self->clock_us);
     } else if (self->kind == BUS_CAN) {
         (void)socketcan_poll(&self->can);
     } else if (self->text != NULL) {

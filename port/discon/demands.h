@@ -9,7 +9,7 @@
  *   Collective, tilt and yaw stop for all blades when one demand is outside its limits.
  *
  * CONTRACT
- *   Memory: the structure, 9.9 kB. Where both signals are off no record is touched.
+ *   Memory: the structure, 9.6 kB. Where both signals are off no record is touched.
  */
 #ifndef AEOLID_DISCON_DEMANDS_H
 #define AEOLID_DISCON_DEMANDS_H

@@ -13,7 +13,8 @@
  *     DLL_ProcName "DISCON"; DLL_InFile stays the controller's. Nothing else changes.
  *   The environment variable AEOLID_DISCON names another settings file. Copies of the wrapper under other names
  *   (libaeolid_discon_T2.so; copies, not links) have settings files of their own (libaeolid_discon_T2.cfg).
- *   Built on Linux; not offered on Windows.
+ *   Built on Linux; not offered on Windows. The legacy interface only: neither CONTROLLER(turbine_id) of Bladed 4.8 nor
+ *   a supercontroller's DISCON_SC.
  *
  * WHAT IS FORWARDED
  *   Every call, whatever its status (-8 and -9 of OpenFAST too), with the very arguments: the controller works on the
@@ -42,10 +43,12 @@
  *   and excitation afresh and leaves the controller loaded, as it would be without the wrapper.
  *
  * CONTRACT
- *   Memory: at the first call of a turbine one block (90 kB), the filter's words and the snapshot (observer.h), for tcp
+ *   Memory: at the first call of a turbine one block (52 kB), the filter's words and the snapshot (observer.h), for tcp
  *   and pty 1 MB; released with the last call. No heap in between. 64 turbines a process.
- *   Time of a call: stated in DESIGN.md. No call blocks but the first (`wait`, loading) and the last (listeners take
- *   what is left, a few seconds at most). A file bus writes to the page cache.
+ *   Time added to a call, 2 inputs, 3 outputs, p = 20, every tenth call filtered (bench.c of the tests, a 4 GHz core):
+ *   median 0.5 us, with a filtered sample 2 us, 99.9 % point 6 ... 10 us; 6,200 instructions on average.
+ *   No call blocks but the first (`wait`, loading) and the last (listeners take what is left, a few seconds at most).
+ *   A file bus writes to the page cache once a second.
  *   Threads: different turbines may be called from different threads at once; calls of one turbine one after another.
  */
 #ifndef AEOLID_DISCON_H

@@ -17,7 +17,7 @@
  *   added is then what the limits leave; it is cut at once, so its own rate is that of the command.
  *
  * CONTRACT
- *   Memory: the structure, 4.9 kB. Operations a call: prbs 50 instructions, multisine one cosine a line and sequence.
+ *   Memory: the structure, 4.8 kB. Operations a call: prbs 50 instructions, multisine one cosine a line and sequence.
  *   s is a function of time alone: time that stands still or goes back repeats values, and e_b holds meanwhile.
  *   Threads: one context at a time may touch one object.
  */

@@ -15,6 +15,7 @@ int frame_log_open(frame_log_t *self, const char *path)
     self->fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC, 0666);
     self->held = 0;
     self->size = 0;
+    self->written_us = 0;
     self->stamp_length = 0;
     self->limit = UINT64_MAX;
     if (self->fd < 0) {
@@ -67,7 +68,8 @@ int frame_log_put(frame_log_t *self, uint64_t time_us, const aeo_can_frame_t *fr
     return 1;
 }
 
-void frame_log_flush(frame_log_t *self)
+/* Write what is kept, as much as the file takes. */
+static void flush(frame_log_t *self)
 {
     size_t length = self->held;
     ssize_t put;
@@ -85,9 +87,17 @@ void frame_log_flush(frame_log_t *self)
     }
 }
 
+void frame_log_service(frame_log_t *self, uint64_t time_us)
+{
+    if (time_us - self->written_us >= FRAME_LOG_US || self->held > FRAME_LOG_ROOM / 2u) {
+        flush(self);
+        self->written_us = time_us;
+    }
+}
+
 void frame_log_close(frame_log_t *self)
 {
-    frame_log_flush(self);
+    flush(self);
     if (self->fd >= 0) {
         (void)close(self->fd);
         self->fd = -1;
