@@ -1,30 +1,37 @@
 """Follow a plant sample by sample: recursive state space from streamed Markov parameters, without an SVD a sample.
 
-Steps 2 and 3 of the recursive method behind paper 000. With Ξ from any filter, ΓK(Ξ) of its eq. (22) and a fixed
-selection S of n of the rows (the propagator), x_k = S ΓK z̄_k is a state whose coordinates stay what they are:
-predictions of the same n outputs ahead. Two small recursive least-squares problems then follow
+Steps 2 and 3 of the recursive method behind paper 000. With Ξ from any filter, ΓK(Ξ) of its eq. (22) and a fixed S
+(n, f l), the propagator, x_k = S ΓK z̄_k is a state whose coordinates stay what they are. Two small recursive
+least-squares problems then follow
     y_k = C x_k + D u_k + e_k,        x_{k+1} = A x_k + B u_k + K e_k,
-and the poles are those of A. The rows are chosen once, from a singular value decomposition of the first ΓK.
+and the poles are those of A. S is chosen once, with the first snapshot.
+
+Beyond the published method: a new Ξ moves all states, those in the memory of step 3 too. Left as they are, they bias
+the poles and double their scatter and lag; so with each snapshot the states of the last samples are computed anew and
+both problems started from them. The result is then that of a refit with an SVD (tests/studies/propagator.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil
 from typing import Any
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.subspace import gamma_k
-from aeolid.identify.windows import decompose
+from aeolid.identify.windows import decompose, triangularise
 from aeolid.models.state_space import Signal, StateSpace
 
 Array = NDArray[np.float64]
 GROWTH_MAX = 10.0  # of a variance over its start 1/ρ, before forgetting stops
 REGULARISATION = 1e-4  # ρ: as if that part of a sample of unit size had been seen in each direction
-INDEPENDENT = 1e-9  # least size of a chosen row beside the first, after what the others hold is taken off
+LONGEST_MEMORY = 5000  # samples kept; λ nearer to 1 forgets what lies further back with each snapshot
+INDEPENDENT = 1e-9  # least singular value of ΓK Z that is not rounding, beside the largest
 
 
 class SmallRls:
@@ -41,6 +48,7 @@ class SmallRls:
         self.theta: Array = np.zeros((targets, regressors))
         self.root: Array = np.eye(regressors) / np.sqrt(regularisation)
         self._most = GROWTH_MAX / regularisation
+        self._least = regularisation
 
     def update(self, regressor: Array, target: Array) -> Array:
         """Take one sample; returns the residual target − Θ φ (t,) with the new Θ. Cost: 3 k² + 2 t k."""
@@ -54,6 +62,15 @@ class SmallRls:
         self.root = (self.root - np.outer(gain, f / (alpha + np.sqrt(lam * alpha)))) / np.sqrt(lam)
         residual: Array = error * (lam / alpha)
         return residual
+
+    def restart(self, regressors: Array, targets: Array) -> None:
+        """Start again as if these samples, (N, k) and (N, t), oldest first, had come one by one."""
+        N, k = regressors.shape
+        fade = np.sqrt(self.forgetting) ** np.arange(N)[::-1]
+        first = np.sqrt(self._least * self.forgetting**N) * np.eye(k)  # what is left of P = I/ρ
+        R = np.linalg.qr(np.vstack([first, regressors * fade[:, None]]), mode="r")
+        self.root = np.linalg.inv(R)
+        self.theta = (targets * (fade**2)[:, None]).T @ regressors @ self.root @ self.root.T
 
 
 class Propagator:
@@ -72,7 +89,9 @@ class Propagator:
         order: int,
         future: int | None = None,
         forgetting: float = 0.99,
+        memory: int | None = None,
         feedthrough: Sequence[int] = (),
+        selection: str = "combined",
         model_set: str = "varx",
         offset: ArrayLike | None = None,
         scale: ArrayLike | None = None,
@@ -80,9 +99,12 @@ class Propagator:
         """Prepare a tracker of n = order states for r inputs and l outputs.
 
         past, feedthrough (indices of inputs whose present value is a regressor), model_set: those of the filter.
-        future: f ≤ p rows of ΓK to choose from, default p. forgetting: λ of step 3, 0.5 … 1, default 0.99; that of the
-        filter is a good choice. offset, scale (r + l,), inputs first: what brings the channels to size one (the
-        filter's own, or mean and standard deviation), default 0 and 1. Raises UsageError for a setting out of range.
+        future: f ≤ p block rows of ΓK, default p. forgetting: λ of step 3, 0.5 … 1, default 0.99; that of the filter is
+        a good choice. memory: samples whose states a snapshot computes anew, default 3/(1 − λ), at most 5000; 0 keeps
+        old states, as published. selection: "combined" takes S from the left singular vectors of ΓK Z, "rows" the n
+        rows of ΓK that are most independent, as published. offset, scale (r + l,), inputs first: what brings the
+        channels to size one (the filter's own, or mean and standard deviation), default 0 and 1. Raises UsageError for
+        a setting out of range.
         """
         if model_set not in ("varx", "varmax"):
             raise UsageError(f"model set {model_set!r} is none of varx, varmax")
@@ -93,12 +115,18 @@ class Propagator:
             raise UsageError(f"order {order} is not within 1 … {chosen * outputs} (future window times outputs)")
         if not 0.5 <= forgetting <= 1:
             raise UsageError(f"forgetting {forgetting} is not within 0.5 … 1")
+        if selection not in ("combined", "rows"):
+            raise UsageError(f"selection {selection!r} is none of combined, rows")
+        if memory is not None and not 0 <= memory <= LONGEST_MEMORY:
+            raise UsageError(f"memory {memory} is not within 0 … {LONGEST_MEMORY} samples")
         if any(not 0 <= i < inputs for i in feedthrough):
             raise UsageError(f"feedthrough {tuple(feedthrough)} names an input that is not within 0 … {inputs - 1}")
         self.inputs, self.outputs, self.past, self.future, self.order = inputs, outputs, past, chosen, order
         self.feedthrough = tuple(sorted(set(feedthrough)))
         self.block = inputs + outputs * (2 if model_set == "varmax" else 1)
-        self.selection: tuple[int, ...] | None = None
+        self.combined = selection == "combined"
+        self.memory = min(ceil(3 / max(1 - forgetting, 1e-9)), LONGEST_MEMORY) if memory is None else memory
+        self.selection: Array | None = None  # S, (n, f l)
         channels = inputs + outputs
         self._offset = np.zeros(channels) if offset is None else _table(offset, channels, "offset")
         self._scale = np.ones(channels) if scale is None else _table(scale, channels, "scale")
@@ -106,8 +134,9 @@ class Propagator:
             raise UsageError("scale must be above 0")
         self._theta: Array | None = None
         self._map: Array | None = None  # S ΓK, (n, p m)
-        self._window: Array = np.zeros(past * self.block)
-        self._filled = 0
+        self._span = max(self.memory, 2 * past * self.block) + past  # blocks kept: S is chosen from them too
+        self._blocks_kept: Array = np.zeros((2 * self._span, self.block))
+        self._kept = self._filled = 0
         self.updates = 0
         present = len(self.feedthrough)
         self._outer = SmallRls(outputs, order + present, forgetting)
@@ -116,7 +145,7 @@ class Propagator:
     def update_markov(self, theta: ArrayLike) -> None:
         """Take a snapshot Ξ (l, p m + d) in the channels' units, order of paper 000 eq. (9) or (14).
 
-        The first one chooses the rows. Raises DataError where the shape is another or a value is not finite,
+        The first one chooses S. Raises DataError where the shape is another or a value is not finite,
         NotIdentifiable where ΓK has fewer than n independent rows.
         """
         values = np.asarray(theta, dtype=np.float64)
@@ -126,15 +155,42 @@ class Propagator:
         if not np.isfinite(values).all():
             raise DataError("Markov parameters hold a value that is not finite; the snapshot is incomplete")
         r = self.inputs
-        sizes = np.concatenate([np.tile(self._blocks, self.past), self._scale[:r][list(self.feedthrough)]])
+        sizes = np.concatenate([np.tile(self._block_scale, self.past), self._scale[:r][list(self.feedthrough)]])
         self._theta = values * sizes / self._scale[r:, None]
         stacked = gamma_k(self._theta[:, : self.past * self.block], self.past, self.future, self.block)
         if self.selection is None:
-            self.selection = choose_rows(stacked, self.order)
-        self._map = stacked[list(self.selection)]
+            self.selection = choose_states(stacked, self._windows(self.past)[0], self.order, self.combined)
+        self._map = self.selection @ stacked
+        if self.memory:
+            self._compute_again()
+
+    def _windows(self, length: int) -> tuple[Array, Array]:
+        """Return the windows of `length` good samples kept, (N, length · m), oldest first, and their last blocks."""
+        kept = self._blocks_kept[max(self._kept - self._span, 0) : self._kept]
+        if len(kept) < length:
+            return np.zeros((0, length * self.block)), np.zeros((0, self.block))
+        rows = sliding_window_view(kept, length, axis=0).transpose(0, 2, 1).reshape(-1, length * self.block)
+        good = np.isfinite(rows).all(axis=1)
+        return rows[good], kept[length - 1 :][good]
+
+    def _compute_again(self) -> None:
+        """Start step 3 again from the states that the present Ξ gives the samples in memory."""
+        assert self._map is not None
+        rows, last = self._windows(self.past + 1)
+        rows, last = rows[-self.memory :], last[-self.memory :]
+        channels = self.inputs + self.outputs
+        if len(rows) < self.order + channels:
+            return
+        now, following = rows[:, : -self.block] @ self._map.T, rows[:, self.block :] @ self._map.T
+        u, y = last[:, : self.inputs], last[:, self.inputs : channels]
+        regressors = np.hstack([now, u[:, list(self.feedthrough)]])
+        self._outer.restart(regressors, y)
+        e = y - regressors @ self._outer.theta.T
+        self._inner.restart(np.hstack([now, u, e]), following)
+        self.updates = max(self.updates, len(rows))
 
     @property
-    def _blocks(self) -> Array:
+    def _block_scale(self) -> Array:
         """Return the scales of a block (m,)."""
         innovations = self.block - self.inputs - self.outputs
         return np.concatenate([self._scale, self._scale[self.inputs :][:innovations]])
@@ -149,21 +205,30 @@ class Propagator:
         sample = np.concatenate([_table(u, self.inputs, "u"), _table(y, self.outputs, "y")])
         z = (sample - self._offset) / self._scale
         if not np.isfinite(z).all():
+            self._keep(np.full(self.block, np.nan))
             self._filled = 0
             return False
-        window, filled = self._window, self._filled
-        block = np.concatenate([z, self._innovation(z, e)])[: self.block]
-        self._window = np.concatenate([window[self.block :], block])
-        self._filled = min(filled + 1, self.past)
+        window, filled = self._blocks_kept[self._kept - self.past : self._kept].ravel(), self._filled
+        block = np.concatenate([z, self._innovation(z, e, window)])
+        self._keep(block)
         if filled < self.past or self._map is None:
             return False
-        now, following = self._map @ window, self._map @ self._window
+        now = self._map @ window
+        following = self._map @ np.concatenate([window[self.block :], block])
         residual = self._outer.update(np.concatenate([now, z[list(self.feedthrough)]]), z[self.inputs :])
         self._inner.update(np.concatenate([now, z[: self.inputs], residual]), following)
         self.updates += 1
         return True
 
-    def _innovation(self, z: Array, e: ArrayLike | None) -> Array:
+    def _keep(self, block: Array) -> None:
+        if self._kept == len(self._blocks_kept):
+            self._blocks_kept[: self._span] = self._blocks_kept[-self._span :]
+            self._kept = self._span
+        self._blocks_kept[self._kept] = block
+        self._kept += 1
+        self._filled = min(self._filled + 1, self.past)
+
+    def _innovation(self, z: Array, e: ArrayLike | None, window: Array) -> Array:
         """Return e scaled: the filter's where it is given and known, else y − Ξ z, zero before a window is full."""
         if self.block == len(z):
             return np.zeros(0)
@@ -173,7 +238,7 @@ class Propagator:
                 return given
         if self._filled < self.past or self._theta is None:
             return np.zeros(self.outputs)
-        own: Array = z[self.inputs :] - self._theta @ np.concatenate([self._window, z[list(self.feedthrough)]])
+        own: Array = z[self.inputs :] - self._theta @ np.concatenate([window, z[list(self.feedthrough)]])
         return own
 
     @property
@@ -218,21 +283,28 @@ class Propagator:
         )  # fmt: skip
 
 
-def choose_rows(stacked: Array, order: int) -> tuple[int, ...]:
-    """Return `order` rows of ΓK (f l, p m) whose part of Γ is conditioned best.
+def choose_states(stacked: Array, windows: Array, order: int, combined: bool) -> Array:
+    """Return S (n, f l) from ΓK (f l, p m) and the windows so far (N, p m).
 
-    The rows of the first n left singular vectors stand for those of Γ; pivoted QR picks the most independent. Raises
-    NotIdentifiable where there are fewer than n above rounding.
+    combined: S = Σ^{−1/2} U' of ΓK Z/√N = U Σ V', the state of paper 000 eq. (27). Else n rows, by QR with pivoting of
+    (U Σ)', which weighs how independent a row is against how large; rows chosen from ΓK alone, far ahead and small,
+    gave poles off by 0.06. Few windows count as unit noise. Raises NotIdentifiable with fewer than n independent rows.
     """
-    left, values, _ = decompose(stacked)
+    width = stacked.shape[1]
+    root = triangularise(np.vstack([windows, np.eye(width)])) / np.sqrt(len(windows) + 1)
+    left, values, _ = decompose(stacked @ root.T)
     rank = int(np.count_nonzero(values > INDEPENDENT * max(float(values[0]), 1e-300)))
     if rank < order:
         raise NotIdentifiable(
             f"the Markov parameters show {rank} states above rounding, {order} were asked for; lower the order or wait"
             " until the filter has converged"
         )
-    _, _, pivots = qr(left[:, :order].T, mode="economic", pivoting=True)
-    return tuple(sorted(int(i) for i in pivots[:order]))
+    if combined:
+        scaled: Array = left[:, :order].T / np.sqrt(values[:order])[:, None]
+        return scaled
+    _, _, pivots = qr((left[:, :order] * values[:order]).T, mode="economic", pivoting=True)
+    rows: Array = np.eye(len(stacked))[np.sort(pivots[:order])]
+    return rows
 
 
 def _table(values: ArrayLike, length: int, name: str) -> Array:
