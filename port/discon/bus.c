@@ -133,7 +133,7 @@ void bus_service(bus_t *self)
     }
 }
 
-/* ---- waiting: at the first and the last call ---------------------------------------------------------------------- */
+/* ---- waiting: at the first and the last call -------------------------------------------------------------------- */
 
 void bus_wait(bus_t *self, double seconds)
 {

@@ -4,17 +4,17 @@
  * MODEL
  *   target_b(t) = s_b(t)                 collective (s_b the same), individual (shifted sequences), torque
  *               = s(t) cos psi_b         tilt,   psi_b = azimuth + 2 pi (b - 1) / blades, blade 1 at record 60
- *               = s(t) sin psi_b         yaw     (Coleman transformation; Bir, "Multiblade coordinate transformation and
- *                                        its application to wind turbine analysis", 2008, eq. (1))
+ *               = s(t) sin psi_b         yaw     (Coleman transformation; Bir, "Multiblade coordinate
+ *                                        transformation and its application to wind turbine analysis", 2008, eq. (1))
  *   s: prbs, +-amplitude, the maximum-length sequence of a shift register of `order` bits, one bit each `hold` seconds;
  *   or multisine, `lines` equal cosines from low to high Hz with phases after Schroeder, "Synthesis of low-peak-factor
  *   signals", 1970, eq. (11), turned by the seed; scaled so that its peak is the amplitude.
  *   Outside start <= t < stop the target is 0.
  *   e_b moves towards target_b by at most rate * dt a call. So
- *     |e_b| <= amplitude,   |de_b/dt| <= rate, also at the start and at the end,   e_b = 0 from stop + amplitude / rate.
- *   Applied: total = command + e_b, cut so that it stays in minimum ... maximum. A command that lies outside already is
- *   left where the controller put it: e_b is pulled back to 0 at its rate and may only point inwards meanwhile. What is
- *   added is then what the limits leave; it is cut at once, so its own rate is that of the command.
+ *     |e_b| <= amplitude,   |de_b/dt| <= rate, at the start and the end too,   e_b = 0 from stop + amplitude / rate.
+ *   Applied: total = command + e_b, cut so that it stays in minimum ... maximum. A command that lies outside
+ *   already is left where the controller put it: e_b is pulled back to 0 at its rate and may only point inwards
+ *   meanwhile. What is added is then what the limits leave; it is cut at once, so its own rate is that of the command.
  *
  * CONTRACT
  *   Memory: the structure, 4.8 kB. Operations a call: prbs 50 instructions, multisine one cosine a line and sequence.

@@ -6,8 +6,8 @@
  * CONTRACT
  *   Memory: the structure. Lines are written once a second of simulated time, or when half the room is used: one system
  *   call and not one for each sample; a simulator that is killed loses that second. A disk that is full costs frames,
- *   which are then refused. The file must be a regular one: a pipe would hold the simulator up. Beyond the process's limit on file
- *   sizes nothing is written, since the system would end the process.
+ *   which are then refused. The file must be a regular one: a pipe would hold the simulator up. Beyond the process's
+ *   limit on file sizes nothing is written, since the system would end the process.
  */
 #ifndef AEOLID_DISCON_FRAME_LOG_H
 #define AEOLID_DISCON_FRAME_LOG_H

@@ -3,8 +3,8 @@
  * Commands: pitch by an integrator on the generator speed that goes on from its own last demand in the array, torque in
  * proportion to speed. It folds every record (up to number TOLD + 7), both texts and their lengths into a sum, which it
  * writes into records TOLD ... as eight numbers of 8 bits, and counts its calls in a static variable.
- * accINFILE tells it what to do besides: "fail N" fails at call N with a message, "warn N" answers with 1 and a message,
- * "nan" writes odd bit patterns, "status" changes record 1, "quiet" writes no message, "trap" fails
+ * accINFILE tells it what to do besides: "fail N" fails at call N with a message, "warn N" answers with 1 and a
+ * message, "nan" writes odd bit patterns, "status" changes record 1, "quiet" writes no message, "trap" fails
  * with -3 unless it is called with upward rounding and the one flag of a division by zero raised. */
 #include "controller_records.h"
 

@@ -327,7 +327,8 @@ static void test_what_cannot_be_is_said_and_not_done(void)
 /* ---- through the wrapper ----------------------------------------------------------------------------------------- */
 
 /* A controller that always asks for 0.1: outside the excitation's time that is what the simulator gets; within it the
- * demand differs, stays in its limits and moves by the rate at most. With limits that leave 0.1 out nothing is added. */
+ * demand differs, stays in its limits and moves by the rate at most. With limits that leave 0.1 out nothing is added.
+ * */
 static unsigned excite_through_the_wrapper(const char *limits, float low, float high)
 {
     simulator_t wrapped;

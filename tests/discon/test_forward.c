@@ -167,7 +167,8 @@ static void test_arithmetic_and_errno_of_the_simulator_stay(void)
     simulator_close(&wrapped);
 }
 
-/* What is filtered and streamed does not depend on the simulator's rounding and flushing: the log has the same bytes. */
+/* What is filtered and streamed does not depend on the simulator's rounding and flushing: the log has the same bytes.
+ * */
 static void test_the_stream_does_not_see_the_simulators_arithmetic(void)
 {
     static char log[2][1 << 20];
