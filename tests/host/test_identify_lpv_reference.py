@@ -16,7 +16,7 @@ from aeolid.plants.lpv import benchmark, bilinear_system, flapping_blade, record
 
 REFERENCE = Path(__file__).resolve().parents[2].parent / "shared" / "reference"
 needs_reference = pytest.mark.skipif(not REFERENCE.exists(), reason="../shared/reference is absent")
-RUNS = 6
+RUNS = 4
 
 
 def free_run(result, u, scheduling, y):
@@ -64,21 +64,21 @@ def test_the_bilinear_system_is_explained_at_least_as_well(past):
 @needs_reference
 @pytest.mark.parametrize("regularization, name", [("gcv", "tikh"), ("none", "none")])
 def test_the_flapping_blade_is_explained_better(regularization, name):
-    """N = 1000, p = 5, f = 3 open loop: VAF on the noise-free output and the eigenvalues of A1 and A2, ten runs."""
+    """N = 1000, p = 5, f = 3 open loop: VAF on the noise-free output and the eigenvalues of A1 and A2, six runs."""
     data, theirs = np.load(REFERENCE / "data" / "flap_ol.npz"), np.load(REFERENCE / "toolbox" / "flap.npz")
     model, fits, first, second = flapping_blade(False), [], [], []
-    for run in range(10):
+    for run in range(6):
         record = record_of(model, data["u"][run], data["mu"][run][:, 1:], data["y"][run], "flap")
         result = identify_lpv(
             [record], past=5, future=3, method="lpv-kernel", order=2, varying="A,K", regularization=regularization
         )
         fits.append(free_run(result, data["u"][run], data["mu"][run][:, 1:], data["y0"][run])[0])
         first.append(sorted_poles(result.model.A[0])), second.append(sorted_poles(result.model.A[1]))
-    assert np.mean(fits) > theirs[f"ol_{name}_vaf"].mean()
+    assert np.mean(fits) > theirs[f"ol_{name}_vaf"][:6].mean()
     for ours, their, matrix in ((first, theirs[f"ol_{name}_eigA1"], 0), (second, theirs[f"ol_{name}_eigA2"], 1)):
         true = sorted_poles(model.A[matrix])
         error = abs(np.array(ours) - true).mean()
-        assert error < abs(np.sort_complex(their.astype(complex)) - true).mean()
+        assert error < 0.5 * abs(np.sort_complex(their[:6].astype(complex)) - true).mean()
 
 
 def test_paper001_writes_tables_figure_and_facts(tmp_path, capsys):

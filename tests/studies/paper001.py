@@ -105,7 +105,13 @@ def benchmark_runs(runs: int) -> Iterator[dict[tuple[Any, ...], Any]]:
                 for past in PRINTED_TRUNCATED:
                     for name, rule in REGULARIZATION.items():
                         result = identify_lpv(
-                            [record], past=past, method="lpv-kernel", order=4, regularization=rule, offsets=False
+                            [record],
+                            past=past,
+                            method="lpv-kernel",
+                            order=4,
+                            regularization=rule,
+                            offsets=False,
+                            refined=False,
                         )
                         found[past, samples, noise, name] = free_run(result, fresh, y)
         yield found
@@ -124,7 +130,7 @@ def blade_runs(runs: int) -> Iterator[dict[str, Any]]:
                 begun = time.process_time()
                 result = identify_lpv(
                     [record], past=BLADE_PAST, method="lpv-kernel", order=2, varying="A,K", regularization=rule,
-                    kernel_rows=rows, kernel_selection=selection, offsets=False,
+                    kernel_rows=rows, kernel_selection=selection, offsets=False, refined=False,
                 )  # fmt: skip
                 poles = [np.sort_complex(np.linalg.eigvals(a)) for a in result.model.A]
                 found[f"{name} {selection} {rows or 'all'}"] = {
@@ -152,7 +158,7 @@ def bilinear_runs(runs: int) -> Iterator[dict[tuple[Any, ...], float]]:
                 for name, rule in REGULARIZATION.items():
                     result = identify_lpv(
                         [record], past=past, method="lpv-kernel", order=2, scheduling=("u1",), varying="A,K",
-                        regularization=rule, offsets=False,
+                        regularization=rule, offsets=False, refined=False,
                     )  # fmt: skip
                     found[past, noise, name] = float(free_run(result, fresh, y)[0])
         yield found

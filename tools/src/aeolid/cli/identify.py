@@ -74,6 +74,9 @@ def identify(
     offsets: Annotated[
         bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
     ] = None,
+    refine: Annotated[
+        bool | None, typer.Option("--refine/--no-refine", help="lpv: prediction-error steps; default on.")
+    ] = None,
     memory: Annotated[
         float | None, typer.Option("--memory", help="lpv: refuse what needs more gigabytes; default 4.")
     ] = None,
@@ -93,7 +96,7 @@ def identify(
     _check_passes(own, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
-        offsets=offsets, memory_gb=memory,
+        offsets=offsets, memory_gb=memory, refined=refine,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
     joint = _given(joint_order=joint_order, response=response)
@@ -166,7 +169,7 @@ def _given(**options: Any) -> dict[str, Any]:
 def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
     """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
     if given and method not in SCHEDULED:
-        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
+        option = "--" + next(iter(given)).removesuffix("_gb").removesuffix("d").replace("_", "-")
         raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
     if method in SCHEDULED and (markov is not None or stable):
         option = "--stable" if stable else "--markov"

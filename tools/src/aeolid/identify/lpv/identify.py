@@ -16,8 +16,9 @@ from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gath
 from aeolid.identify.lpv.dual import SELECTIONS, require_kernel, solve_dual
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.lpv.matrices import ScaledLpv, choose_gain, require_distinct
-from aeolid.identify.lpv.order import choose_lpv_order
+from aeolid.identify.lpv.order import Head, choose_lpv_order, solve_head
 from aeolid.identify.lpv.primal import require_primal, solve_primal
+from aeolid.identify.lpv.refine import Refinement, refine
 from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure, parse_varying
@@ -49,6 +50,7 @@ def identify_lpv(
     kernel_rows: int | None = None,
     kernel_selection: str = "greedy",
     memory_gb: float = MEMORY_GB,
+    refined: bool = True,
 ) -> LpvIdentification:
     """Identify x⁺ = A(μ) x + B(μ) u + K(μ) e, y = C x + D u + e with a measured scheduling μ, open or closed loop.
 
@@ -61,7 +63,9 @@ def identify_lpv(
     filter applied), "none" or a number, λ relative to the largest singular value. offsets: whether signals are taken
     about their mean with free constants b(μ) and c; default: where a mean exceeds 0.3 standard deviations. decimation:
     whole factor by which the sample rate is lowered first. kernel_rows: M rows of the kernel (Algorithm 3; memory M N),
-    default all; kernel_selection: "greedy" or "first". memory_gb: refuse what would need more.
+    default all; kernel_selection: "greedy" or "first". memory_gb: refuse what would need more. refined: whether the
+    subspace model is the start of prediction-error steps, default because the bias of a short past window goes away
+    with them and the modes get standard deviations; False is the paper's algorithm.
     Raises NotIdentifiable where scheduling or inputs do not vary enough, windows are too few, the order is too large or
     memory too small; DataError on missing roles or recordings that differ; UsageError on bad options.
     """
@@ -71,6 +75,7 @@ def identify_lpv(
     settings = LpvSettings(
         method, past, past if future is None else future, order, names, tuple(sorted(parse_varying(varying))),
         tuple(feedthrough), regularization, False, decimation, kernel_rows, kernel_selection, memory_gb,
+        refined,
     )  # fmt: skip
     records = [decimate(r, decimation) for r in records]
     scaling = find_lpv_scaling(records, names, centre=offsets)
@@ -79,16 +84,19 @@ def identify_lpv(
     data = gather(records, scaling, past)
     _require_data(data, structure, settings, scaling.signals.inputs, records[0].source)
     estimate = _solve(data, structure, settings, records[0].source)
-    choice = _order(data, structure, settings, estimate, records[0].source)
-    X = estimate.states.X[:, : choice.order]
-    require_distinct(data, X, structure, records[0].source)
-    scaled, gain_method = choose_gain(data, X, structure)
+    choice, scaled, gain_method, refinement = _model(data, structure, settings, estimate, records[0].source)
     model, fit = _measured(_in_units(scaled, scaling, records[0]), records)
     s = np.concatenate([r.columns(names) for r in records])
     spread = (scaling.mu_offset, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
     return LpvIdentification(
         model=model,
-        points=operating_points(model, spread, scaling.signals.scale[structure.inputs :]),
+        points=operating_points(
+            model,
+            spread,
+            scaling.signals.scale[structure.inputs :],
+            None if refinement is None else refinement.covariance,
+            scaling.mu_scale,
+        ),
         estimate=estimate,
         order_choice=choice,
         fit=fit,
@@ -97,6 +105,7 @@ def identify_lpv(
         windows=data.windows,
         skipped=data.skipped,
         gain_method=gain_method,
+        refinement=refinement,
         notes=_notes(data, settings, model, spread),
         version=aeolid.__version__,
     )
@@ -179,10 +188,13 @@ def _solve(data: LpvData, structure: Structure, settings: LpvSettings, source: s
     )
 
 
-def _order(data: LpvData, structure: Structure, settings: LpvSettings, estimate: Estimate, source: str) -> OrderChoice:
+def _order(
+    data: LpvData, structure: Structure, settings: LpvSettings, solved: tuple[Head | None, Estimate], source: str
+) -> OrderChoice:
+    head, estimate = solved
     usable = estimate.states.X.shape[1]
     if settings.order is None and usable:
-        return choose_lpv_order(data, structure, lambda part: _solve(part, structure, settings, source), estimate)
+        return choose_lpv_order(data, structure, head, estimate)
     order = settings.order or 1
     if order > usable:
         raise NotIdentifiable(
@@ -190,6 +202,29 @@ def _order(data: LpvData, structure: Structure, settings: LpvSettings, estimate:
             "lower the order or lengthen the windows"
         )
     return OrderChoice(order, f"order {order}: as asked for", ())
+
+
+def _model(
+    data: LpvData, structure: Structure, settings: LpvSettings, estimate: Estimate, source: str
+) -> tuple[OrderChoice, ScaledLpv, str, Refinement | None]:
+    """Return the order, the scaled model, how its gain was found and its refinement."""
+    head = None
+    if settings.order is None or settings.refined:
+        head = solve_head(data, structure, lambda part: _solve(part, structure, settings, source))
+    choice = _order(data, structure, settings, (head, estimate), source)
+    X = estimate.states.X[:, : choice.order]
+    require_distinct(data, X, structure, source)
+    scaled, gain_method = choose_gain(data, X, structure)
+    if not settings.refined:
+        return choice, scaled, gain_method, None
+    refinement = refine(data, structure, scaled, _head_model(head, choice.order, structure))
+    return choice, refinement.model, gain_method, refinement
+
+
+def _head_model(head: Head | None, order: int, structure: Structure) -> ScaledLpv | None:
+    if head is None or head.estimate.states.X.shape[1] < order:
+        return None
+    return choose_gain(head.data, head.estimate.states.X[:, :order], structure)[0]
 
 
 def _in_units(scaled: ScaledLpv, scaling: LpvScaling, record: Record) -> LpvStateSpace:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -119,26 +120,38 @@ def choose_gain(data: LpvData, X: Array, structure: Structure) -> tuple[ScaledLp
     return model, method
 
 
-def prediction_loss(model: ScaledLpv, data: LpvData, counted: NDArray[np.bool_] | None = None) -> float:
+def prediction_loss(
+    model: ScaledLpv, data: LpvData, counted: NDArray[np.bool_] | None = None, *, joint: bool = False
+) -> float:
     """Return the mean log error power per output of the predictor over the windows.
 
     The predictor runs over each stretch from its own estimated state; counted (N,): windows whose error counts, default
-    all. Powers below what a kernel resolves count alike.
+    all. joint: log det of the errors' covariance over l in place of the outputs' own powers, the likelihood of white
+    Gaussian innovations. Powers below what a kernel resolves count alike; a predictor that diverges loses infinitely.
     """
-    predictor, power, samples = model.unscaled(), np.zeros(model.C.shape[1]), 0
+    total, samples = np.zeros((model.C.shape[1], model.C.shape[1])), 0
+    with np.errstate(all="ignore"):
+        for place, *_, e in run_stretches(model, data):
+            e = e if counted is None else e[counted[place]]
+            total += e.T @ e
+            samples += len(e)
+    total /= max(samples, 1)
+    if not np.isfinite(total).all():
+        return float(np.inf)
+    power = np.linalg.eigvalsh(total) if joint else total.diagonal()
+    return float(np.mean(np.log(np.maximum(power, RESOLVED))))
+
+
+def run_stretches(model: ScaledLpv, data: LpvData) -> Iterator[tuple[slice, Array, Array, Array, Array]]:
+    """Yield place, μ, u, states and innovations of each stretch of the windows, from its estimated first state."""
+    predictor = model.unscaled()
     edges = np.concatenate([[0], np.flatnonzero(~data.following) + 1, [data.windows]])
     for a, b in pairwise(edges):
         at = data.targets[a:b]
-        u, y, mu = data.u[at], data.y[at] - model.c, data.mu[at]
-        with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
-            x0 = estimate_initial_state(predictor, u, y, mu)
-            states = predictor_states(predictor, u, y, mu, x0)[:-1]
-            e = y - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)
-            e = e if counted is None else e[counted[a:b]]
-            power += (e**2).sum(axis=0)
-        samples += len(e)
-    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
-    return float(np.mean(np.log(np.maximum(mean, RESOLVED))))
+        mu, u, y = data.mu[at], data.u[at], data.y[at] - model.c
+        x0 = estimate_initial_state(predictor, u, y, mu)
+        states = predictor_states(predictor, u, y, mu, x0)[:-1]
+        yield slice(a, b), mu, u, states, y - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)
 
 
 def _block(mu: Array, values: Array, varies: bool) -> Array:

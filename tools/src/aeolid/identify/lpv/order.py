@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,32 +21,42 @@ MOST_ORDERS = 20  # tried one after the other
 HELD_OUT_LEAST = 20  # windows per channel that must be held out
 
 
-def choose_lpv_order(
-    data: LpvData, structure: Structure, solve: Callable[[LpvData], Estimate], whole: Estimate
-) -> OrderChoice:
+@dataclass(frozen=True, eq=False)
+class Head:
+    """Hold the windows in the first 70 % of each recording and what they alone were solved to."""
+
+    data: LpvData
+    estimate: Estimate
+
+
+def solve_head(data: LpvData, structure: Structure, solve: Callable[[LpvData], Estimate]) -> Head | None:
+    """Solve the first 70 % of each recording alone; None where too little is left on either side."""
+    head = data.place < FIT_PART
+    if (~head).sum() < HELD_OUT_LEAST * (structure.inputs + structure.outputs):
+        return None
+    try:
+        return Head(data.take(head), solve(data.take(head)))
+    except NotIdentifiable:
+        return None
+
+
+def choose_lpv_order(data: LpvData, structure: Structure, head: Head | None, whole: Estimate) -> OrderChoice:
     """Choose the smallest order whose held-out one-step error is within 5 % per output of the best.
 
-    The windows in the first 70 % of each recording are solved alone; for each order the predictor then runs over whole
-    recordings and its errors in the rest are compared. Without enough windows the largest gap of the singular values
-    decides.
+    For each order the model of the head alone predicts whole recordings, and its errors in the rest are compared.
+    Without a head the largest gap of the singular values decides.
     """
     values = whole.states.singular_values
     most = min(whole.states.X.shape[1], MOST_ORDERS)
     gap = largest_gap(values, most)
     ratio = values[gap - 1] / max(values[min(gap, len(values) - 1)], 1e-300)
     gap_text = f"the singular values fall most after {gap} (factor {ratio:.1f})"
-    head = data.place < FIT_PART
-    if (~head).sum() < HELD_OUT_LEAST * (structure.inputs + structure.outputs):
+    if head is None or not head.estimate.states.X.shape[1]:
         return OrderChoice(gap, f"order {gap}: {gap_text}; too few samples to hold some out", ())
-    fitted = data.take(head)
-    try:
-        part = solve(fitted)
-    except NotIdentifiable:
-        return OrderChoice(gap, f"order {gap}: {gap_text}; too few samples to hold some out", ())
-    most = min(most, part.states.X.shape[1])
+    X, held_out = head.estimate.states.X, data.place >= FIT_PART
+    most = min(most, X.shape[1])
     losses = [
-        prediction_loss(choose_gain(fitted, part.states.X[:, :n], structure)[0], data, ~head)
-        for n in range(1, most + 1)
+        prediction_loss(choose_gain(head.data, X[:, :n], structure)[0], data, held_out) for n in range(1, most + 1)
     ]
     best = int(np.argmin(losses))
     order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.fit import Fit
+from aeolid.identify.lpv.refine import Refinement
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.order import OrderChoice
 from aeolid.models.lpv import LpvStateSpace
@@ -34,6 +35,7 @@ class LpvSettings:
     kernel_rows: int | None
     kernel_selection: str
     memory_gb: float
+    refined: bool
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -65,7 +67,8 @@ class LpvIdentification:
     """Hold an identified scheduled model and everything that says how far to trust it.
 
     estimate: states, singular values of Γ𝒦Z/√N in scaled units, rank and penalty of the regression. points: the model
-    frozen at the mean of the scheduling, first, and at the extremes of each channel; modes have no standard deviation.
+    frozen at the mean of the scheduling, first, and at the extremes of each channel; their modes have standard
+    deviations where the model was refined. refinement: what prediction-error steps did, None where not asked for.
     """
 
     model: LpvStateSpace
@@ -78,6 +81,7 @@ class LpvIdentification:
     windows: int
     skipped: int
     gain_method: str
+    refinement: Refinement | None
     notes: tuple[str, ...]
     version: str
 
@@ -123,6 +127,7 @@ class LpvIdentification:
             "gain": self.gain_method,
             "fit": self.fit.to_json(),
             "notes": list(self.notes),
+            "refinement": None if self.refinement is None else self.refinement.to_json(),
             **self.estimate.facts,
         }
 
@@ -136,25 +141,35 @@ class LpvIdentification:
         if "kernel" in self.estimate.facts:
             kernel = self.estimate.facts["kernel"]
             lines.append(f"kernel: {kernel['rows']} of {kernel['of']} rows, rank {kernel['rank']}")
+        if self.refinement is not None:
+            done = self.refinement
+            lines.append(f"refined in {done.steps} steps: prediction error power {done.gain:.1%} lower")
         for point in self.points:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in point.scheduling.items())
-            lines += [f"at the {point.where} ({values})", "  frequency Hz   damping  mostly in"]
+            lines += [f"at the {point.where} ({values})", "  frequency Hz     damping           mostly in"]
             for mode in point.modes:
                 where = max(mode.shares, key=lambda n: mode.shares[n])
-                share = mode.shares[where]
-                lines.append(f"  {mode.frequency_hz:12.4f}  {mode.damping:8.4f}  {where} ({share:.0%})")
+                spread = (mode.frequency_std_hz or 0.0, mode.damping_std or 0.0)
+                lines.append(
+                    f"  {mode.frequency_hz:8.4f} ± {spread[0]:.4f}  {mode.damping:7.4f} ± {spread[1]:.4f}"
+                    f"  {where} ({mode.shares[where]:.0%})"
+                )
         for name in self.fit.one_step.vaf:
             lines.append(f"{name}: one step {self.fit.one_step.text(name)}, free run {self.fit.free_run.text(name)}")
         return "\n".join([*lines, *self.notes])
 
 
 def operating_points(
-    model: LpvStateSpace, spread: tuple[Array, Array, Array], output_scale: Array
+    model: LpvStateSpace,
+    spread: tuple[Array, Array, Array],
+    output_scale: Array,
+    covariance: Array | None,
+    mu_scale: Array,
 ) -> tuple[OperatingPoint, ...]:
     """Freeze the model at the mean of the scheduling and at the extremes of each channel, the others at their mean.
 
     spread: mean, low, high (m − 1,), in the channels' units; output_scale (l,) makes outputs comparable in the modes'
-    shares.
+    shares; covariance of the entries of [A⁽¹⁾ A⁽²⁾ …] for the scheduling about its mean over mu_scale, or None.
     """
     mean, low, high = spread
     names = [s.name for s in model.scheduling]
@@ -169,7 +184,26 @@ def operating_points(
         frozen = model.frozen(at)
         values = np.linalg.eigvals(frozen.A).astype(complex)
         values = values[np.argsort(-abs(values), kind="stable")]
-        modes = modes_of(frozen, output_scale=output_scale)
+        mu = np.concatenate([[1.0], (at - mean) / mu_scale])
+        uncertain = None if covariance is None else pole_covariance(frozen.A, mu, covariance)
+        modes = modes_of(frozen, output_scale=output_scale, pole_covariance=uncertain)
         scheduling = {n: float(v) for n, v in zip(names, at, strict=True)}
         points.append(OperatingPoint(where, scheduling, values, modes))
     return tuple(points)
+
+
+def pole_covariance(A: Array, mu: Array, covariance: Array) -> Array:
+    """Return the covariance (n, 2, 2) of real and imaginary part of each eigenvalue of Σ μ_i A⁽ⁱ⁾, by linearisation.
+
+    dλ = wᴴ dA v/(wᴴ v) with the left and right eigenvectors; in the order of numpy.linalg.eig.
+    """
+    _, right = np.linalg.eig(A)
+    left = np.linalg.inv(right)  # rows wᴴ with wᴴ v = 1
+    n, out = len(A), []
+    blocks = covariance.shape[0] // n**2
+    for i in range(n):
+        # entry (a, j n + b) of [A⁽¹⁾ A⁽²⁾ …] acts by μ_j w_a* v_b
+        g = np.einsum("a,j,b->ajb", left[i], mu[:blocks], right[:, i]).ravel()
+        parts = np.stack([g.real, g.imag])
+        out.append(parts @ covariance @ parts.T)
+    return np.array(out)
