@@ -115,7 +115,7 @@ def resident_kb(pid: int) -> int:
     return next(int(line.split()[1]) for line in text.splitlines() if line.startswith("VmRSS"))
 
 
-SECONDS, RATE = 8, 50_000
+SECONDS, RATE = 6, 50_000
 
 
 def test_a_flood_loses_nothing(flood: Path, start: Start, tmp_path: Path) -> None:
@@ -179,11 +179,10 @@ class Endless:
         """Do nothing."""
 
 
-@pytest.mark.parametrize("name", [None, "r.parquet"])
-def test_memory_stays_flat_however_long_a_node_streams(name: str | None, tmp_path: Path) -> None:
+def test_memory_stays_flat_however_long_a_node_streams(tmp_path: Path) -> None:
     """260,000 samples: what is held at the end is what was held after a half, but for parts of a file."""
     source = Endless(260_000)
-    recorder = RunRecorder(tmp_path / name if name else None)
+    recorder = RunRecorder(tmp_path / "r.parquet")
     tracemalloc.start()
     try:
         reception = Reception(source, recorder, bit_rate=5e5, data_bit_rate=2e6)
@@ -191,7 +190,7 @@ def test_memory_stays_flat_however_long_a_node_streams(name: str | None, tmp_pat
     finally:
         tracemalloc.stop()
     early, late = source.memory[40:80], source.memory[-40:]
-    part = 65_536 * 6 * 8 if name else 0
+    part = 65_536 * 6 * 8
     assert max(late) - max(early) < 200_000 + part / 2
     assert max(late) < 12e6 + 2 * part
     (run,) = recorder.runs[flood_traffic.NODE]
@@ -310,7 +309,7 @@ def test_a_signal_loses_nothing(
     assert not list(tmp_path.glob("*.part*")) and not list(tmp_path.glob(".*"))
 
 
-@pytest.mark.parametrize("name", ["r.csv", "r.csv.gz", "r.parquet", "r.mf4", "b.blf", "b.asc", "b.parquet", "b.mf4"])
+@pytest.mark.parametrize("name", ["r.csv", "r.csv.gz", "r.parquet", "r.mf4", "b.blf", "b.mf4"])
 def test_a_full_disk_is_told_and_costs_only_what_comes_after(
     name: str, adapter: Adapter, start: Start, tmp_path: Path
 ) -> None:
