@@ -160,7 +160,7 @@ def test_samples_before_the_description_count_too() -> None:
     assert sum(len(low) for low, _ in keeper._early[2]) <= PAIRS_MAX + 25
 
 
-@pytest.mark.parametrize(("before", "pause_s"), [(60, 0.0), (60, 14.0), (5000, 1.0), (5000, 600.0)])
+@pytest.mark.parametrize(("before", "pause_s"), [(30, 0.0), (60, 14.0), (5000, 1.0), (5000, 600.0)])
 def test_a_restart_begins_a_new_line(before: int, pause_s: float) -> None:
     """After few samples or many, a short pause or a long one: two lines, the second one dated on its own."""
     keeper, again = ClockKeeper(), np.arange(100)

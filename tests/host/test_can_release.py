@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aeolid.can.runs import Run
 from aeolid.can.samples import SampleStore, SampleTable, follows
+from aeolid.formats.growing import open_growing
 
 CHANNELS = 3
 
@@ -114,3 +119,20 @@ def test_undated_samples_wait(keep: int) -> None:
         assert store.release(keep, 1) == []
     store.add(np.zeros(1, np.uint8), np.array([8 * keep], np.uint16), np.zeros(1, np.uint32))
     assert sum(len(t.index) for t in store.release(keep, 1)) == 7 * keep + 1
+
+
+def test_rows_missing_between_two_releases_are_rows_without_a_value(tmp_path: Path) -> None:
+    """What is written in pieces has the rows, the hash and the losses of one table; double rows are left out."""
+    description = SimpleNamespace(sample_every=2, sample_time_s=0.1)
+    run, target = Run(SimpleNamespace(description=description), 0, 0), tmp_path / "r.csv"
+    run._table = open_growing(target, ".csv", ("time_s", "a", "b"), ("s", "", ""))
+    values = np.arange(40.0).reshape(20, 2)
+    for first, last in ((0, 7), (5, 9), (15, 20)):
+        lost = 1 if first == 15 else 0
+        run.append(SampleTable(2 * np.arange(first, last), values[first:last], lost))
+    run._table.close()
+    values[9:15] = np.nan
+    assert (run.rows, run.last, run.lost) == (20, 38, 6 * 2 + 1)
+    assert run.sha256 == hashlib.sha256(values.tobytes()).hexdigest()
+    found = np.genfromtxt(target, delimiter=",", skip_header=1)
+    np.testing.assert_array_equal(found, np.column_stack([np.round(0.2 * np.arange(20), 9), values]))
