@@ -316,3 +316,26 @@ def test_scheduling_that_hardly_moves_together_with_the_input_is_refused():
 def test_an_order_beyond_what_the_data_carry_is_refused(method):
     with pytest.raises(NotIdentifiable, match="order 3 asked for, the data carry 2 singular values above rounding"):
         identify_lpv([run(random_system(), 500, 1)[0]], past=3, method=method, order=3)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_data_without_a_system_end_in_a_model_or_a_sentence(seed):
+    """Noise of any length, random walks, steps, huge and tiny units: no crash."""
+    random = np.random.default_rng(seed)
+    samples = int(random.choice([12, 40, 150, 400]))
+    values = random.standard_normal((samples, 5))
+    if seed % 3 == 0:
+        values = values.cumsum(axis=0)
+    if seed % 3 == 1:
+        values[:, :3] = np.sign(values[:, :3])
+    values *= 10.0 ** random.integers(-9, 9, 5)
+    if seed % 2:
+        values[random.integers(samples), random.integers(5)] = np.nan
+    record = replace(run(random_system(), samples, 0)[0], values=values)
+    order = None if seed % 4 else 3
+    try:
+        method = "lpv" if seed % 5 == 0 else "lpv-kernel"
+        result = identify_lpv([record], past=3 if seed % 2 else 6, method=method, order=order)
+        assert np.isfinite(result.model.A).all() and result.summary()
+    except (NotIdentifiable, DataError) as error:
+        assert len(str(error)) > 20

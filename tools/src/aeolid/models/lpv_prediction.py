@@ -16,6 +16,7 @@ from aeolid.models.state_space import Signal
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+LARGEST = 1e100  # of an unstable predictor; beyond it least squares lose their footing
 
 
 def predictor_states(model: LpvStateSpace, u: Array, y: Array, mu: Array, x0: Array) -> Array:
@@ -57,7 +58,7 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     for k in range(horizon):
         rows[k] = C[k] @ product * weight[:, None]
         product = transition[k] @ product
-    good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
+    good = (abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1)
     matrix = rows[good].reshape(-1, model.order)
     x0: Array = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
     return x0

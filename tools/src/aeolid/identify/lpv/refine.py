@@ -22,7 +22,7 @@ from aeolid.identify.lpv.data import LpvData, spread
 from aeolid.identify.lpv.matrices import RESOLVED, ScaledLpv, prediction_loss, run_stretches
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.order import FIT_PART
-from aeolid.identify.windows import triangularise
+from aeolid.identify.windows import decompose, triangularise
 
 Array = NDArray[np.float64]
 MOST_STEPS = 15
@@ -143,7 +143,7 @@ def descend(data: LpvData, layout: Layout, start: ScaledLpv, steps: int) -> Iter
         if not np.isfinite(loss) or loss <= np.log(RESOLVED) + 1e-9:
             return
         R = information_factor(data, layout, model)
-        if not np.isfinite(R).all():
+        if not usable(R):
             return
         better, found = _step(data, layout, model, R, loss)
         if better is None or loss - found < ENOUGH:
@@ -156,7 +156,7 @@ def _step(data: LpvData, layout: Layout, model: ScaledLpv, R: Array, loss: float
     """Return the best model along the damped steps and its loss; None where none is better."""
     size = R.shape[1] - 1
     scale = np.maximum(np.sqrt((R[:, :size] ** 2).sum(axis=0)), 1e-300)
-    U, s, Vt = np.linalg.svd(R[:size, :size] / scale)
+    U, s, Vt = decompose(R[:size, :size] / scale)
     target = U.T @ R[:size, size]
     theta_s, theta_o = layout.pack(model)
     best, least = None, loss
@@ -216,6 +216,11 @@ def error_derivatives(layout: Layout, model: ScaledLpv, mu: Array, u: Array, sta
     return out
 
 
+def usable(R: Array) -> bool:
+    """Return whether derivatives are numbers that can be squared; those of a predictor at its limit may not be."""
+    return bool((abs(R) < 1e100).all())
+
+
 def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> Array | None:
     """Return the covariance of the entries of A⁽ⁱ⁾, (n, blocks n) row by row, from the inverse information.
 
@@ -226,10 +231,10 @@ def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> Array |
         return None
     R = information_factor(data, layout, model)
     size = R.shape[1] - 1
-    if not np.isfinite(R).all():
+    if not usable(R):
         return None
     scale = np.maximum(np.sqrt((R[:, :size] ** 2).sum(axis=0)), 1e-300)
-    _, s, Vt = np.linalg.svd(R[:size, :size] / scale)
+    _, s, Vt = decompose(R[:size, :size] / scale)
     free = size - layout.order**2  # the others change the basis only
     root = (Vt[:free].T / s[:free]) / scale[:, None]  # cov = root rootᵀ
     spent = free / (data.windows * layout.structure.outputs)
