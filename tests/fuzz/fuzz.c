@@ -1,11 +1,9 @@
 /* fuzz.c: any bytes at all as a saved state, as a configuration and as samples: no filter may read or write outside its
- * memory, compute what C does not define, accept a state that breaks its invariants, or change on a refusal; and any
- * bytes as frames and as settings of the streamer (fuzz_wire.c).
+ * memory, compute what C does not define, accept a state that breaks its invariants, or change on a refusal.
  *
  * The first byte chooses the filter, the second what is fuzzed, the third the size; the rest are numbers. Built with
  * clang -fsanitize=fuzzer,address,undefined by tests/gates/fuzz.py. */
 #include "family.h"
-#include "fuzz_wire.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -170,14 +168,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
     family_settings_t settings = {AEO_REAL(0.99), AEO_REAL(1), AEO_REAL(0.05)};
     memset(&subject, 0, sizeof subject);
     subject.filter = &FAMILY[take_byte(&input) % FAMILY_COUNT];
-    const unsigned what = take_byte(&input) % 5u;
+    const unsigned what = take_byte(&input) % 4u;
     subject.size = SIZES[take_byte(&input) % (sizeof SIZES / sizeof SIZES[0])];
     if (what == 3u) {
         fuzz_regressor(&input);
-        return 0;
-    }
-    if (what == 4u) {
-        fuzz_wire(input.data, input.left);
         return 0;
     }
     if (what == 2u) {

@@ -1,6 +1,7 @@
-/* fuzz_wire.c: see fuzz_wire.h. */
-#include "fuzz_wire.h"
-
+/* fuzz_wire.c: any bytes at all as frames from a bus, and as settings of a streamer whose port refuses as it likes: no
+ * frame may be read that does not say what it seems to, and no streamer break its contract.
+ *
+ * The first byte chooses what is fuzzed and the identifiers. Built as fuzz.c. */
 #include "aeolid/status.h"
 #include "aeolid/stream.h"
 
@@ -53,18 +54,38 @@ static int same(const aeo_message_t *a, const aeo_message_t *b)
            memcmp(a->value, b->value, a->count * sizeof *a->value) == 0;
 }
 
+/* Put in the CRC-32 that the bytes would have as a CAN FD frame: no fuzzer guesses it. */
+static void seal_frame(aeo_can_frame_t *frame)
+{
+    uint32_t crc = aeo_frame_crc32(UINT32_C(0xFFFFFFFF), frame->id);
+    unsigned i;
+    for (i = 0; i + 4u <= frame->length && i < sizeof frame->data; i += 4u) {
+        const uint8_t *at = &frame->data[i];
+        if (i != 4u) {
+            crc = aeo_frame_crc32(crc, (uint32_t)at[0] | ((uint32_t)at[1] << 8) | ((uint32_t)at[2] << 16) |
+                                           ((uint32_t)at[3] << 24));
+        }
+    }
+    for (i = 0; i < 4u; i++) {
+        frame->data[4u + i] = (uint8_t)(~crc >> (8u * i));
+    }
+}
+
 /* Whatever passes is what the packer makes of it again; what is refused leaves no trace. */
 static void fuzz_frame(input_t *input, const aeo_address_t *address)
 {
+    static const uint8_t lengths[] = {8, 12, 16, 20, 24, 32, 48, 64};
     aeo_can_frame_t frame, again;
     aeo_message_t message, untouched;
     aeo_address_t from = *address;
     uint8_t node = 99;
     int status;
     take(input, &frame, sizeof frame);
-    if (take_byte(input) % 2u == 0u) {
+    if (take_byte(input) % 4u != 0u) {
         frame.id = address->base + frame.id % (address->extended != 0u ? 0x1100u : 0x110u);
-        frame.flags = (uint8_t)((frame.flags & ~AEO_CAN_EXTENDED) | (address->extended != 0u ? AEO_CAN_EXTENDED : 0u));
+        frame.flags = (uint8_t)((address->extended != 0u ? AEO_CAN_EXTENDED : 0u) | AEO_CAN_FD);
+        frame.length = take_byte(input) % 4u == 0u ? frame.length : lengths[frame.length % sizeof lengths];
+        seal_frame(&frame);
     }
     memset(&message, 0x5A, sizeof message);
     untouched = message;
@@ -148,7 +169,7 @@ static void drive(aeo_stream_t *stream, input_t *input)
     static aeo_real_t values[AEO_STREAM_CHANNELS_MAX], theta[4096];
     uint32_t index = 0;
     unsigned k;
-    for (k = 0; k < 60u; k++) {
+    for (k = 0; k < 12u; k++) {
         const unsigned what = take_byte(input);
         index += what % 16u == 0u ? 70000u : 1u;
         take(input, values, (what % 8u) * sizeof *values);
@@ -170,8 +191,8 @@ static void drive(aeo_stream_t *stream, input_t *input)
 static void fuzz_streamer(input_t *input)
 {
     static aeo_stream_channel_t channel[AEO_STREAM_CHANNELS_MAX];
-    static uint32_t memory[4096];
     aeo_stream_config_t config;
+    uint32_t *memory, words;
     aeo_stream_t stream;
     aeo_port_t port;
     bus_t bus;
@@ -191,11 +212,11 @@ static void fuzz_streamer(input_t *input)
         config.inputs %= 30u;
         config.outputs = (uint8_t)(config.outputs % 20u + 1u);
         config.scheduling %= 10u;
-        config.parameters = config.parameters % 4096u + 1u;
+        config.parameters = config.parameters % 400u + 1u;
         config.sample_time_s = config.lambda = config.rho = AEO_REAL(0.125);
         config.health_every |= 1u;
         config.describe_every |= 1u;
-        config.burst |= 1u;
+        config.burst = (uint8_t)(config.burst % 64u + 1u);
         config.repair_percent %= 101u;
         config.fd_ratio = (uint8_t)(config.fd_ratio % 16u + 1u);
         config.bits_per_s = config.bits_per_s % 2u == 0u ? 0u : config.bits_per_s % 8000000u + 1000u;
@@ -207,12 +228,18 @@ static void fuzz_streamer(input_t *input)
     port.time_us = take_byte(input) % 2u == 0u ? NULL : read_clock;
     port.lock = lock;
     port.unlock = unlock;
-    if (aeo_stream_init(&stream, &config, &port, memory, 4096) == AEO_OK) {
+    words = config.parameters >= 1u && config.parameters <= 4096u ? config.parameters : 1u;
+    memory = malloc(words * sizeof *memory); /* exactly so many: the sanitizer sees one too far */
+    demand(memory != NULL, "no memory");
+    if (aeo_stream_init(&stream, &config, &port, memory, words) == AEO_OK) {
         drive(&stream, input);
     }
+    free(memory);
 }
 
-void fuzz_wire(const uint8_t *data, size_t bytes)
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
 {
     static const aeo_address_t addresses[] = {{AEO_FRAME_BASE_EXTENDED, 7, 1}, {AEO_FRAME_BASE_STANDARD, 9, 0}};
     input_t input = {data, bytes};
@@ -224,4 +251,5 @@ void fuzz_wire(const uint8_t *data, size_t bytes)
     } else {
         fuzz_streamer(&input);
     }
+    return 0;
 }

@@ -1,7 +1,7 @@
 """Gate: no bytes given as saved state, configuration, sample or frame make filters, regressor or streamer misbehave.
 
 python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, the same every time;
-with it so many seconds for each precision, from a seed of its own, on inputs kept in the folder CORPUS. libFuzzer with
+with it so many seconds for each fuzzer and precision, from a seed of its own, on inputs kept in the folder CORPUS. libFuzzer with
 AddressSanitizer and UndefinedBehaviorSanitizer; exit code 77 where clang has none. An input that fails is left in the
 present folder; the program named in the message replays it.
 """
@@ -9,6 +9,7 @@ present folder; the program named in the message replays it.
 import shutil
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -16,14 +17,18 @@ import gate
 
 TESTS = Path(__file__).resolve().parents[1]
 RUNS = 40_000  # inputs a precision: some seconds
+FUZZERS = {
+    "filters": [TESTS / "fuzz/fuzz.c", TESTS / "family/family.c"],
+    "wire": [TESTS / "fuzz/fuzz_wire.c"],
+}
 FLAGS = ["-std=c99", "-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"]
 
 
-def build(precision: str, path: Path) -> str:
-    """Build the fuzzer; returns the compiler's messages, empty when built."""
+def build(sources: list[Path], precision: str, path: Path) -> str:
+    """Build a fuzzer; returns the compiler's messages, empty when built."""
     include = [f"-I{path}" for path in (gate.ROOT / "include", gate.ROOT / "src", TESTS / "family")]
-    sources = [TESTS / "fuzz/fuzz.c", TESTS / "fuzz/fuzz_wire.c", TESTS / "family/family.c", *gate.SOURCES]
-    command = ["clang", *FLAGS, *gate.PRECISIONS[precision], *include, *map(str, sources), "-lm", "-o", str(path)]
+    files = map(str, [*sources, *gate.SOURCES])
+    command = ["clang", *FLAGS, *gate.PRECISIONS[precision], *include, *files, "-lm", "-o", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"
 
@@ -46,23 +51,24 @@ def main() -> None:
     findings, figures = [], []
     seconds = sys.argv[2] if len(sys.argv) > 2 else None
     corpus = Path(sys.argv[3]).resolve() if len(sys.argv) > 3 else gate.scratch()
-    for precision in gate.PRECISIONS:
-        path = gate.scratch() / f"fuzz-{precision}"
-        messages = build(precision, path)
+    for name, precision in product(FUZZERS, gate.PRECISIONS):
+        path = gate.scratch() / f"fuzz-{name}-{precision}"
+        messages = build(FUZZERS[name], precision, path)
         if messages:
             gate.finish([messages], "")
-        (corpus / precision).mkdir(parents=True, exist_ok=True)
+        own = corpus / name / precision
+        own.mkdir(parents=True, exist_ok=True)
         until = [f"-max_total_time={seconds}"] if seconds else [f"-runs={RUNS}", "-seed=1"]
-        command = [str(path), *until, "-max_len=4096", "-print_final_stats=1", str(corpus / precision)]
+        command = [str(path), *until, "-max_len=4096", "-print_final_stats=1", str(own)]
         done = subprocess.run(command, capture_output=True, text=True, check=False, errors="replace")
         lines = done.stderr.splitlines()
         ran = next((line.split()[-1] for line in lines if "number_of_executed_units" in line), "0")
-        figures.append(f"{precision}: {ran} inputs")
+        figures.append(f"{name} {precision}: {ran} inputs")
         if done.returncode:
             marks = ("ERROR", "runtime error", "SUMMARY", "Test unit written")
             told = [lines[i - 1] for i, line in enumerate(lines) if "ERROR: libFuzzer" in line and i > 0]
             told += [line for line in lines if any(mark in line for mark in marks)]
-            findings.append(f"{precision}: " + "; ".join(told)[:900])
+            findings.append(f"{name} {precision}: " + "; ".join(told)[:900])
             break
     gate.finish(findings, "; ".join(figures))
 

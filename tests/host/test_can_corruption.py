@@ -251,8 +251,9 @@ def main() -> None:
         seed += 1
         flips += try_flips(seed, 60, 16)
         if seed % 4 == 0:
-            cuts += try_cuts(seed, 60, 8)
+            cuts += try_cuts(seed, 60, 16)
             print(f"{time.monotonic() - began:.0f} s: wrong bits {flips}, cuts {cuts}; nothing wrong", flush=True)
+    print(f"in all: wrong bits {flips}, cuts {cuts}; nothing wrong")
 
 
 if __name__ == "__main__":
