@@ -14,7 +14,8 @@ Index = NDArray[np.int64]
 STRAY = 50  # samples by which the index may differ from what the host's clock lets expect, and
 STRAY_SHARE = 0.05  # this share of the samples that went by; beyond, the node was restarted
 BACK = 16  # samples by which frames may overtake each other
-JUMP = 1000  # a longer step within a batch is looked at with the host's clock
+JUMP = 1000  # a longer step, or one after a longer pause, is looked at with the host's clock
+MOMENT_S = 2.0
 PAIRS_MAX = 4096  # pairs that are kept: with more, neighbours are merged
 BINS = 48  # earliest arrivals of so many stretches make the line
 LEAST = 4  # stretches
@@ -178,10 +179,13 @@ class ClockKeeper:
     def _place(runs: list[ClockPairs], index: int, time_s: float, h: float) -> int:
         if runs and runs[-1].sample_time_s == h and runs[-1].last is not None:
             last, at = runs[-1].last
-            passed = (time_s - at) / runs[-1].rate()
-            expected = last + passed
+            passed_s = time_s - at
+            near = last + (index - last + 32768) % 65536 - 32768
+            if -BACK <= near - last <= JUMP and passed_s < MOMENT_S:  # what is read at once has one time for all of it
+                return near
+            expected = last + passed_s / runs[-1].rate()
             turned = index + round((expected - index) / 65536) * 65536
-            if abs(turned - expected) <= STRAY + STRAY_SHARE * abs(passed) and turned >= last - BACK:
+            if abs(turned - expected) <= STRAY + STRAY_SHARE * (expected - last) and turned >= last - BACK:
                 return turned
         runs.append(ClockPairs(h))
         del runs[:-RUNS_MAX]
