@@ -242,10 +242,10 @@ def test_feedforward_of_the_disturbance_does_no_harm():
     assert np.all(abs(numerators(result.model) - TRUE) < [0.01, 0.01, 0.1, 0.1, 0.03, 0.06, 0.06])
 
 
-def test_window_shorter_than_the_predictor_remembers_is_said():
+def test_window_too_short_for_the_gain_is_said():
     record = simulate_disturbed_loop(3000, 6)
     short, long = (identify_ort([record], past=p, future=20, order=2, joint_order=3) for p in (10, 45))
-    assert any("after the past window of 10 samples the predictor still remembers" in note for note in short.notes)
+    assert any("one-step prediction of y is worse than a free run: past window 10" in note for note in short.notes)
     assert not any("past window" in note for note in long.notes)
     true = disturbed_plant()
     errors = [abs(r.model.C @ r.model.K - true.C @ true.K).item() for r in (short, long)]

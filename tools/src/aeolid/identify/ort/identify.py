@@ -21,14 +21,13 @@ from aeolid.identify.ort.joint import Layout, require_disturbance, require_own_n
 from aeolid.identify.ort.order import choose_joint_order, choose_plant_order
 from aeolid.identify.ort.plant import predictor_map
 from aeolid.identify.ort.result import OrtIdentification, OrtSettings
-from aeolid.identify.subspace import ScaledModel, equilibrium, spectral_radius, stabilise
+from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
-REMEMBERED = 0.05  # of the state of the predictor after the past window; with more left K is biased
 ILL_CONDITIONED = 1e6  # of the disturbance's windows: noise in B and D of the disturbance grows by as much
 
 
@@ -93,7 +92,7 @@ def identify_ort(
         windows=whole.windows,
         skipped=whole.skipped,
         gain_method=scaled.gain_method,
-        notes=_notes(whole, model, past, condition, tests),
+        notes=_notes(whole, model, fit, past, condition, tests),
         version=aeolid.__version__,
     )
 
@@ -217,7 +216,7 @@ def _poles(layout: Layout, orders: tuple[OrderChoice, OrderChoice], settings: Or
 
 
 def _notes(
-    factor: WindowFactor, model: StateSpace, past: int, condition: float, tests: Sequence[FeedbackTest]
+    factor: WindowFactor, model: StateSpace, fit: Fit, past: int, condition: float, tests: Sequence[FeedbackTest]
 ) -> tuple[str, ...]:
     notes = [test.text for test in tests if test.alarms]
     if factor.skipped:
@@ -227,12 +226,11 @@ def _notes(
             f"the disturbance hardly moves in some directions of the windows (condition {condition:.0e}): its part of "
             "the model is uncertain there; shorter windows or a lower sample rate help"
         )
-    K = model.K if model.K is not None else np.zeros((model.order, len(model.outputs)))
-    left = spectral_radius(model.A - K @ model.C) ** past
-    if left > REMEMBERED:
+    worse = [name for name in fit.one_step.nrmse if fit.one_step.nrmse[name] > fit.free_run.nrmse[name]]
+    if worse:  # a gain of zero would predict better: what (A − K C)ᵖ leaves has gone into K
         notes.append(
-            f"after the past window of {past} samples the predictor still remembers {left:.0%}: the gain K is biased "
-            "(poles and responses less so); lengthen the past window"
+            f"one-step prediction of {', '.join(worse)} is worse than a free run: past window {past} is too short "
+            "for the gain K (poles and responses suffer less); lengthen it"
         )
     growing = int(np.count_nonzero(abs(np.linalg.eigvals(model.A)) > 1))
     if growing:
