@@ -92,9 +92,8 @@ class Progress:
         if now - at >= FIT_S:
             runs = self._reception.clocks.runs(number)
             fit = runs[-1].fit() if runs else None
-            text = (
-                "" if fit is None or fit.drift_ppm is None else drift_text(clock_facts(fit)).removeprefix("its clock ")
-            )
+            text = "" if fit is None or fit.drift_ppm is None else drift_text(clock_facts(fit))
+            text = text.replace("its clock and the host's agree", "agrees").removeprefix("its clock is ")
             self._drift[number] = (now, text)
         return text
 
