@@ -93,7 +93,7 @@ def test_measured_load_is_that_of_the_formula(fd: int, innovations: int) -> None
     """A node of five channels, 450 parameters, a snapshot every 10 s: 2,000 s on a bus of 500 kbit/s.
 
     Counted in the longest bits of each frame the load is the formula's; with the stuffing of the frames sent it is
-    below, by what the frames are shorter.
+    0.87 of that, the figure to expect (DESIGN.md): few frames of numbers come near the most stuffing there can be.
     """
     ratio, steps, every = 4, 2000, 100
     rig = Rig(settings(inputs=2, outputs=3, parameters=450, innovations=innovations, fd=fd, fd_ratio=ratio,
@@ -115,4 +115,4 @@ def test_measured_load_is_that_of_the_formula(fd: int, innovations: int) -> None
         BIT_RATE, 100_000, 5, 3 * innovations, 450, 25, every, 10, description, 100, fd, ratio
     )
     assert bound / BIT_RATE / (0.1 * steps) * 1000 == pytest.approx(permille, rel=0.03, abs=1.0)
-    assert 0.8 < real / compared < 1.0
+    assert real / compared == pytest.approx(0.87, rel=0.1)
