@@ -156,6 +156,10 @@ def test_bad_models_and_targets_are_refused(folder: Path, capsys: pytest.Capture
         ["identify", "rec.csv", "--no-such-option"],
         ["listen", "--bus", "nonsense"],
         ["node"],
+        ["node", "--turbine", "--past", "0"],
+        ["node", "--turbine", "--method", "els", "--past", "200"],
+        ["node", "--turbine", "--method", "fast-rls", "--past", "30", "--forget", "0.7"],
+        ["node", "--turbine", "--method", "no-such-filter"],
     ],
 )
 def test_wrong_usage_is_code_2(arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -65,6 +65,7 @@ def run(
     The first line on standard output is the address that `aeolid listen --bus` takes.
     """
     feed = _choose_feed(recording, roles, turbine, samples, seed)
+    _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
     options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
     options += ["--node-id", node_id, "--snapshot-every", snapshot_every, "--sample-every", sample_every]
@@ -78,6 +79,15 @@ def run(
     emit_json(facts, json)
     if json != "-" and facts:
         progress_console.print(_sum_up(facts), soft_wrap=True)
+
+
+def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: float | None) -> None:
+    """Refuse before the process starts what its filter would refuse."""
+    from aeolid.filters.settings import FORGETTING, check_memory, check_sizes, choose_model_set
+
+    model_set = choose_model_set(method, "varmax" if varmax else None)
+    check_sizes(len(feed.inputs), len(feed.outputs), past, (), feed.sample_time_s, model_set)
+    check_memory(method, past, FORGETTING.get(method, 1.0) if forget is None else forget)
 
 
 def _sum_up(facts: dict[str, Any]) -> str:
