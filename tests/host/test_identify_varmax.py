@@ -387,5 +387,7 @@ def test_holes_that_leave_no_varmax_window_are_counted(loop_record):
     """Every 16th sample missing: VARX windows of 9 samples there are, VARMAX ones of 17 none."""
     values = loop_record.values.copy()
     values[::16] = np.nan
-    with pytest.raises(NotIdentifiable, match=r": 0 complete windows of 17 samples \(3984 more hold a missing sample\)"):
+    with pytest.raises(
+        NotIdentifiable, match=r": 0 complete windows of 17 samples \(3984 more hold a missing sample\)"
+    ):
         identify_varmax([replace(loop_record, values=values)], past=8, order=4)
