@@ -38,9 +38,10 @@ class Finished:
             assert len(told) == 1, self.err
 
 
-def _heed_interrupts() -> None:
-    """Undo what a shell does to the tests it runs in the background: their children would ignore Ctrl-C for ever."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+def _heed_signals() -> None:
+    """Undo what a shell, nohup or a service does to the tests it starts: their children would ignore signals for ever."""
+    for kind in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(kind, signal.SIG_DFL)
 
 
 class Process:
@@ -50,7 +51,7 @@ class Process:
         words = [*COMMAND, *map(str, arguments)]
         self.process = subprocess.Popen(
             words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True,
-            preexec_fn=_heed_interrupts,
+            preexec_fn=_heed_signals,
         )  # fmt: skip
 
     def first_line(self) -> str:
