@@ -128,9 +128,9 @@ static int init_stream(node_t *self, uint32_t parameters)
     aeo_port_t port;
     int result;
     memset(&config, 0, sizeof config);
-    config.address.base = AEO_FRAME_BASE_EXTENDED;
+    config.address.base = o->base;
     config.address.node = o->node;
-    config.address.extended = 1;
+    config.address.extended = o->base >= 0x800u;
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.innovations = o->innovations;

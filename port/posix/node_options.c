@@ -106,7 +106,8 @@ enum {
     SAMPLE_EVERY,
     REPAIR,
     VARX_SAMPLES,
-    FD_RATIO
+    FD_RATIO,
+    BASE
 };
 
 static void take_settings(node_options_t *self, const setting_t *setting)
@@ -124,6 +125,7 @@ static void take_settings(node_options_t *self, const setting_t *setting)
     self->bit_rate = (uint32_t)setting[BIT_RATE].value;
     self->bits_per_s = (uint32_t)(setting[BIT_RATE].value * setting[SHARE].value / 100.0);
     self->node = (uint8_t)setting[NODE_ID].value;
+    self->base = (uint32_t)setting[BASE].value;
     self->snapshot_s = setting[SNAPSHOT_EVERY].value;
     self->sample_every = (uint16_t)setting[SAMPLE_EVERY].value;
     self->repair_percent = (uint8_t)setting[REPAIR].value;
@@ -195,6 +197,7 @@ int node_options_read(node_options_t *self, int argc, char **argv)
         {"--repair", 0, 100, 25},
         {"--varx-samples", 16, AEO_ELS_VARX_SAMPLES_MAX, 0},
         {"--fd-ratio", 1, 16, 1},
+        {"--base", 0, 536870911.0, AEO_FRAME_BASE_EXTENDED},
     };
     int at = 1, result;
     memset(self, 0, sizeof *self);

@@ -19,6 +19,7 @@
  *                       can: as fast as the bit rate carries it
  *   --wait              start when a listener has opened its channel; not on can:, where nobody is seen
  *   --node-id N         default 1
+ *   --base B            of the identifiers (frame.h), default 0x1CFF4000; below 0x800 they have 11 bits, nodes 0 ... 15
  *   --snapshot-every S  seconds between two snapshots, default 10
  *   --sample-every K    send every K-th sample, default 1; 0: none
  *   --innovations       send innovations too
@@ -52,6 +53,7 @@ typedef struct {
     double speed; /* 0: as fast as the listeners read */
     int wait;
     uint8_t node;
+    uint32_t base; /* below 2^11: identifiers of 11 bits */
     double snapshot_s;
     uint16_t sample_every;
     uint8_t innovations;

@@ -183,6 +183,28 @@ def test_cantools_encodes_c_unpacks(library: Any, kind: int, tag: int, index: in
     assert (found.kind, found.tag, found.index, found.count, found.value[0]) == (kind, tag, index, 1, value)
 
 
+@pytest.mark.parametrize(("base", "nodes"), [(0x600, 16), (0x100, 16), (0x14FE0000, 254)])
+def test_identifiers_may_begin_elsewhere(base: int, nodes: int) -> None:
+    """Every kind and node above another base, 11 bits below 0x800; what lies beside is foreign."""
+    rows, meant = [], []
+    for node in (0, 7, nodes - 1):
+        for kind in range(9):
+            identifier, data = wire.encode(node, kind, 1, 2, 3, base)
+            rows.append((identifier, base >= 0x800, data))
+            meant.append((node, kind))
+        for kind in (wire.SAMPLE_FD, wire.PARAMETER_FD):
+            identifier, data = wire.encode_fd(node, kind, 1, 2, [3], base)
+            rows.append((identifier, base >= 0x800, data))
+            meant.append((node, kind))
+    decoded = wire.decode(wire.pack_frames(rows), base)
+    assert list(zip(decoded.node.tolist(), decoded.kind.tolist(), strict=True)) == meant
+    assert (decoded.foreign, decoded.damaged) == (0, 0)
+    beside = [(identifier, not extended, data) for identifier, extended, data in rows]
+    for others in (beside, [(base - 1, base >= 0x800, bytes(8))]):
+        assert wire.decode(wire.pack_frames(others), base).foreign == len(others)
+    assert wire.decode(wire.pack_frames(rows)).foreign == len(rows)
+
+
 def test_bulk_decoder_equals_cantools_bit_for_bit() -> None:
     """The fast path of the host against cantools on 4,000 frames of all kinds, every field."""
     generator = np.random.default_rng(5)

@@ -160,6 +160,11 @@ def test_bad_models_and_targets_are_refused(folder: Path, capsys: pytest.Capture
         ["node", "--turbine", "--method", "els", "--past", "200"],
         ["node", "--turbine", "--method", "fast-rls", "--past", "30", "--forget", "0.7"],
         ["node", "--turbine", "--method", "no-such-filter"],
+        ["node", "--turbine", "--base", "0x601"],
+        ["node", "--turbine", "--base", "0x600", "--node-id", "16"],
+        ["node", "--turbine", "--node-id", "254"],
+        ["listen", "--bus", "bus.log", "--base", "0x1CFF4100"],
+        ["listen", "--bus", "bus.log", "--base", "first"],
     ],
 )
 def test_wrong_usage_is_code_2(arguments: list[str], folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,12 +18,23 @@ Start = Callable[..., Process]
 NODE = ("node", "--turbine", "--samples", 400, "--seed", 3, "--past", 8, "--wait", "--speed", "max")
 
 
-@pytest.mark.parametrize("options", [("--fd", "--fd-ratio", 4), ("--fd",), ("--no-seal",)], ids=str)
+KINDS = {
+    "fd, four times faster": ("--fd", "--fd-ratio", 4),
+    "fd": ("--fd",),
+    "no seals": ("--no-seal",),
+    "another base": ("--base", "0x14FE0000", "--node-id", 253),
+    "11 bits": ("--base", "0x600", "--node-id", 15),
+    "11 bits, fd": ("--base", "0x100", "--node-id", 0, "--fd"),
+}
+
+
+@pytest.mark.parametrize("options", KINDS.values(), ids=KINDS)
 def test_everything_arrives_bit_for_bit(options: tuple[object, ...], start: Start, tmp_path: Path) -> None:
     """Samples and theta through a bus that loses one frame in fifty."""
     node = start(*NODE, *options, "--dump", tmp_path / "theta.f32")
     relay = Relay([node.first_line()], drop_any(0.02))
-    outputs = ("--until-end", "--record", tmp_path / "r.csv", "--markov", tmp_path / "m.npz")
+    base = options[:2] if options[0] == "--base" else ()
+    outputs = ("--until-end", "--record", tmp_path / "r.csv", "--markov", tmp_path / "m.npz", *base)
     ended, facts = listen(relay.address, tmp_path, *outputs)
     ended.assert_clean()
     node.finish().assert_clean()
@@ -38,6 +49,14 @@ def test_everything_arrives_bit_for_bit(options: tuple[object, ...], start: Star
 
 
 def drop_any(share: float) -> Callable[[bytes], list[bytes]]:
-    """Lose this share of all frames, CAN FD lines (letter B) too."""
+    """Lose this share of all frames, whatever their letter: T, t, and B, b of CAN FD."""
     lose = drop(share, 5)
-    return lambda line: [line] if lose(line.replace(b"B", b"T", 1) if line[:1] == b"B" else line) else []
+    return lambda line: [line] if lose(b"T" + line[1:] if line[:1] in b"Bbt" else line) else []
+
+
+def test_a_listener_at_another_base_hears_nobody(start: Start, tmp_path: Path) -> None:
+    """Frames of somebody else: counted, one sentence, code 3."""
+    node = start(*NODE, "--base", "0x600", "--node-id", 3)
+    ended, facts = listen(node.first_line(), tmp_path, "--seconds", 3)
+    assert ended.code == 3 and "none from a node" in ended.err
+    assert facts["foreign"] == facts["frames"] != 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, decode
+from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, choose_layout, decode
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -197,7 +197,7 @@ def first_channels(frames: Frames, base: int = BASE) -> list[tuple[int, Index, A
 
     Frames without a time, and damaged ones, are left out.
     """
-    kind = frames.id - np.uint32(base) >> np.uint32(8)
+    kind = frames.id - np.uint32(base) >> np.uint32(choose_layout(base).shift)
     rows = np.flatnonzero(((kind == SAMPLE) | (kind == SAMPLE_FD)) & (frames.data[:, 0] == 0))
     rows = rows[np.isfinite(frames.time_s[rows])]
     if not len(rows):

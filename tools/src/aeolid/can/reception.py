@@ -13,7 +13,7 @@ from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
 from aeolid.can.source import Source
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames
+from aeolid.can.wire import BASE, EXTENDED, FAST, FD, Frames
 from aeolid.errors import DataError
 
 LOOK_S = 5.0  # how often samples are taken out, however few have come
@@ -24,11 +24,12 @@ class Reception:
     """Hold what one reception has found so far; `seconds` and `frames` grow while `run` runs."""
 
     def __init__(
-        self, source: Source, recorder: RunRecorder, log: RawLog | None = None, *, bit_rate: float, data_bit_rate: float
-    ) -> None:
-        """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown."""
+        self, source: Source, recorder: RunRecorder, log: RawLog | None = None, *, bit_rate: float, data_bit_rate: float,
+        base: int = BASE,
+    ) -> None:  # fmt: skip
+        """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown; base: of the identifiers."""
         self.source, self.recorder, self.log = source, recorder, log
-        self.assembly, self.clocks = Assembly(), ClockKeeper()
+        self.assembly, self.clocks = Assembly(base), ClockKeeper(base)
         self.frames = 0  # of anybody
         self.errors = 0  # error frames: the bus is disturbed, or a controller has gone off it
         self.busy_s = 0.0  # what they took on the bus at most

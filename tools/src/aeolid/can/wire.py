@@ -18,7 +18,6 @@ from aeolid.errors import UsageError
 
 WIRE_VERSIONS = (1, 2)
 BASE = 0x1CFF4000  # AEO_FRAME_BASE_EXTENDED
-NODES = 254
 HEALTH, DESCRIPTION, SAMPLE, INNOVATION, BEGIN, PARAMETER, REPAIR, END, SEAL = range(9)
 SAMPLE_FD, INNOVATION_FD, PARAMETER_FD, REPAIR_FD = 10, 11, 13, 14
 KINDS = 16
@@ -32,6 +31,33 @@ _FD_LENGTH = np.array([0, 12, 16, 20, 24, 32, 32, 48, 48, 48, 48, 64, 64, 64, 64
 
 Bytes = NDArray[np.uint8]
 Words = NDArray[np.uint32]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Say where kind and node sit in the identifiers above a base: 256 kind + node, or 16 kind + node with 11 bits."""
+
+    shift: int  # of the kind
+    nodes: int  # numbers from here on are no nodes
+    flags: int  # EXTENDED, or 0
+    limit: int  # identifiers from here on do not exist
+
+
+EXTENDED_LAYOUT, STANDARD_LAYOUT = Layout(8, 254, EXTENDED, 1 << 29), Layout(4, 16, 0, 1 << 11)
+
+
+def choose_layout(base: int) -> Layout:
+    """Return the layout that a base asks for: below 0x800 identifiers of 11 bits.
+
+    Raises UsageError where the base leaves no room for kinds and nodes (low 13 or 8 bits not zero, or too high).
+    """
+    layout, room = (STANDARD_LAYOUT, 0xFF) if base < STANDARD_LAYOUT.limit else (EXTENDED_LAYOUT, 0x1FFF)
+    if base < 0 or base & room or base >= layout.limit:
+        raise UsageError(
+            f"base {base:#x}: with 29-bit identifiers it is a multiple of 0x2000 below 0x20000000,"
+            " with 11 bits a multiple of 0x100 below 0x800"
+        )
+    return layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,22 +172,23 @@ def join_frames(parts: Sequence[Frames]) -> Frames:
 
 
 def decode(frames: Frames, base: int = BASE, place: int = 0) -> Messages:
-    """Decode a batch: identifier, check, fields; `place` is the number of its first frame.
+    """Decode a batch: identifier, check, fields; `place` is the number of its first frame, base as `choose_layout`.
 
     Frames of other systems and damaged ones are counted and left out. Cost: about 0.15 µs a classic frame in large
     batches, 1 µs a CAN FD frame.
     """
     offset = frames.id - np.uint32(base)  # wraps far above the limit when the identifier is below the base
-    kind = offset >> np.uint32(8)
-    possible = (kind < KINDS) & (offset & np.uint32(0xFF) < NODES) & (frames.flags & EXTENDED > 0)
-    possible &= frames.id < 1 << 29
+    layout = choose_layout(base)
+    kind, node = offset >> np.uint32(layout.shift), offset & np.uint32((1 << layout.shift) - 1)
+    possible = (kind < KINDS) & (node < layout.nodes) & (frames.flags & EXTENDED == layout.flags)
+    possible &= frames.id < layout.limit
     kind = np.where(possible, kind, np.uint32(9))  # there is no kind 9
     classic = np.flatnonzero(_IS_CLASSIC[kind] & (frames.length == 8))
     is_fd = _IS_FD[kind] & (frames.flags & FD > 0)
     messages = _decode_classic(frames, classic, kind[classic].astype(np.uint8), base)
     if is_fd.any():
         long = np.flatnonzero(is_fd & np.isin(frames.length, _FD_LENGTH[1:]))
-        messages = _merge(messages, _decode_fd(frames, long, kind[long].astype(np.uint8)))
+        messages = _merge(messages, _decode_fd(frames, long, kind[long].astype(np.uint8), layout))
         foreign = len(frames) - len(classic) - len(long)
     else:
         foreign = len(frames) - len(classic)
@@ -171,7 +198,8 @@ def decode(frames: Frames, base: int = BASE, place: int = 0) -> Messages:
 @lru_cache(maxsize=4)
 def _starts(base: int) -> Bytes:
     """Return the register of the CRC-8 after the identifier of each kind and the length."""
-    return np.array([start_8((base + (kind << 8)) & 0xFFFFFFFF) for kind in range(KINDS)], np.uint8)
+    shift = choose_layout(base).shift
+    return np.array([start_8((base + (kind << shift)) & 0xFFFFFFFF) for kind in range(KINDS)], np.uint8)
 
 
 def _decode_classic(frames: Frames, at: NDArray[np.int64], kind: Bytes, base: int) -> Messages:
@@ -181,7 +209,7 @@ def _decode_classic(frames: Frames, at: NDArray[np.int64], kind: Bytes, base: in
     if len(damaged_at):
         at, kind, data = at[sound], kind[sound], data[sound]
     return Messages(
-        (frames.id[at] & np.uint32(0xFF)).astype(np.uint8),  # the base ends in zeros
+        _nodes(frames.id[at], choose_layout(base)),
         kind,
         data[:, 0],
         data[:, 1:3].copy().view("<u2")[:, 0].astype(np.uint16, copy=False),
@@ -193,7 +221,12 @@ def _decode_classic(frames: Frames, at: NDArray[np.int64], kind: Bytes, base: in
     )
 
 
-def _decode_fd(frames: Frames, at: NDArray[np.int64], kind: Bytes) -> Messages:
+def _nodes(identifier: Words, layout: Layout) -> Bytes:
+    """Return the nodes of identifiers; the base ends in zeros."""
+    return (identifier & np.uint32((1 << layout.shift) - 1)).astype(np.uint8)
+
+
+def _decode_fd(frames: Frames, at: NDArray[np.int64], kind: Bytes, layout: Layout) -> Messages:
     """Decode CAN FD frames of lengths that exist: one message a value."""
     data, length = np.ascontiguousarray(frames.data[at]), frames.length[at]
     words = data.view("<u4").astype(np.uint32, copy=False)  # (n, 16): head, check, 14 values
@@ -209,7 +242,7 @@ def _decode_fd(frames: Frames, at: NDArray[np.int64], kind: Bytes) -> Messages:
     lane = np.arange(len(repeat)) - np.repeat(np.cumsum(count[good], dtype=np.int64) - count[good], count[good])
     index = data[:, 1].astype(np.uint16) | data[:, 2].astype(np.uint16) << np.uint16(8)
     return Messages(
-        (frames.id[at[repeat]] & np.uint32(0xFF)).astype(np.uint8),
+        _nodes(frames.id[at[repeat]], layout),
         kind[repeat],
         data[repeat, 0],
         index[repeat],
@@ -243,12 +276,12 @@ def encode(node: int, kind: int, tag: int, index: int, value: int, base: int = B
     data[0, 0], data[0, 1], data[0, 2] = tag, index & 0xFF, index >> 8
     data[0, 4:] = np.frombuffer(np.uint32(value).astype("<u4").tobytes(), np.uint8)
     data[0, 3] = check_8(_starts(base)[[kind]], data)[0]
-    return base + (kind << 8) + node, data.tobytes()
+    return base + (kind << choose_layout(base).shift) + node, data.tobytes()
 
 
 def encode_fd(node: int, kind: int, tag: int, index: int, values: Sequence[int], base: int = BASE) -> tuple[int, bytes]:
     """Build one CAN FD frame of 1 to 14 values: identifier and 12 to 64 bytes; for tests and simulators."""
-    identifier = base + (kind << 8) + node
+    identifier = base + (kind << choose_layout(base).shift) + node
     words = np.zeros(int(_FD_LENGTH[len(values)]) // 4, np.uint32)
     words[0] = tag | index << 8 | len(values) << 24
     words[2 : 2 + len(values)] = values

@@ -23,6 +23,23 @@ JsonOption = Annotated[
     str | None, typer.Option("--json", help="Write the same facts as JSON to this file, or - for standard output.")
 ]
 
+DEFAULT_BASE = "0x1CFF4000"  # aeolid.can.wire.BASE
+BaseOption = Annotated[
+    str, typer.Option("--base", help="Where the identifiers begin; below 0x800 they have 11 bits and nodes 0 to 15.")
+]
+
+
+def read_base(text: str) -> int:
+    """Read the base of the identifiers, decimal or hexadecimal; raises UsageError where it leaves no room."""
+    from aeolid.can.wire import choose_layout
+
+    try:
+        base = int(text, 0)
+    except ValueError:
+        raise UsageError(f"--base {text}: a number is needed, such as {DEFAULT_BASE}") from None
+    choose_layout(base)
+    return base
+
 
 def emit_json(facts: Any, target: str | None) -> None:
     """Write facts as JSON to the file `target`, to standard output for '-', nowhere for None.

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, console, emit_json, read_base
 from aeolid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def run(
         ),
     ] = None,
     node_id: Annotated[int | None, typer.Option("--node-id", help="Write this node only.")] = None,
+    base: BaseOption = DEFAULT_BASE,
     bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus, for the load shown.")] = 500_000,
     data_bit_rate: Annotated[
         int, typer.Option("--data-bit-rate", help="Of the data phase of CAN FD, for the load shown.")
@@ -70,10 +71,12 @@ def run(
     from aeolid.cli.listen_view import shown
 
     _check(record, log, markov, seconds, bus, min(bit_rate, data_bit_rate))
+    identifiers = read_base(base)
     source = open_source(bus, reconnect=not until_end if reconnect is None else reconnect)
     raw = open_raw_log(log) if log else None
     recorder = RunRecorder(record, innovations=markov.parent if markov else None, only=node_id)
-    reception = Reception(source, recorder, raw, bit_rate=bit_rate, data_bit_rate=data_bit_rate)
+    rates = {"bit_rate": bit_rate, "data_bit_rate": data_bit_rate}
+    reception = Reception(source, recorder, raw, **rates, base=identifiers)
     with _stop_requests() as requests:
         try:
             with shown(reception, bit_rate):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, console, emit_json, progress_console, read_base
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,7 +43,8 @@ def run(
     ] = "tcp:0",
     speed: Annotated[str, typer.Option("--speed", help="Multiple of real time, or max: as the bus drains.")] = "1",
     wait: Annotated[bool, typer.Option("--wait", help="Start when a listener has connected.")] = False,
-    node_id: Annotated[int, typer.Option("--node-id", help="0 to 253.")] = 1,
+    node_id: Annotated[int, typer.Option("--node-id", help="0 to 253; with 11-bit identifiers 0 to 15.")] = 1,
+    base: BaseOption = DEFAULT_BASE,
     snapshot_every: Annotated[float, typer.Option("--snapshot-every", help="Seconds between two snapshots.")] = 10.0,
     sample_every: Annotated[int, typer.Option("--sample-every", help="Send every k-th sample, 0: none.")] = 1,
     share: Annotated[float, typer.Option("--share", help="Of the bit rate, in percent; 0: no limit.")] = 5.0,
@@ -68,7 +69,8 @@ def run(
     _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
     options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
-    options += ["--node-id", node_id, "--snapshot-every", snapshot_every, "--sample-every", sample_every]
+    options += ["--base", _check_address(base, node_id), "--node-id", node_id]
+    options += ["--snapshot-every", snapshot_every, "--sample-every", sample_every]
     options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
     options += (["--wait"] if wait else []) + (["--innovations"] if innovations else [])
@@ -88,6 +90,17 @@ def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: floa
     model_set = choose_model_set(method, "varmax" if varmax else None)
     check_sizes(len(feed.inputs), len(feed.outputs), past, (), feed.sample_time_s, model_set)
     check_memory(method, past, FORGETTING.get(method, 1.0) if forget is None else forget)
+
+
+def _check_address(base: str, node_id: int) -> int:
+    """Return the base where the node has its place above it."""
+    from aeolid.can.wire import choose_layout
+
+    value = read_base(base)
+    last = choose_layout(value).nodes - 1
+    if not 0 <= node_id <= last:
+        raise UsageError(f"--node-id {node_id}: above base {base} nodes are 0 to {last}")
+    return value
 
 
 def _sum_up(facts: dict[str, Any]) -> str:
