@@ -39,7 +39,7 @@ class Finished:
 
 
 def _heed_signals() -> None:
-    """Undo what a shell, nohup or a service does to the tests it starts: their children would ignore signals for ever."""
+    """Undo what a shell or a service does to the tests it starts: their children would ignore signals for ever."""
     for kind in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(kind, signal.SIG_DFL)
 

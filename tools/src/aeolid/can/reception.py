@@ -24,9 +24,15 @@ class Reception:
     """Hold what one reception has found so far; `seconds` and `frames` grow while `run` runs."""
 
     def __init__(
-        self, source: Source, recorder: RunRecorder, log: RawLog | None = None, *, bit_rate: float, data_bit_rate: float,
+        self,
+        source: Source,
+        recorder: RunRecorder,
+        log: RawLog | None = None,
+        *,
+        bit_rate: float,
+        data_bit_rate: float,
         base: int = BASE,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown; base: of the identifiers."""
         self.source, self.recorder, self.log = source, recorder, log
         self.assembly, self.clocks = Assembly(base), ClockKeeper(base)
