@@ -13,6 +13,7 @@ from scipy.signal import cont2discrete
 
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
+from aeolid.models.exchange.files import FOREIGN, read_state_space
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
 from aeolid.models.state_space import Signal, StateSpace
@@ -94,9 +95,10 @@ class LinearModel:
 
 
 def load_model(path: str | Path) -> Model:
-    """Read model.json (state space) or model.toml (equations), or the one of them that a folder holds.
+    """Read model.json (state space), model.toml (equations), the one of them that a folder holds, .mat or .lin.
 
-    Raises DataError that names file and key, UsageError on another suffix.
+    A .mat or .lin file holds a linear model of MATLAB or of an OpenFAST linearisation. Raises DataError
+    that names file and key or line, UsageError on another suffix.
     """
     source = Path(path)
     if source.is_dir():
@@ -115,7 +117,9 @@ def load_model(path: str | Path) -> Model:
 
             return LpvModel(lpv.from_json(data, str(source)))
         return LinearModel(state_space.from_json(data, str(source)))
-    raise UsageError(f"{path}: a model is a .json (state space) or .toml (equations) file")
+    if source.suffix.lower() in FOREIGN:
+        return LinearModel(read_state_space(source))
+    raise UsageError(f"{path}: a model is a .json, .mat, .lin (linear) or .toml (equations) file")
 
 
 def discretise(model: StateSpace, sample_time_s: float) -> StateSpace:

@@ -1,0 +1,1 @@
+"""Exchange linear models with other tools: python-control, MATLAB files, OpenFAST linearisations, C controllers."""

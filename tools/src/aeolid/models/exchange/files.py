@@ -1,0 +1,30 @@
+"""Read a linear model from any file that holds one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from aeolid.errors import UsageError
+from aeolid.models import state_space
+from aeolid.models.state_space import StateSpace
+
+FOREIGN = (".mat", ".lin")
+
+
+def read_state_space(path: str | Path, sample_time_s: float | None = None) -> StateSpace:
+    """Read model.json, a MATLAB file or an OpenFAST linearisation, told by the suffix.
+
+    sample_time_s: for a .mat file that does not say its own. Raises DataError that names file and entry or line.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix == ".mat":
+        from aeolid.models.exchange.matlab import read_mat_model
+
+        return read_mat_model(path, sample_time_s)
+    if suffix == ".lin":
+        from aeolid.models.exchange.openfast import read_lin
+
+        return read_lin(path).model
+    if suffix == ".toml":
+        raise UsageError(f"{path}: equations; a linear model (.json, .mat or .lin) is needed here")
+    return state_space.from_json(state_space.read_json(path), str(path))

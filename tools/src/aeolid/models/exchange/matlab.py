@@ -1,0 +1,158 @@
+"""Read and write linear models as MATLAB files up to version 7.
+
+Names are those of MATLAB's own ss and idss properties: A, B, C, D, K, Ts, InputName, InputUnit, OutputName, OutputUnit,
+StateName, StateUnit, X0, NoiseVariance, InputOffset, OutputOffset; as variables of the file or as fields of its one
+structure. In MATLAB: m = load('model.mat'); s = ss(m.A, m.B, m.C, m.D, m.Ts, 'InputName', m.InputName). Objects of
+classes are opaque outside MATLAB and are refused.
+
+The reader of scipy can crash the process on a damaged file, so it runs in a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aeolid.errors import DataError, UsageError
+from aeolid.models import state_space
+from aeolid.models.state_space import StateSpace
+
+_READ = "import sys; from aeolid.models.exchange.matlab import print_content; print_content(sys.argv[1])"
+_PATIENCE_S = 120
+_NUMBERS = ("A", "B", "C", "D", "K", "Ts", "X0", "NoiseVariance", "InputOffset", "OutputOffset")
+_TEXTS = ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")
+
+
+def write_mat(path: str | Path, model: StateSpace) -> None:
+    """Write a model; its Kalman gain, noise and start only where it has them. Raises UsageError when it cannot."""
+    from scipy.io import savemat
+
+    content: dict[str, Any] = {k: getattr(model, k) for k in "ABCD"}
+    content |= {"Ts": model.sample_time_s, "X0": model.x0[:, None]}
+    content |= {"InputOffset": model.u_offset[:, None], "OutputOffset": model.y_offset[:, None]}
+    if model.K is not None:
+        content["K"] = model.K
+    if model.innovation_covariance is not None:
+        content["NoiseVariance"] = model.innovation_covariance
+    for kind, signals in (("Input", model.inputs), ("Output", model.outputs), ("State", model.states)):
+        content[f"{kind}Name"] = _cells([s.name for s in signals])
+        content[f"{kind}Unit"] = _cells([s.unit for s in signals])
+    try:
+        savemat(path, content, do_compression=True, oned_as="column")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def read_mat_model(path: str | Path, sample_time_s: float | None = None) -> StateSpace:
+    """Read a model; sample_time_s where the file has no Ts (MATLAB's −1 is none). Raises DataError naming the entry."""
+    content = _content(path)
+    for name in ("A", "B", "C"):
+        if name not in content:
+            raise DataError(f"{path}: no matrix {name}; a model needs A, B, C and Ts as variables or in one structure")
+    # MATLAB has no vectors: a row or column, an empty matrix and a number all are matrices
+    n, r, m = np.shape(content["A"])[0], np.shape(content["B"])[-1], np.shape(content["C"])[0]
+    data: dict[str, Any] = {"kind": "state_space", "sample_time_s": _sample_time(path, content, sample_time_s)}
+    data |= {k: np.asarray(content[k]).tolist() if k in content else None for k in "ABCDK"}
+    for key, kind, letter, size in (
+        ("inputs", "Input", "u", r),
+        ("outputs", "Output", "y", m),
+        ("states", "State", "x", n),
+    ):
+        data[key] = _signals(path, content, kind, letter, size)
+    for key, name in (("x0", "X0"), ("innovation_covariance", "NoiseVariance")):
+        if np.size(content.get(name, [])):
+            data[key] = (np.ravel(content[name]) if key == "x0" else np.asarray(content[name])).tolist()
+    data |= {k: None for k in "DK" if np.size(content.get(k, [])) == 0}  # [] is none
+    return state_space.from_json(data, str(path))
+
+
+def print_content(source: str) -> None:
+    """Print what a model needs of a MATLAB file as JSON; ends the process with code 3 and the cause."""
+    from scipy.io import loadmat
+
+    try:
+        content = loadmat(source, squeeze_me=False, struct_as_record=True)
+    except Exception as error:  # the reader raises whatever its parser meets in a damaged file
+        print(str(error) or type(error).__name__, file=sys.stderr)
+        raise SystemExit(3) from None
+    found = {k: v for k, v in content.items() if not k.startswith("__") and isinstance(v, np.ndarray)}
+    structures = [v for v in found.values() if v.dtype.names and v.size == 1]
+    if "A" not in found and len(structures) == 1:
+        names = structures[0].dtype.names or ()
+        found = {name: structures[0].reshape(-1)[0][name] for name in names}
+    result: dict[str, Any] = {}
+    for name, value in found.items():
+        if name in _NUMBERS and value.dtype.kind in "biuf" and value.ndim == 2:
+            result[name] = {"shape": value.shape, "values": value.astype(float).ravel().tolist()}
+        elif name in _NUMBERS:
+            result[name] = None
+        elif name in _TEXTS:
+            result[name] = [_text(v) for v in (value.ravel() if value.dtype.kind == "O" else value)]
+    json.dump(result, sys.stdout)
+
+
+def _content(path: str | Path) -> dict[str, Any]:
+    try:
+        with open(path, "rb") as handle:
+            head = handle.read(10)
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file") from None
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror}") from None
+    if head == b"MATLAB 7.3":
+        raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
+    command = [sys.executable, "-c", _READ, str(path)]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
+    except subprocess.TimeoutExpired:
+        raise DataError(f"{path}: not a readable MATLAB file: reading it did not come to an end") from None
+    if done.returncode != 0:
+        cause = done.stderr.strip().splitlines()[-1:] if done.returncode == 3 else []
+        raise DataError(f"{path}: not a readable MATLAB file: {cause[0] if cause else 'damaged'}")
+    raw = json.loads(done.stdout)
+    for name in _NUMBERS:
+        if name in raw:
+            if raw[name] is None:
+                raise DataError(f"{path}: {name} is not a matrix of real numbers")
+            raw[name] = np.reshape(raw[name]["values"], raw[name]["shape"])
+    return dict(raw)
+
+
+def _sample_time(path: str | Path, content: dict[str, Any], given: float | None) -> float:
+    value = np.ravel(content.get("Ts", []))
+    if value.size == 1 and value[0] >= 0:
+        if given and value[0] > 0 and abs(given - value[0]) > 1e-9 * given:
+            raise UsageError(f"{path}: sample time {given:g} s was asked for, the file's Ts is {value[0]:g} s")
+        return float(value[0])
+    if given is None:
+        raise DataError(f"{path}: no sample time Ts (0: continuous time); add it to the file or give --sample-time")
+    return given
+
+
+def _signals(path: str | Path, content: dict[str, Any], kind: str, letter: str, size: int) -> list[dict[str, Any]]:
+    names = content.get(f"{kind}Name") or []
+    units = content.get(f"{kind}Unit") or []
+    offsets = np.ravel(content.get(f"{kind}Offset", [])).tolist() or [0.0] * size
+    for entry, values in (("Name", names), ("Unit", units), ("Offset", offsets)):
+        if values and len(values) != size:
+            raise DataError(f"{path}: {kind}{entry} has {len(values)} entries, the matrices have {size}")
+    labels = [name or f"{letter}{i + 1}" for i, name in enumerate(names or [""] * size)]  # MATLAB: '' is unnamed
+    triples = zip(labels, units or [""] * size, offsets, strict=True)
+    return [{"name": name, "unit": unit, "offset": offset} for name, unit, offset in triples]
+
+
+def _cells(texts: list[str]) -> Any:
+    """Return a cell array (k, 1) of texts."""
+    cells = np.empty((len(texts), 1), dtype=object)
+    cells[:, 0] = texts
+    return cells
+
+
+def _text(value: Any) -> str:
+    """Return the text of a cell or of a row of a character array."""
+    return str(np.ravel(value)[0]).strip() if np.size(value) else ""
