@@ -1,0 +1,203 @@
+"""Check what a fleet rests on: summaries merge to the stacked problem, whatever their scaling and order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.fleet.modelling import choose_common_order, model_summary
+from aeolid.fleet.plan import Plan, find_recordings, parse_window
+from aeolid.fleet.summary import load, merge_all, save, summarise
+from aeolid.fleet.tracking import drift, mac, track
+from aeolid.identify.varx import identify_varx
+from aeolid.identify.windows import factorise, find_scaling
+from aeolid.plants.lti import simulate_fourth_order
+from aeolid.record import Roles
+
+PAST = 8
+
+
+def shifted(record, seed):
+    """Return the recording with other levels and sizes of its channels, so that its own scaling is another."""
+    random = np.random.default_rng(seed)
+    values = record.values + 5 * random.standard_normal(4)
+    values[seed % 3 * 50 : seed % 3 * 55] = np.nan  # none, 5 or 10 missing samples
+    return replace(record, values=values)
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [shifted(simulate_fourth_order(300 + 40 * seed, seed, feedback=0.25), seed) for seed in range(7)]
+
+
+@pytest.fixture(scope="module")
+def plan(records):
+    return Plan(Roles(records[0].channels, None, "time_s", "roles.toml"), PAST, 4, (), None, None)
+
+
+def gram(full):
+    return full.T @ full
+
+
+def test_merged_summaries_equal_the_stacked_problem(records):
+    total = merge_all(summarise(r, PAST) for r in records)
+    scaling = find_scaling(records)
+    np.testing.assert_allclose(total.offset, scaling.offset, rtol=1e-12)
+    np.testing.assert_allclose(total.scale, scaling.scale, rtol=1e-12)
+    whole, stacked = total.factor(), factorise(records, scaling, PAST)
+    np.testing.assert_allclose(gram(whole.full), gram(stacked.full), rtol=1e-9, atol=1e-9)
+    assert (whole.windows, whole.skipped) == (stacked.windows, stacked.skipped)
+    fitted = factorise(records, scaling, PAST, last=0.7)
+    np.testing.assert_allclose(gram(total.fitted), gram(fitted.full), rtol=1e-9, atol=1e-9)
+    assert total.recordings == 7
+
+
+@settings(max_examples=25, deadline=None)
+@given(order=st.permutations(range(7)), cut=st.integers(1, 6))
+def test_the_order_and_the_nesting_of_merging_do_not_matter(records, order, cut):
+    parts = [summarise(records[i], PAST) for i in order]
+    tree = merge_all([merge_all(parts[:cut]), merge_all(parts[cut:])])
+    plain = merge_all(summarise(r, PAST) for r in records)
+    np.testing.assert_allclose(gram(tree.factor().full), gram(plain.factor().full), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(tree.square, plain.square, rtol=1e-12)
+
+
+@settings(max_examples=25, deadline=None)
+@given(scale=st.floats(1e-3, 1e3), offset=st.floats(-1e2, 1e2))
+def test_another_scaling_is_the_factor_of_the_samples_so_scaled(records, scale, offset):
+    summary = summarise(records[0], PAST)
+    to = (np.full(4, offset), np.full(4, scale) * [1, 2, 3, 4])
+    expected = factorise([records[0]], replace(find_scaling([records[0]]), offset=to[0], scale=to[1]), PAST)
+    found = gram(summary.rescaled(*to).factor().full)
+    np.testing.assert_allclose(found, gram(expected.full), rtol=1e-9, atol=1e-9 * np.max(abs(found)))
+
+
+def test_a_recording_cut_in_two_loses_only_the_windows_across_the_cut():
+    whole = simulate_fourth_order(2000, 3)
+    parts = merge_all([summarise(whole.slice(0, 900), PAST), summarise(whole.slice(900, 2000), PAST)])
+    assert parts.factor().windows == len(whole) - 2 * PAST
+    scaling = find_scaling([whole])
+    lost = factorise([whole.slice(900 - PAST, 900 + PAST)], scaling, PAST)
+    complete = gram(factorise([whole], scaling, PAST).full)
+    found = gram(parts.rescaled(scaling.offset, scaling.scale).factor().full) + gram(lost.full)
+    np.testing.assert_allclose(found, complete, rtol=1e-9, atol=1e-8)
+
+
+def test_the_model_of_a_merge_is_the_model_of_the_recordings(records, plan):
+    facts = model_summary(merge_all(summarise(r, PAST) for r in records), plan, 4, "all")
+    expected = identify_varx(records, past=PAST, order=4)
+    assert [m["frequency_hz"] for m in facts["modes"]] == pytest.approx([m.frequency_hz for m in expected.modes])
+    for key in ("damping", "damping_std", "frequency_std_hz"):
+        assert [m[key] for m in facts["modes"]] == pytest.approx([getattr(m, key) for m in expected.modes], rel=1e-6)
+    np.testing.assert_allclose(facts["model"]["inputs"][0]["offset"], expected.model.inputs[0].offset, rtol=1e-9)
+
+
+def test_the_order_of_the_true_system_is_chosen(plan):
+    records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(4)]
+    order, reason = choose_common_order(merge_all(summarise(r, PAST) for r in records), plan)
+    assert order == 4 and reason.startswith("order 4: ")
+
+
+def test_a_channel_at_rest_in_one_recording_is_no_fault_but_in_all(records, plan):
+    still = [replace(r, values=np.where(np.arange(4) == 0, 3.0, r.values)) for r in records]
+    mixed = merge_all([summarise(still[0], PAST), *(summarise(r, PAST) for r in records[1:])])
+    scaling = find_scaling([still[0], *records[1:]])
+    np.testing.assert_allclose(mixed.scale, scaling.scale, rtol=1e-12)
+    with pytest.raises(NotIdentifiable, match="'u1' is constant at 3"):
+        model_summary(merge_all(summarise(r, PAST) for r in still), plan, 4, "all")
+
+
+def test_recordings_without_a_window_or_with_infinity_are_refused(records):
+    with pytest.raises(DataError, match="none of 8 samples"):
+        summarise(records[0].slice(0, PAST), PAST)
+    values = records[1].values.copy()
+    values[20, 2] = np.inf
+    with pytest.raises(DataError, match="'y1' is infinite at sample 21"):
+        summarise(replace(records[1], values=values), PAST)
+
+
+def test_a_summary_reads_back_bit_for_bit(records, tmp_path):
+    summary = summarise(records[2], PAST)
+    save(summary, tmp_path / "a.npz")
+    back = load(tmp_path / "a.npz")
+    for key, value in summary.__dict__.items():
+        assert np.array_equal(value, getattr(back, key)), key
+    assert [p.name for p in tmp_path.iterdir()] == ["a.npz"]
+
+
+def mode(frequency, damping, shape):
+    s = 2 * np.pi * frequency * (-damping + 1j * np.sqrt(1 - damping**2))
+    z = np.exp(0.1 * s)
+    return {"eigenvalue": [z.real, z.imag], "shape": [[v.real, v.imag] for v in np.asarray(shape, dtype=complex)]}
+
+
+def test_modes_that_cross_keep_their_track_by_shape():
+    periods = [(0.1, [mode(0.8 + 0.02 * k, 0.02, [1, 0.1]), mode(1.0 - 0.02 * k, 0.02, [0.1, 1])]) for k in range(11)]
+    assert track(periods) == [[0, 1]] * 11
+
+
+def test_a_mode_that_is_missing_keeps_its_number_and_a_new_one_gets_its_own():
+    first, second, far = mode(0.3, 0.01, [1, 0]), mode(1.0, 0.01, [0, 1]), mode(3.0, 0.01, [1, 1])
+    periods = [(0.1, [first, second]), (0.1, [second]), (0.1, [first, second, far]), (0.1, [])]
+    assert track(periods) == [[0, 1], [1], [0, 1, 2], []]
+
+
+def test_mac_is_one_for_a_turned_shape_and_nil_for_an_orthogonal_one():
+    a = np.array([1 + 2j, 3.0, -1j])
+    assert mac(a, 2j * a) == pytest.approx(1)
+    assert mac(np.array([1, 0j]), np.array([0j, 1])) == 0
+
+
+def test_drift_is_the_weighted_line():
+    t, s = np.arange(5.0), [0.1, 0.2, 0.1, 0.3, 0.1]
+    found = drift(t, 2 + 0.5 * t, s)
+    design = np.column_stack([np.ones(5), t]) / np.array(s)[:, None]
+    assert found["slope"] == pytest.approx(0.5)
+    assert found["slope_std"] == pytest.approx(np.sqrt(np.linalg.inv(design.T @ design)[1, 1]))
+    assert found["change"] == pytest.approx(2.0)
+    assert drift(t[:2], t[:2], s[:2]) is None
+    assert drift(t, t, [*s[:4], None]) is None
+
+
+def test_names_of_periods_and_turbines(plan, tmp_path):
+    daily = replace(plan, window_s=parse_window("1d"))
+    assert daily.period_of(1.7e9) == "2023-11-14"
+    assert replace(plan, window_s=parse_window("6h")).period_of(1.7e9) == "2023-11-14T18:00:00"
+    assert daily.period_of(90000.0) == "86400 s"
+    named = replace(plan, group=r"(?P<turbine>WT\d+)_(?P<start>\d{8}_\d{4})")
+    assert named.place(tmp_path / "WT07_20231114_2213.csv") == ("WT07", None, 1699999980.0)
+    assert plan.place(tmp_path / "WT1" / "a.csv") == ("WT1", None, None)
+    with pytest.raises(DataError, match="does not match"):
+        named.place(tmp_path / "other.csv")
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ({"past": 0}, "past window 0"), ({"order": 99}, "not within 1 … 16"), ({"feedthrough": ("w",)}, "no such"),
+        ({"group": "("}, "no regular expression"), ({"group": "a(b)"}, "names nothing"),
+        ({"group": "(?P<period>x)", "window_s": 60.0}, "both say"),
+    ],
+)  # fmt: skip
+def test_bad_settings_are_named(plan, change, words):
+    with pytest.raises(UsageError, match=words):
+        replace(plan, **change)
+
+
+@pytest.mark.parametrize("text", ["", "1", "d", "0d", "-1d", "1y"])
+def test_bad_windows_are_named(text):
+    with pytest.raises(UsageError, match="no length of time"):
+        parse_window(text)
+
+
+def test_recordings_are_found_once_and_results_never(tmp_path):
+    for name in ("a/x.csv", "a/b/y.parquet", "a/notes.txt", "a/out/modes.parquet"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    found = find_recordings([str(tmp_path / "a"), str(tmp_path / "a" / "*.csv")], tmp_path / "a" / "out")
+    assert [p.name for p in found] == ["y.parquet", "x.csv"]
+    with pytest.raises(DataError, match="no recording there"):
+        find_recordings([str(tmp_path / "nothing*")], tmp_path)

@@ -1,0 +1,185 @@
+"""Check fleet runs as a user starts them: what comes out, what is reused, what a bad file does."""
+
+import json
+import os
+
+import numpy as np
+import pyarrow.parquet as parquet
+import pytest
+
+from aeolid.cli.main import main
+from aeolid.fleet import tasks, workers
+from aeolid.fleet.plan import Plan, find_recordings
+from aeolid.fleet.run import run_fleet
+from aeolid.fleet.tables import SCHEMA, mode_rows
+from aeolid.formats import write_table
+from aeolid.plants.lti import simulate_fourth_order
+from aeolid.record import Roles
+
+ROLES = '[recording]\ntime = "time_s"\n' + "".join(
+    f'[[channel]]\nname = "{name}"\nunit = ""\nrole = "{role}"\n'
+    for name, role in (("u1", "input"), ("u2", "input"), ("y1", "output"), ("y2", "output"))
+)
+DAY = 86400.0
+
+
+def write(path, seed, start, step=0.1):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    record = simulate_fourth_order(600, seed, feedback=0.25)
+    columns = {name: record.column(name) for name in ("u1", "u2", "y1", "y2")}
+    write_table(path, {"time_s": start + step * np.arange(600), **columns})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two turbines, three days, two recordings each; the seeds are all different."""
+    where = tmp_path_factory.mktemp("fleet")
+    for turbine in range(2):
+        for k in range(6):
+            write(where / "data" / f"T{turbine}" / f"r{k}.parquet", 10 * turbine + k, 19000 * DAY + k // 2 * DAY)
+    (where / "roles.toml").write_text(ROLES)
+    return where
+
+
+@pytest.fixture
+def plan(folder):
+    return Plan(Roles.load(folder / "roles.toml"), 8, 4, (), None, DAY)
+
+
+def run(folder, plan, out, pool=None, paths=None):
+    given = find_recordings([str(folder / "data")], out) if paths is None else paths
+    return run_fleet(given, plan, out, pool or workers.Inline())
+
+
+@pytest.fixture(scope="module")
+def fresh(folder, tmp_path_factory):
+    plan = Plan(Roles.load(folder / "roles.toml"), 8, 4, (), None, DAY)
+    return run(folder, plan, tmp_path_factory.mktemp("out"))
+
+
+def values(facts):
+    """Return all that must not depend on how the run went."""
+    return json.dumps({key: value for key, value in facts.items() if key not in ("reused",)}, sort_keys=True)
+
+
+def test_periods_and_tracks_are_those_of_the_plant(fresh):
+    assert (fresh["usable"], fresh["turbines"], len(fresh["periods"]), fresh["skipped"]) == (12, 2, 6, [])
+    assert [p["period"] for p in fresh["periods"][:3]] == ["2022-01-08", "2022-01-09", "2022-01-10"]
+    rows = mode_rows(fresh["periods"])
+    true = {0: 0.125, 1: 0.375}  # poles 0.67 (1 ± i) and 0.67 (−1 ± i): a quarter and three quarters of the half turn
+    for row in rows:
+        assert row["pole_imag"] > 0 and row["recordings"] == 2 and row["windows"] == 2 * (600 - 8)
+        s = np.log(0.67 * np.sqrt(2)) + 2j * np.pi * true[row["track"]]
+        assert abs(row["frequency_hz"] - abs(s) / (2 * np.pi * 0.1)) < 5 * row["frequency_std_hz"]
+        assert abs(row["damping"] + s.real / abs(s)) < 5 * row["damping_std"]
+    assert len(fresh["tracks"]) == 4 and all(t["periods"] == 3 and t["per"] == "day" for t in fresh["tracks"])
+
+
+def test_the_order_of_files_does_not_matter(folder, plan, fresh, tmp_path):
+    paths = find_recordings([str(folder / "data")], tmp_path)[::-1]
+    assert values(run(folder, plan, tmp_path, paths=paths)) == values(fresh)
+
+
+def test_threads_give_the_same_values(folder, plan, fresh, tmp_path):
+    with workers.open_pool(2, threads=True) as pool:
+        assert values(run(folder, plan, tmp_path, pool)) == values(fresh)
+
+
+class Stopping(workers.Inline):
+    """Stop after some pieces, as a user does with Ctrl-C."""
+
+    def run(self, function, items, *shared):
+        for index, result in super().run(function, items, *shared):
+            if index == 5:
+                raise KeyboardInterrupt
+            yield index, result
+
+
+def test_an_interrupted_run_loses_nothing_and_ends_as_a_fresh_one(folder, plan, fresh, tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run(folder, plan, tmp_path, Stopping())
+    kept = sorted((tmp_path / "cache" / "factors").glob("*.npz"))
+    assert len(kept) == 6
+    kept[0].write_bytes(kept[0].read_bytes()[:500])  # a disk that filled up: found out and done again
+    again = run(folder, plan, tmp_path)
+    assert again["reused"] == 5
+    assert values(again) == values(fresh)
+
+
+def test_a_second_run_does_only_what_is_new(folder, plan, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    for k in range(3):
+        write(tmp_path / "data" / "T0" / f"r{k}.parquet", 40 + k, 0.0)
+    run(tmp_path, plan, out)
+    read, original = [], tasks.read_record
+    monkeypatch.setattr(tasks, "read_record", lambda path, roles: read.append(path) or original(path, roles))
+    write(tmp_path / "data" / "T0" / "r3.parquet", 43, 0.0)
+    facts = run(tmp_path, plan, out)
+    assert [os.path.basename(p) for p in read] == ["r3.parquet"]
+    assert (facts["reused"], facts["periods"][0]["recordings"]) == (3, 4)
+    write(tmp_path / "data" / "T0" / "r0.parquet", 50, 0.0)  # the same name, another content
+    run(tmp_path, plan, out)
+    assert [os.path.basename(p) for p in read] == ["r3.parquet", "r0.parquet"]
+    run(tmp_path, Plan(plan.roles, 9, 4, (), None, DAY), out)  # another past window is another factor
+    assert len(read) == 6
+
+
+def command(folder, out, *more):
+    return main(["fleet", *more, "--roles", str(folder / "roles.toml"), "--past", "8", "--out", str(out)])
+
+
+def test_bad_files_are_named_and_the_rest_goes_on(folder, tmp_path, capsys):
+    data = tmp_path / "data" / "T0"
+    write(data / "good0.parquet", 1, 0.0)
+    write(data / "good1.parquet", 2, 600.0)
+    write(data / "slow.parquet", 3, 0.0, step=0.2)
+    (data / "copy.parquet").write_bytes((data / "good0.parquet").read_bytes())
+    (data / "broken.parquet").write_bytes(b"PAR1 nothing")
+    (data / "other.csv").write_text("time_s,u1\n0,1\n1,2\n")
+    assert command(folder, tmp_path / "out", str(tmp_path / "data"), "--order", "4", "--workers", "1") == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "2 of 6 recordings used" in text and "4 left out" in text
+    facts = json.loads((tmp_path / "out" / "fleet.json").read_text())
+    reasons = {os.path.basename(row["name"]): row["reason"] for row in facts["skipped"]}
+    assert set(reasons) == {"slow.parquet", "good0.parquet", "broken.parquet", "other.csv"}
+    assert "sample time 0.2 s, most have 0.1 s" in reasons["slow.parquet"]
+    assert "the same content as" in reasons["good0.parquet"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "Left out" in page and "broken.parquet" in page and "<svg" in page
+
+
+def test_nothing_usable_ends_with_code_3(folder, tmp_path, capsys):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "a.csv").write_text("time_s,u1\n0,1\n1,2\n")
+    assert command(folder, tmp_path / "out", str(tmp_path / "data"), "--workers", "1") == 3
+    assert "nothing usable in 1 recordings" in capsys.readouterr().err
+    assert command(folder, tmp_path / "out", str(tmp_path / "none")) == 3
+    assert "no recording there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--workers", "0"], "--workers"), (["--order", "two"], "--order 'two'"), (["--window", "soon"], "--window"),
+        (["--group", "x"], "names nothing"), (["--scheduler", "nowhere", "--workers", "2"], "--workers"),
+    ],
+)  # fmt: skip
+def test_bad_options_end_with_code_2(folder, tmp_path, capsys, options, words):
+    assert command(folder, tmp_path / "out", str(folder / "data"), *options) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_processes_write_the_table_as_documented(folder, fresh, tmp_path):
+    out = tmp_path / "out"
+    assert command(folder, out, str(folder / "data" / "*" / "*"), "--order", "4", "--workers", "2") == 0
+    table = parquet.read_table(out / "modes.parquet")
+    assert table.column_names == list(SCHEMA)
+    assert all(field.metadata[b"description"] for field in table.schema)
+    assert table.to_pylist() == mode_rows(fresh["periods"])
+
+
+def test_one_order_a_turbine_is_chosen(folder, plan, tmp_path):
+    facts = run(folder, Plan(plan.roles, 8, None, (), None, DAY), tmp_path)
+    assert set(facts["order_reasons"]) == {"T0", "T1"}
+    for turbine in ("T0", "T1"):
+        assert len({p["order"] for p in facts["periods"] if p["turbine"] == turbine}) == 1

@@ -1,0 +1,119 @@
+"""Follow the modes of a fleet over time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.errors import UsageError
+
+if TYPE_CHECKING:
+    from aeolid.fleet.plan import Plan
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command(name="fleet")(fleet)
+
+
+def fleet(
+    recordings: Annotated[
+        list[str], typer.Argument(metavar="DIR|GLOB...", help="Folders (searched to the bottom), patterns or files.")
+    ],
+    roles: RolesOption,
+    past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder for the table, the page and the cache of factors.")],
+    order: Annotated[str, typer.Option("--order", help="Number of states, or auto: one for each turbine.")] = "auto",
+    group: Annotated[
+        str | None,
+        typer.Option(
+            "--group",
+            help="Regular expression on the path with (?P<turbine>…), (?P<period>…) or (?P<start>…), a date. "
+            "Turbine is by default the folder's name.",
+        ),
+    ] = None,
+    window: Annotated[
+        str | None, typer.Option("--window", help="Length of a period, for example 1d, 6h, 30min; default 1d.")
+    ] = None,
+    feedthrough: Annotated[
+        list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", help="Local processes; default one a core, 1 is this process.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", help="Address of a Dask scheduler whose workers see the same paths.")
+    ] = None,
+    json_target: JsonOption = None,
+) -> None:
+    """Map recordings to models of each turbine and period and follow their modes; a second run does what is new."""
+    if workers is not None and (scheduler is not None or not 1 <= workers <= 1024):
+        raise UsageError("--workers is 1 to 1024 local processes, and goes without --scheduler")
+    from aeolid.fleet.plan import find_recordings
+    from aeolid.fleet.run import run_fleet
+    from aeolid.fleet.tables import mode_rows, write_modes
+    from aeolid.fleet.workers import open_pool
+    from aeolid.report.fleet import render_fleet
+
+    plan = _plan(roles, past, order, group, window, feedthrough)
+    paths = find_recordings(recordings, out)
+    count = min(workers or len(os.sched_getaffinity(0)), len(paths))
+    with open_pool(count, scheduler) as pool, _progress() as notice:
+        facts = run_fleet(paths, plan, out, pool, notice)
+    write_modes(out / "modes.parquet", mode_rows(facts["periods"]))
+    emit_json(facts, str(out / "fleet.json"))
+    render_fleet(facts, out / "report.html")
+    if json_target != "-":
+        console.print(_text(facts, out), markup=False)
+    emit_json(facts, json_target)
+
+
+def _plan(
+    roles: Path, past: int, order: str, group: str | None, window: str | None, feedthrough: list[str] | None
+) -> Plan:
+    from aeolid.fleet.plan import Plan, names_period, parse_window
+    from aeolid.record import Roles
+
+    try:
+        states = None if order == "auto" else int(order)
+    except ValueError:
+        raise UsageError(f"--order {order!r} is neither a whole number nor auto") from None
+    length = None if window is None and names_period(group) else parse_window(window or "1d")
+    return Plan(Roles.load(roles), past, states, tuple(feedthrough or ()), group, length)
+
+
+@contextmanager
+def _progress() -> Iterator[Any]:
+    """Show a bar with the time left for each stage on standard error."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description:>10}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    stages: dict[str, Any] = {}
+    with Progress(*columns, console=progress_console, disable=not progress_console.is_terminal) as bar:
+
+        def notice(stage: str, done: int, of: int) -> None:
+            if stage not in stages:
+                stages[stage] = bar.add_task(stage, total=of)
+            bar.update(stages[stage], completed=done)
+
+        yield notice
+
+
+def _text(facts: dict[str, Any], out: Path) -> str:
+    lines = [
+        f"{facts['usable']} of {facts['recordings']} recordings used ({facts['reused']} factors from an earlier run), "
+        f"{facts['turbines']} turbines, {len(facts['periods'])} periods"
+    ]
+    lines += [f"  {turbine}: {reason}" for turbine, reason in facts["order_reasons"].items()]
+    if facts["skipped"]:
+        lines.append(f"{len(facts['skipped'])} left out:")
+        lines += [f"  {row['kind']} {row['name']}: {row['reason']}" for row in facts["skipped"][:20]]
+    if len(facts["skipped"]) > 20:
+        lines.append(f"  and {len(facts['skipped']) - 20} more, see {out / 'report.html'}")
+    return "\n".join([*lines, f"modes.parquet, fleet.json and report.html written to {out}"])

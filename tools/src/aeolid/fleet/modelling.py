@@ -1,0 +1,148 @@
+"""Make a model and its modes from a summary alone: no sample of any recording is read again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import NotIdentifiable
+from aeolid.fleet.plan import Plan
+from aeolid.fleet.summary import Summary
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, model_in_units
+from aeolid.identify.markov import estimate_markov, require_excitation
+from aeolid.identify.order import FIT_PART, TOLERANCE, largest_gap
+from aeolid.identify.subspace import StateBasis, equilibrium, find_states, largest_useful_order, system_matrices
+from aeolid.identify.uncertainty import pole_covariance
+from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.models.modes import Mode, mark_harmonics, modes_of
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+REGULARIZATION = "gcv"  # costs nothing where data are rich
+
+
+def model_summary(summary: Summary, plan: Plan, order: int, what: str) -> dict[str, Any]:
+    """Identify a model of a given order by PBSIDopt and return its facts: model, modes with shapes, one-step VAF.
+
+    what: names the summary in messages. Raises NotIdentifiable on a channel at rest, too few windows, missing
+    excitation or an order beyond the singular values above rounding.
+    """
+    factor, through = summary.factor(), _through(plan)
+    _require(summary, plan, factor, what)
+    estimate = estimate_markov(factor, through, REGULARIZATION)
+    require_excitation(estimate, what)
+    basis = find_states(factor, estimate.theta, plan.past)
+    usable = largest_useful_order(basis)
+    if order > usable:
+        raise NotIdentifiable(
+            f"{what}: order {order} needed, the data carry {usable} singular values above rounding; lower the order"
+        )
+    T = basis.state_map(order)
+    scaled = system_matrices(factor, T, through)
+    spread = pole_covariance(factor, basis, scaled, estimate)
+    record, scaling = _empty_record(summary, plan), _scaling(summary, plan)
+    model = model_in_units(scaled, equilibrium(factor, T, scaled), scaling, record)
+    outputs = summary.scale[summary.inputs :]
+    modes = modes_of(model, output_scale=outputs, pole_covariance=spread)
+    modes = modes if summary.rotor_hz is None else mark_harmonics(modes, summary.rotor_hz)
+    return {
+        "recordings": summary.recordings, "windows": factor.windows, "windows_skipped": factor.skipped, "order": order,
+        "sample_time_s": summary.sample_time_s, "vaf_percent": _vaf(factor, T, through), "rotor_hz": summary.rotor_hz,
+        "singular_values": basis.singular_values[: 2 * order].tolist(), "model": model.to_json(),
+        "modes": [m.to_json() | {"shape": s} for m, s in zip(modes, _shapes(model, outputs, modes), strict=True)],
+    }  # fmt: skip
+
+
+def choose_common_order(summary: Summary, plan: Plan) -> tuple[int, str]:
+    """Choose the order as `identify.order` does, from the factor of the held-out part in place of its samples.
+
+    The predictor of order n is y = C T z̄ + D u with T and C from the fitted part; its error power over the held-out
+    windows is read off their factor, so that the choice costs no pass through the recordings. Raises NotIdentifiable.
+    """
+    fitted, rest, through = summary.factor("fitted"), summary.factor("rest"), _through(plan)
+    _require(summary, plan, summary.factor(), "all periods together")
+    basis = find_states(fitted, estimate_markov(fitted, through, REGULARIZATION).theta, plan.past)
+    most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
+    if most == 0:
+        raise NotIdentifiable("all periods together: no singular value above rounding; excite the inputs")
+    if rest.windows < 20 * fitted.channels:
+        order = largest_gap(basis.singular_values, most)
+        return order, f"order {order}: the singular values fall most after it; too few windows to hold some out"
+    losses = [_held_out_loss(fitted, rest, basis, order, through) for order in range(1, most + 1)]
+    best = int(np.argmin(losses))
+    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
+    return order, (
+        f"order {order}: the smallest whose one-step error on the held-out last {1 - FIT_PART:.0%} of each recording "
+        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most})"
+    )
+
+
+def _held_out_loss(
+    fitted: WindowFactor, rest: WindowFactor, basis: StateBasis, order: int, through: tuple[bool, ...]
+) -> float:
+    """Return the mean log error power of an order's predictor over the held-out windows, per output."""
+    T = basis.state_map(order)
+    solution = np.linalg.lstsq(_regressors(fitted, T, through), fitted.y_now, rcond=1e-11)[0]
+    e = rest.y_now - _regressors(rest, T, through) @ solution
+    return float(np.mean(np.log(np.maximum((e**2).sum(axis=0) / rest.windows, 1e-30))))
+
+
+def _regressors(factor: WindowFactor, T: Array, through: tuple[bool, ...]) -> Array:
+    """Return state and inputs with feedthrough (q, n + …) in the coordinates of the factor."""
+    return np.hstack([factor.R[:, : T.shape[1]] @ T.T, factor.u_now[:, np.flatnonzero(through)]])
+
+
+def _vaf(factor: WindowFactor, T: Array, through: tuple[bool, ...]) -> float:
+    """Return the least one-step variance accounted for of all outputs, in percent."""
+    regressors = _regressors(factor, T, through)
+    e = factor.y_now - regressors @ np.linalg.lstsq(regressors, factor.y_now, rcond=1e-11)[0]
+    return float((100 * (1 - (e**2).sum(axis=0) / (factor.y_now**2).sum(axis=0))).min())
+
+
+def _require(summary: Summary, plan: Plan, factor: WindowFactor, what: str) -> None:
+    still = [i for i, spread in enumerate(summary.deviation()) if spread == 0]
+    if still:
+        names = _scaling(summary, plan).names
+        raise NotIdentifiable(
+            f"{what}: channel {names[still[0]]!r} is constant at {summary.mean[still[0]]:g}; "
+            "give it the role 'ignore' or record with excitation"
+        )
+    needed = (plan.past + 1) * factor.channels + 1
+    if factor.windows < needed:
+        raise NotIdentifiable(
+            f"{what}: {factor.windows} complete windows of {plan.past + 1} samples, at least {needed} are needed; "
+            "use longer periods or a shorter past window"
+        )
+
+
+def _through(plan: Plan) -> tuple[bool, ...]:
+    return tuple(c.name in plan.feedthrough for c in plan.roles.channels if c.role == "input")
+
+
+def _scaling(summary: Summary, plan: Plan) -> Scaling:
+    names = [tuple(c.name for c in plan.roles.channels if c.role == role) for role in ("input", "output")]
+    return Scaling(names[0], names[1], summary.offset, summary.scale)
+
+
+def _empty_record(summary: Summary, plan: Plan) -> Record:
+    """Return a recording without samples: names, units and sample time are all a model needs of one."""
+    channels = tuple(c for c in plan.roles.channels if c.role != "ignore")
+    return Record(np.zeros(0), np.zeros((0, len(channels))), channels, summary.sample_time_s, plan.roles.source, "")
+
+
+def _shapes(model: StateSpace, scale: Array, modes: tuple[Mode, ...]) -> list[list[list[float]]]:
+    """Return each mode's outputs [real, imaginary] in units of their scales: what tells modes of one frequency apart.
+
+    The largest is 1, so that the numbers do not depend on the length LAPACK gives an eigenvector.
+    """
+    values, vectors = np.linalg.eig(model.A)
+    shapes = []
+    for mode in modes:
+        shape = (model.C @ vectors[:, int(np.argmin(abs(values - mode.eigenvalue)))]) / scale
+        largest = shape[int(np.argmax(abs(shape)))]
+        shape = shape / largest if abs(largest) > 0 else shape
+        shapes.append([[float(v.real), float(v.imag)] for v in shape.astype(complex)])
+    return shapes

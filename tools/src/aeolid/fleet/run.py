@@ -1,0 +1,211 @@
+"""Run a fleet: files to factors, factors to periods, periods to models, models to drift."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import aeolid
+from aeolid.errors import DataError, UsageError
+from aeolid.fleet.plan import Plan
+from aeolid.fleet.tasks import (
+    FileDone,
+    Period,
+    compress_file,
+    merge_period,
+    model_period,
+    order_of,
+    prepare_cache,
+    reason_of,
+)
+from aeolid.fleet.tracking import drift, track
+from aeolid.fleet.workers import Pool
+
+Facts = dict[str, Any]
+Notice = Callable[[str, int, int], None]  # stage, pieces done, pieces in all
+TIME_UNIT_S = 86400.0
+
+
+@dataclass
+class Skipped:
+    """Collect what was left out: what it is (recording, period or turbine), its name and why."""
+
+    rows: list[Facts] = field(default_factory=list)
+
+    def add(self, kind: str, name: str, reason: str) -> None:
+        """Note one thing left out; a reason that starts with its name is cut there."""
+        self.rows.append({"kind": kind, "name": name, "reason": reason.removeprefix(f"{name}: ")})
+
+
+def run_fleet(paths: Sequence[Path], plan: Plan, out: Path, pool: Pool, notice: Notice | None = None) -> Facts:
+    """Return the facts of a fleet: periods with their modes, drift of each track, what was skipped and why.
+
+    out: folder whose `cache` keeps every finished factor; a run finds there what an earlier one did, under other
+    groupings, orders or feedthrough too. Values do not depend on the order of the files or on what was reused. Raises
+    UsageError where `out` cannot be written to, DataError where nothing is usable. Memory: log N factors a worker.
+    """
+    tell = notice or (lambda stage, done, of: None)
+    cache = str(out / "cache")
+    try:
+        prepare_cache(Path(cache))
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
+    skipped = Skipped()
+    done = _compress(paths, plan, cache, pool, tell, skipped)
+    periods = _group(done, plan, skipped)
+    periods = _merge(periods, cache, pool, tell, skipped)
+    periods, reasons = _with_order(periods, plan, cache, pool, tell, skipped)
+    found = _model(periods, plan, cache, pool, tell, skipped)
+    if not found:
+        raise DataError(_nothing(len(paths), skipped))
+    _mark_tracks(found)
+    reused = sum(f.reused for f in done)
+    return {
+        "version": aeolid.__version__, "settings": plan.to_json(), "recordings": len(paths), "usable": len(done),
+        "reused": reused, "turbines": len({p["turbine"] for p in found}), "order_reasons": reasons,
+        "periods": found, "tracks": _tracks(found), "skipped": skipped.rows,
+    }  # fmt: skip
+
+
+def _compress(
+    paths: Sequence[Path], plan: Plan, cache: str, pool: Pool, tell: Notice, skipped: Skipped
+) -> list[FileDone]:
+    """Compress every file; those without a factor, with another sample time or a content met before are skipped."""
+    names = [str(p) for p in paths]
+    results: dict[int, FileDone] = {}
+    tell("recordings", 0, len(names))
+    for index, result in pool.run(compress_file, names, plan, cache):
+        lost = isinstance(result, BaseException)
+        results[index] = FileDone(names[index], f"the worker was lost: {reason_of(result)}") if lost else result
+        tell("recordings", len(results), len(names))
+    usable = []
+    met: dict[str, str] = {}
+    steps = Counter(f"{r.sample_time_s:.6g}" for r in results.values() if r.reason is None)
+    usual = max(steps, key=lambda step: (steps[step], step), default="")
+    for result in (results[i] for i in range(len(names))):
+        reason = result.reason
+        if reason is None and f"{result.sample_time_s:.6g}" != usual:
+            reason = f"{result.path}: sample time {result.sample_time_s:.6g} s, most have {usual} s; resample it"
+        elif reason is None and result.sha256 in met:
+            reason = f"{result.path}: the same content as {met[result.sha256]}"
+        if reason is None:
+            met[result.sha256] = result.path
+            usable.append(result)
+        else:
+            skipped.add("recording", result.path, reason)
+    return usable
+
+
+def _group(files: Sequence[FileDone], plan: Plan, skipped: Skipped) -> list[Period]:
+    """Sort factors into turbines and periods, in the order of turbine and time."""
+    members: dict[tuple[str, str], list[tuple[str, float]]] = {}
+    for done in files:
+        try:
+            turbine, label, start = plan.place(Path(done.path))
+        except DataError as error:
+            skipped.add("recording", done.path, str(error))
+            continue
+        start = done.start_s if start is None else start
+        members.setdefault((turbine, plan.period_of(start) if label is None else label), []).append(
+            (done.factor, start)
+        )
+    periods = [
+        Period(turbine, label, min(start for _, start in found), tuple(sorted(factor for factor, _ in found)))
+        for (turbine, label), found in members.items()
+    ]
+    return sorted(periods, key=lambda p: (p.turbine, p.start_s, p.label))
+
+
+def _merge(periods: list[Period], cache: str, pool: Pool, tell: Notice, skipped: Skipped) -> list[Period]:
+    results = _all(pool, merge_period, periods, (cache,), "periods", tell)
+    for period, reason in zip(periods, results, strict=True):
+        if reason is not None:
+            skipped.add("period", f"{period.turbine}, {period.label}", reason)
+    return [p for p, reason in zip(periods, results, strict=True) if reason is None]
+
+
+def _with_order(
+    periods: list[Period], plan: Plan, cache: str, pool: Pool, tell: Notice, skipped: Skipped
+) -> tuple[list[Period], dict[str, str]]:
+    """Give every period its order: the one asked for, or one for each turbine."""
+    if plan.order is not None:
+        return [replace(p, order=plan.order) for p in periods], {}
+    turbines = list(dict.fromkeys(p.turbine for p in periods))
+    groups = [[p for p in periods if p.turbine == turbine] for turbine in turbines]
+    results = _all(pool, order_of, groups, (plan, cache), "orders", tell)
+    chosen, reasons = [], {}
+    for turbine, group, result in zip(turbines, groups, results, strict=True):
+        if isinstance(result, str):
+            skipped.add("turbine", turbine, result)
+            continue
+        chosen += [replace(p, order=result[0]) for p in group]
+        reasons[turbine] = result[1]
+    return chosen, reasons
+
+
+def _model(periods: list[Period], plan: Plan, cache: str, pool: Pool, tell: Notice, skipped: Skipped) -> list[Facts]:
+    found = []
+    results = _all(pool, model_period, periods, (plan, cache), "models", tell)
+    for period, result in zip(periods, results, strict=True):
+        if isinstance(result, str):
+            skipped.add("period", f"{period.turbine}, {period.label}", result)
+        else:
+            found.append({"turbine": period.turbine, "period": period.label, "start_s": period.start_s} | result)
+    return found
+
+
+def _all(
+    pool: Pool, function: Callable[..., Any], items: Sequence[Any], shared: tuple[Any, ...], stage: str, tell: Notice
+) -> list[Any]:
+    """Return the results in the order of the items; a lost piece gives its reason."""
+    results: list[Any] = [None] * len(items)
+    for done, (index, result) in enumerate(pool.run(function, items, *shared), 1):
+        lost = isinstance(result, BaseException)
+        results[index] = f"the worker was lost: {reason_of(result)}" if lost else result
+        tell(stage, done, len(items))
+    return results
+
+
+def _mark_tracks(periods: list[Facts]) -> None:
+    """Write the number of its track into every mode."""
+    for turbine in dict.fromkeys(p["turbine"] for p in periods):
+        own = [p for p in periods if p["turbine"] == turbine]
+        numbers = track([(p["sample_time_s"], p["modes"]) for p in own])
+        for period, given in zip(own, numbers, strict=True):
+            for mode, number in zip(period["modes"], given, strict=True):
+                mode["track"] = number
+
+
+def _tracks(periods: list[Facts]) -> list[Facts]:
+    """Return for each track its periods, values at both ends and the drift a day (a period where no clock says)."""
+    clocks = len({p["start_s"] for p in periods}) > 1
+    series: dict[tuple[str, int], list[tuple[float, Facts]]] = {}
+    place: Counter[str] = Counter()
+    for period in periods:
+        time = period["start_s"] / TIME_UNIT_S if clocks else float(place[period["turbine"]])
+        place[period["turbine"]] += 1
+        for mode in period["modes"]:
+            series.setdefault((period["turbine"], mode["track"]), []).append((time, mode))
+    tracks = []
+    for (turbine, number), points in sorted(series.items()):
+        times, modes = [t for t, _ in points], [m for _, m in points]
+        facts: Facts = {
+            "turbine": turbine,
+            "track": number,
+            "periods": len(points),
+            "per": "day" if clocks else "period",
+        }
+        for key, std in (("frequency_hz", "frequency_std_hz"), ("damping", "damping_std")):
+            facts[key] = {"first": modes[0][key], "last": modes[-1][key]}
+            facts[key]["drift"] = drift(times, [m[key] for m in modes], [m[std] for m in modes])
+        facts["rotor_order"] = Counter(m["rotor_order"] for m in modes).most_common(1)[0][0]
+        tracks.append(facts)
+    return tracks
+
+
+def _nothing(count: int, skipped: Skipped) -> str:
+    first = skipped.rows[0]["reason"] if skipped.rows else "no period"
+    return f"nothing usable in {count} recordings, {len(skipped.rows)} reasons; the first: {first}"

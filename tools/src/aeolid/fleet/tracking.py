@@ -1,0 +1,89 @@
+"""Follow modes from period to period and say whether they drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from aeolid.models.modes import continuous_poles
+
+Facts = dict[str, Any]
+ComplexArray = NDArray[np.complex128]
+FARTHEST = 0.25  # relative distance of two continuous-time poles beyond which they are not one mode
+LEAST_MAC = 0.3  # modal assurance below which they are not, however near
+
+
+def track(periods: Sequence[tuple[float, Sequence[Facts]]]) -> list[list[int]]:
+    """Return the number of the track each mode belongs to, for each period in the order of time.
+
+    periods: sample time (s) and modes of each, with eigenvalue and shape [[re, im], …]. Modes of a period are assigned
+    to the tracks seen so far, each at its last place, so that the sum of |Δs|/|s| + (1 − MAC)/2 is least; a mode
+    farther than FARTHEST in the first or under LEAST_MAC starts a track. Tracks are numbered as they appear, by
+    frequency within a period.
+    """
+    last: list[tuple[complex, ComplexArray]] = []
+    numbers = []
+    for sample_time_s, modes in periods:
+        now = [_place(mode, sample_time_s) for mode in modes]
+        given = _assign(last, now)
+        for i, place in enumerate(now):
+            if given[i] < 0:
+                given[i] = len(last)
+                last.append(place)
+            last[given[i]] = place
+        numbers.append(given)
+    return numbers
+
+
+def mac(a: ComplexArray, b: ComplexArray) -> float:
+    """Return the modal assurance criterion |aᴴ b|²/(aᴴ a bᴴ b) of two shapes, 0 … 1; 1 where one is nil."""
+    size = float(np.vdot(a, a).real * np.vdot(b, b).real)
+    return 1.0 if size == 0 else float(abs(np.vdot(a, b)) ** 2 / size)
+
+
+def drift(times: Sequence[float], values: Sequence[float], deviations: Sequence[float | None]) -> Facts | None:
+    """Fit a line through the values, weighted by 1/σ²; returns slope and its deviation per unit of time, and change.
+
+    The deviation is enlarged by the scatter about the line where that is more than the σ say. None with fewer than
+    three values, no spread of times or an unknown σ.
+    """
+    t, y = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    known = [s for s in deviations if s is not None and np.isfinite(s) and s > 0]
+    if len(t) < 3 or np.ptp(t) == 0 or len(known) < len(t):
+        return None
+    weight = 1 / np.asarray(known) ** 2
+    middle = float(weight @ t / weight.sum())
+    spread = float(weight @ (t - middle) ** 2)
+    slope = float(weight @ ((t - middle) * y)) / spread
+    rest = y - float(weight @ y / weight.sum()) - slope * (t - middle)
+    scatter = max(1.0, float(weight @ rest**2) / (len(t) - 2))
+    std = float(np.sqrt(scatter / spread))
+    return {"slope": slope, "slope_std": std, "change": slope * float(np.ptp(t)), "change_std": std * float(np.ptp(t))}
+
+
+def _place(mode: Facts, sample_time_s: float) -> tuple[complex, ComplexArray]:
+    pole = continuous_poles(np.array([complex(*mode["eigenvalue"])]), sample_time_s)[0]
+    return complex(pole), np.array([complex(*v) for v in mode["shape"]])
+
+
+def _assign(last: Sequence[tuple[complex, ComplexArray]], now: Sequence[tuple[complex, ComplexArray]]) -> list[int]:
+    """Return the index into `last` for each of `now`, −1 for none."""
+    given = [-1] * len(now)
+    if not last or not now:
+        return given
+    never = 1e6  # finite: the assignment must exist even where nothing fits
+    cost = np.full((len(now), len(last)), never)
+    for i, (s, shape) in enumerate(now):
+        for j, (before, other) in enumerate(last):
+            distance = abs(s - before) / max(abs(s), abs(before), 1e-12)
+            likeness = mac(shape, other)
+            if distance <= FARTHEST and likeness >= LEAST_MAC and (s.imag > 0) == (before.imag > 0):
+                cost[i, j] = distance + (1 - likeness) / 2
+    for i, j in zip(*linear_sum_assignment(cost), strict=True):
+        if cost[i, j] < never:
+            given[int(i)] = int(j)
+    return given
