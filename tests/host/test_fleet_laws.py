@@ -97,8 +97,19 @@ def test_the_model_of_a_merge_is_the_model_of_the_recordings(records, plan):
 
 def test_the_order_of_the_true_system_is_chosen(plan):
     records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(4)]
-    order, reason = choose_common_order(merge_all(summarise(r, PAST) for r in records), plan)
+    order, reason = choose_common_order([merge_all(summarise(r, PAST) for r in records)], plan)
     assert order == 4 and reason.startswith("order 4: ")
+    with pytest.raises(NotIdentifiable, match="no period carries a choice"):
+        choose_common_order([summarise(records[0].slice(0, 60), PAST)], plan)
+
+
+def test_modes_that_move_between_periods_cost_no_states(plan):
+    """The periods have inputs of opposite sign: together a model of them needs more states, apart four do."""
+    records = [simulate_fourth_order(3000, seed) for seed in range(4)]
+    turned = [replace(r, values=r.values * [(-1) ** k, 1, 1, (-1) ** k]) for k, r in enumerate(records)]
+    apart = [summarise(r, PAST) for r in turned]
+    assert choose_common_order(apart, plan)[0] == 4
+    assert choose_common_order([merge_all(apart)], plan)[0] > 4
 
 
 def test_a_channel_at_rest_in_one_recording_is_no_fault_but_in_all(records, plan):

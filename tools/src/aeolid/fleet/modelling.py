@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, model_in_units
 from aeolid.identify.markov import estimate_markov, require_excitation
-from aeolid.identify.order import FIT_PART, TOLERANCE, largest_gap
+from aeolid.identify.order import FIT_PART, TOLERANCE
 from aeolid.identify.subspace import StateBasis, equilibrium, find_states, largest_useful_order, system_matrices
 from aeolid.identify.uncertainty import pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
@@ -56,28 +57,46 @@ def model_summary(summary: Summary, plan: Plan, order: int, what: str) -> dict[s
     }  # fmt: skip
 
 
-def choose_common_order(summary: Summary, plan: Plan) -> tuple[int, str]:
-    """Choose the order as `identify.order` does, from the factor of the held-out part in place of its samples.
+def choose_common_order(periods: Sequence[Summary], plan: Plan) -> tuple[int, str]:
+    """Choose one order for all periods as `identify.order` does, from held-out factors in place of samples.
 
     The predictor of order n is y = C T z̄ + D u with T and C from the fitted part; its error power over the held-out
-    windows is read off their factor, so that the choice costs no pass through the recordings. Raises NotIdentifiable.
+    windows is read off their factor, so that the choice costs no pass through the recordings. Each period is held
+    against a model of its own and the losses are averaged over windows: one model of all periods would spend states on
+    modes that moved. Periods too short for that are left out. Raises NotIdentifiable where all are.
     """
-    fitted, rest, through = summary.factor("fitted"), summary.factor("rest"), _through(plan)
-    _require(summary, plan, summary.factor(), "all periods together")
-    basis = find_states(fitted, estimate_markov(fitted, through, REGULARIZATION).theta, plan.past)
-    most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
-    if most == 0:
-        raise NotIdentifiable("all periods together: no singular value above rounding; excite the inputs")
-    if rest.windows < 20 * fitted.channels:
-        order = largest_gap(basis.singular_values, most)
-        return order, f"order {order}: the singular values fall most after it; too few windows to hold some out"
-    losses = [_held_out_loss(fitted, rest, basis, order, through) for order in range(1, most + 1)]
+    through, scored, weights = _through(plan), [], []
+    reason = ""
+    for summary in periods:
+        try:
+            _require(summary, plan, summary.factor(), "a period")
+            scored.append(_held_out_losses(summary, plan, through))
+            weights.append(summary.windows[1])
+        except NotIdentifiable as error:
+            reason = str(error)
+    if not scored:
+        raise NotIdentifiable(f"no period carries a choice of the order; the last: {reason}")
+    most = min(map(len, scored))
+    losses = np.average([each[:most] for each in scored], axis=0, weights=weights)
     best = int(np.argmin(losses))
     order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
     return order, (
         f"order {order}: the smallest whose one-step error on the held-out last {1 - FIT_PART:.0%} of each recording "
-        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most})"
+        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most}), {len(scored)} periods"
     )
+
+
+def _held_out_losses(summary: Summary, plan: Plan, through: tuple[bool, ...]) -> list[float]:
+    """Return the losses of the orders from 1; raises NotIdentifiable without state or with too little held out."""
+    fitted, rest = summary.factor("fitted"), summary.factor("rest")
+    basis = find_states(fitted, estimate_markov(fitted, through, REGULARIZATION).theta, plan.past)
+    most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
+    if most == 0 or rest.windows < 20 * fitted.channels:
+        raise NotIdentifiable(
+            f"a period: {rest.windows} held-out windows, {20 * fitted.channels} are needed to choose an order; "
+            "use longer periods or name the order"
+        )
+    return [_held_out_loss(fitted, rest, basis, order, through) for order in range(1, most + 1)]
 
 
 def _held_out_loss(
