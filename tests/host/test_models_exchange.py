@@ -12,6 +12,7 @@ from scipy.io import savemat
 from scipy.linalg import expm
 
 from aeolid.cli.main import main
+from aeolid.diagnose.case import load_case
 from aeolid.errors import DataError, UsageError
 from aeolid.formats import read_record, write_table
 from aeolid.models.exchange.files import read_state_space
@@ -22,7 +23,7 @@ from aeolid.models.exchange.select import select
 from aeolid.models.load import load_model
 from aeolid.models.prediction import free_run, predict
 from aeolid.models.state_space import Signal, StateSpace
-from aeolid.plants.lti import fourth_order
+from aeolid.plants.lti import fourth_order, simulate_fourth_order
 from aeolid.record import Roles
 
 MATRICES = ("A", "B", "C", "D", "K", "x0", "innovation_covariance")
@@ -154,6 +155,20 @@ def test_an_unusable_matlab_file_is_named(tmp_path, content, text):
     assert "bad.mat" in str(error.value)
 
 
+def test_a_matlab_file_is_a_baseline_of_a_diagnosis(tmp_path):
+    model, record = fourth_order(), simulate_fourth_order(300, 4)
+    write_table(tmp_path / "r.csv", {c.name: record.column(c.name) for c in record.channels}, {})
+    channels = [f'[[channel]]\nname = "{c.name}"\nunit = "{c.unit}"\nrole = "{c.role}"\n' for c in record.channels]
+    (tmp_path / "roles.toml").write_text("[recording]\nsample_time_s = 1.0\n" + "".join(channels))
+    write_mat(tmp_path / "m.mat", model)
+    (tmp_path / "case.toml").write_text(
+        '[recordings]\nfiles = ["r.csv"]\nroles = "roles.toml"\n[baseline]\nkind = "state_space"\nfile = "m.mat"\n'
+    )
+    baseline = load_case(tmp_path).baseline
+    assert isinstance(baseline, StateSpace)
+    same(model, baseline)
+
+
 @pytest.mark.parametrize("content", [b"", b"not a MATLAB file at all" * 20, b"MATLAB 7.3 MAT-file"])
 def test_a_damaged_matlab_file_is_named(tmp_path, content):
     (tmp_path / "bad.mat").write_bytes(content)
@@ -270,6 +285,23 @@ def test_a_damaged_linearisation_is_named_by_its_line(tmp_path, spoil, text):
     with pytest.raises(DataError, match=text) as error:
         read_lin(written(tmp_path, spoil(lin_text())))
     assert "Main.1.lin" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_any_damage_to_a_linearisation_is_an_error_or_a_model(tmp_path):
+    rng, text = np.random.default_rng(5), lin_text()
+    refused = 0
+    for _ in range(300):
+        broken = list(text)
+        for at in rng.integers(0, len(text), 4):
+            broken[at] = chr(rng.choice([0, 9, 10, 32, 42, 45, 46, 57, 58, 69, 120, 0xB2, 0x660]))
+        cut = int(rng.integers(len(text) // 2, 2 * len(text)))
+        try:
+            model = read_lin(written(tmp_path, "".join(broken)[:cut])).model
+        except DataError:
+            refused += 1
+        else:
+            assert all(np.isfinite(m).all() for m in (model.A, model.B, model.C, model.D))
+    assert 50 < refused < 300
 
 
 def test_the_line_of_a_fault_is_the_right_one(tmp_path):
