@@ -95,6 +95,21 @@ class Stopping(workers.Inline):
             yield index, result
 
 
+class Losing(workers.Inline):
+    """Lose the first of every kind of piece, as a worker that runs out of memory does."""
+
+    def run(self, function, items, *shared):
+        for index, result in super().run(function, items, *shared):
+            yield index, MemoryError("killed") if index == 0 else result
+
+
+def test_a_lost_worker_costs_its_piece_alone(folder, plan, tmp_path):
+    facts = run(folder, plan, tmp_path, Losing())
+    assert [row["kind"] for row in facts["skipped"]] == ["recording", "period", "period"]
+    assert all("the worker was lost" in row["reason"] and "killed" in row["reason"] for row in facts["skipped"])
+    assert len(facts["periods"]) == 4 and facts["usable"] == 11
+
+
 def test_an_interrupted_run_loses_nothing_and_ends_as_a_fresh_one(folder, plan, fresh, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run(folder, plan, tmp_path, Stopping())

@@ -8,6 +8,8 @@ in the calling process.
 from __future__ import annotations
 
 import importlib
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
@@ -66,6 +68,19 @@ class Dask:
 
 
 @contextmanager
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Let processes started here ignore Ctrl-C, which reaches all of a terminal: this one stops them in good order."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def open_pool(workers: int, scheduler: str | None = None, *, threads: bool = False) -> Iterator[Pool]:
     """Open a pool; workers 1 without a scheduler is this process.
 
@@ -87,9 +102,10 @@ def open_pool(workers: int, scheduler: str | None = None, *, threads: bool = Fal
             with client:
                 yield Dask(client)
             return
-        cluster = distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, processes=not threads, dashboard_address=None,
-            silence_logs="ERROR",
-        )  # fmt: skip
+        with _deaf_to_interrupts():
+            cluster = distributed.LocalCluster(
+                n_workers=workers, threads_per_worker=1, processes=not threads, dashboard_address=None,
+                silence_logs="ERROR",
+            )  # fmt: skip
         with cluster, distributed.Client(cluster) as client:
             yield Dask(client)

@@ -36,7 +36,7 @@ def _summary(facts: Facts) -> str:
     if facts["skipped"]:
         parts.append(f"{len(facts['skipped'])} entries left out, each with its reason below")
     moved = sum(_significance(t, key) > 3 for t in facts["tracks"] for key in ("frequency_hz", "damping"))
-    parts.append(f"{moved} frequencies or dampings drift by more than three standard deviations")
+    parts.append(f"frequencies and dampings that drift by more than three standard deviations: {moved}")
     return "; ".join(parts) + "."
 
 
