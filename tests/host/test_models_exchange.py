@@ -383,7 +383,7 @@ def test_the_command_goes_round_and_says_what_it_wrote(tmp_path, capsys):
         (["a.json", "absent/b.h"], 2, "cannot be written"),
         (["absent.lin", "b.json"], 3, "no such file"),
         (["absent.mat", "b.json"], 3, "no such file"),
-        (["equations.toml", "b.json"], 2, "a linear model"),
+        (["equations.toml", "b.json"], 3, "a linear model"),
     ],
 )
 def test_bad_conversions_end_in_one_sentence(tmp_path, monkeypatch, capsys, arguments, code, text):

@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 
 def simulate(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, .mat, .lin, model.toml, or a folder.")],
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, .mat, .lin, model.toml, or folder.")],
     recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording with the model's inputs.")],
     roles: RolesOption,
     out: Annotated[Path, typer.Option("--out", help="Where to write the outputs (.csv, .csv.gz or .parquet).")],

@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 
 def validate(
-    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, .mat, .lin, model.toml, or a folder.")],
+    model_file: Annotated[Path, typer.Argument(metavar="MODEL", help="model.json, .mat, .lin, model.toml, or folder.")],
     recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording, best one the model has not seen.")],
     roles: RolesOption,
     steps: Annotated[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aeolid.errors import UsageError
+from aeolid.errors import DataError
 from aeolid.models import state_space
 from aeolid.models.state_space import StateSpace
 
@@ -26,5 +26,5 @@ def read_state_space(path: str | Path, sample_time_s: float | None = None) -> St
 
         return read_lin(path).model
     if suffix == ".toml":
-        raise UsageError(f"{path}: equations; a linear model (.json, .mat or .lin) is needed here")
+        raise DataError(f"{path}: equations; a linear model (.json, .mat or .lin) is needed here")
     return state_space.from_json(state_space.read_json(path), str(path))
