@@ -64,8 +64,12 @@ def fleet(
     plan = _plan(roles, past, order, group, window, feedthrough)
     paths = find_recordings(recordings, out)
     count = min(workers or len(os.sched_getaffinity(0)), len(paths))
-    with open_pool(count, scheduler) as pool, _progress() as notice:
-        facts = run_fleet(paths, plan, out, pool, notice)
+    try:
+        with open_pool(count, scheduler) as pool, _progress() as notice:
+            facts = run_fleet(paths, plan, out, pool, notice)
+    except KeyboardInterrupt:
+        progress_console.print(f"stopped; what is finished is kept in {out / 'cache'}: the same command goes on there")
+        raise
     write_modes(out / "modes.parquet", mode_rows(facts["periods"]))
     emit_json(facts, str(out / "fleet.json"))
     render_fleet(facts, out / "report.html")
