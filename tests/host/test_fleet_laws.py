@@ -150,6 +150,12 @@ def test_modes_that_cross_keep_their_track_by_shape():
     assert track(periods) == [[0, 1]] * 11
 
 
+def test_where_frequencies_meet_the_likeness_of_shapes_decides():
+    pairs = [(mode(0.8 + 0.02 * k, 0.02, [1, 0.7]), mode(1.0 - 0.02 * k, 0.02, [0.7, 1])) for k in range(11)]
+    periods = [(0.1, pair if k < 5 else pair[::-1]) for k, pair in enumerate(pairs)]
+    assert track(periods) == [[0, 1]] * 5 + [[1, 0]] * 6
+
+
 def test_a_mode_that_is_missing_keeps_its_number_and_a_new_one_gets_its_own():
     first, second, far = mode(0.3, 0.01, [1, 0]), mode(1.0, 0.01, [0, 1]), mode(3.0, 0.01, [1, 1])
     periods = [(0.1, [first, second]), (0.1, [second]), (0.1, [first, second, far]), (0.1, [])]

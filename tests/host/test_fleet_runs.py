@@ -108,6 +108,7 @@ def test_a_lost_worker_costs_its_piece_alone(folder, plan, tmp_path):
     assert [row["kind"] for row in facts["skipped"]] == ["recording", "period", "period"]
     assert all("the worker was lost" in row["reason"] and "killed" in row["reason"] for row in facts["skipped"])
     assert len(facts["periods"]) == 4 and facts["usable"] == 11
+    assert facts["skipped"][0]["name"].endswith(os.path.join("T0", "r0.parquet"))
 
 
 def test_an_interrupted_run_loses_nothing_and_ends_as_a_fresh_one(folder, plan, fresh, tmp_path):
