@@ -11,12 +11,23 @@ import numpy as np
 import pytest
 
 from aeolid.can.logs import open_log
-from aeolid.can.messages import ERROR
 from aeolid.can.reception import Reception, time_on_bus
 from aeolid.can.reconnect import PAUSE_FIRST_S, PAUSE_MAX_S, ReconnectingSource
 from aeolid.can.runs import RunRecorder
 from aeolid.can.source import BusSource
-from aeolid.can.wire import BASE, DESCRIPTION, EXTENDED, FAST, FD, Frames, encode, join_frames, no_frames, pack_frames
+from aeolid.can.wire import (
+    BASE,
+    DESCRIPTION,
+    ERROR,
+    EXTENDED,
+    FAST,
+    FD,
+    Frames,
+    encode,
+    join_frames,
+    no_frames,
+    pack_frames,
+)
 from aeolid.cli.main import main
 from aeolid.errors import DataError
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.can.messages import DATED_MAX_S
 from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, choose_layout, decode
 
 Array = NDArray[np.float64]
@@ -21,6 +22,7 @@ BINS = 48  # earliest arrivals of so many stretches make the line
 LEAST = 4  # stretches
 CONFIDENCE = 0.95
 NOT_REAL_TIME_PPM = 10_000.0
+INDEX_MAX = 1 << 40  # no node counts so far; time stamps that leap may make believe it
 RUNS_MAX = 64  # of one node that are kept, the newest
 
 
@@ -95,11 +97,12 @@ class ClockPairs:
         return index[order], time_s[order]
 
     def fit(self, shift: int = 0) -> ClockFit | None:
-        """Fit the line; shift is added to the indices. None where nothing has arrived."""
+        """Fit the line; shift is added to the indices. None where nothing has arrived, or sample 0 has no date."""
         if not self._index:
             return None
         index, time_s = self.pairs()
-        return fit_clock(index + shift, time_s, self.sample_time_s, self.count)
+        fit = fit_clock(index + shift, time_s, self.sample_time_s, self.count)
+        return fit if abs(fit.start_utc) < DATED_MAX_S else None
 
 
 def earliest(index: Index, time_s: Array, group: Index, rate: float) -> tuple[Index, Array]:
@@ -185,7 +188,11 @@ class ClockKeeper:
                 return near
             expected = last + passed_s / runs[-1].rate()
             turned = index + round((expected - index) / 65536) * 65536
-            if abs(turned - expected) <= STRAY + STRAY_SHARE * (expected - last) and turned >= last - BACK:
+            if (
+                turned < INDEX_MAX
+                and abs(turned - expected) <= STRAY + STRAY_SHARE * (expected - last)
+                and turned >= last - BACK
+            ):
                 return turned
         runs.append(ClockPairs(h))
         del runs[:-RUNS_MAX]

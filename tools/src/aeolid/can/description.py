@@ -178,7 +178,9 @@ def _names(given: list[str], r: int, outputs: int) -> tuple[str, ...]:
     for i, name in enumerate(given):
         kind = f"u{i + 1}" if i < r else f"y{i - r + 1}" if i < r + outputs else f"s{i - r - outputs + 1}"
         name = name or kind
-        names.append(name if name not in names else f"{name}_{kind}")
+        while name in names:
+            name = f"{name}_{kind}"
+        names.append(name)
     return tuple(names[1:])
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from aeolid.can.damage import find_damage
-from aeolid.can.messages import GARBLED, pack_messages
-from aeolid.can.wire import Frames, no_frames
+from aeolid.can.messages import pack_messages
+from aeolid.can.wire import GARBLED, Frames, no_frames
 from aeolid.errors import DataError
 from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
 from aeolid.formats.mdf import quiet

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames
+from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, GARBLED, REMOTE, Frames
 
-# further flags of a frame, which never carry a message of a node
-PASSIVE, REMOTE, ERROR, GARBLED = 8, 16, 32, 64  # sender error passive (ESI); remote; error frame; text that was none
+PASSIVE = 8  # further flag of a frame: its sender is error passive (ESI)
+DATED_MAX_S = float(1 << 33)  # a time before 1970 or from here on is none: files hold nanoseconds in 63 bits
 # Logs keep frames only, and none of their formats has another kind in which text that was no frame could stand without
 # being taken for something of the bus: a remote frame of the highest identifier marks its place.
 MARKER = 0x1FFFFFFF
@@ -19,7 +19,7 @@ _WIDTHS = (8, 64)
 
 
 def pack_messages(messages: Sequence[Any]) -> Frames:
-    """Build a batch from messages of python-can, with their time stamps.
+    """Build a batch from messages of python-can, with their time stamps; one that can be no date is NaN.
 
     A message whose data do not have the length it announces (a line cut short) counts as text that was no frame.
     """
@@ -34,6 +34,7 @@ def pack_messages(messages: Sequence[Any]) -> Frames:
     if broken.any():
         ids, length, table = np.where(broken, 0, ids), np.where(broken, 0, length), np.where(broken[:, None], 0, table)
     stamps = np.fromiter((m.timestamp for m in messages), np.float64, count)
+    stamps = np.where((stamps >= 0.0) & (stamps < DATED_MAX_S), stamps, np.nan)
     return Frames(ids.astype(np.uint32), flags, length.astype(np.uint8), table.astype(np.uint8, copy=False), stamps)
 
 
@@ -53,7 +54,8 @@ def unpack_messages(frames: Frames) -> Iterator[Any]:
     """Yield messages of python-can; a frame without a time stamp gets 0."""
     from can import Message
 
-    columns = (frames.id, frames.flags, frames.length, frames.data, np.nan_to_num(frames.time_s))
+    stamps = np.maximum(np.nan_to_num(frames.time_s), 0.0)  # a negative one makes a log that no reader takes
+    columns = (frames.id, frames.flags, frames.length, frames.data, stamps)
     for i, f, n, d, t in zip(*(c.tolist() for c in columns[:3]), columns[3], columns[4].tolist(), strict=True):
         if f & ERROR:
             yield Message(timestamp=t, is_error_frame=True)

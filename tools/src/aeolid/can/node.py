@@ -12,7 +12,6 @@ from aeolid.can.garbling import Garbling
 from aeolid.can.health import Health
 from aeolid.can.judging import SEAL as SEALED
 from aeolid.can.judging import SURE, VALUE
-from aeolid.can.messages import ERROR, GARBLED
 from aeolid.can.samples import SampleStore
 from aeolid.can.snapshots import MarkovSnapshot, SnapshotStore
 from aeolid.can.wire import (
@@ -20,6 +19,8 @@ from aeolid.can.wire import (
     BEGIN,
     DESCRIPTION,
     END,
+    ERROR,
+    GARBLED,
     HEALTH,
     INNOVATION,
     INNOVATION_FD,
@@ -255,11 +256,18 @@ class Assembly:
         for number in np.unique(messages.node).tolist():
             node = self.nodes.get(number)
             if node is None:
-                if len(self.nodes) >= NODES_MAX:
+                if len(self.nodes) >= NODES_MAX and not self._forget_one():
                     continue
                 node = self.nodes[number] = Node(number, self._garbling)
             mine: NDArray[np.bool_] = messages.node == number
             node.add(messages if mine.all() else messages.take(mine))
+
+    def _forget_one(self) -> bool:
+        """Give up the number with the fewest messages that never described itself: garbled ones must bar no node."""
+        mute = [node for node in self.nodes.values() if not node.configurations()]
+        if mute:
+            del self.nodes[min(mute, key=lambda node: node.messages).number]
+        return bool(mute)
 
     def close(self) -> None:
         """Finish what is under way; nothing more will come."""

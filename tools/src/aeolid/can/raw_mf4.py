@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.chunks import ChunkedLog
-from aeolid.can.messages import ERROR, GARBLED, MARKER, PASSIVE, REMOTE
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames
+from aeolid.can.messages import MARKER, PASSIVE
+from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, GARBLED, REMOTE, Frames
 from aeolid.formats.spare import SPARE
 
 _KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")  # ASAM MDF bus logging 1.0

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable
 
 import numpy as np
 
 from aeolid.can.clock import ClockKeeper
-from aeolid.can.messages import ERROR, GARBLED
 from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
 from aeolid.can.source import Source
-from aeolid.can.wire import BASE, EXTENDED, FAST, FD, Frames
+from aeolid.can.wire import BASE, ERROR, EXTENDED, FAST, FD, GARBLED, Frames
 from aeolid.errors import DataError
 
 LOOK_S = 5.0  # how often samples are taken out, however few have come
@@ -36,6 +36,8 @@ class Reception:
         """Prepare. bit_rate, data_bit_rate: of the bus, 1/s, for the load that is shown; base: of the identifiers."""
         self.source, self.recorder, self.log = source, recorder, log
         self.assembly, self.clocks = Assembly(base), ClockKeeper(base)
+        self.lock = threading.Lock()  # held while the state changes: the display reads it in a thread of its own
+        recorder.clocks = self.clocks.runs
         self.frames = 0  # of anybody
         self.errors = 0  # error frames: the bus is disturbed, or a controller has gone off it
         self.busy_s = 0.0  # what they took on the bus at most
@@ -55,13 +57,14 @@ class Reception:
         stop: asked between batches. Whatever the source had delivered by then is decoded and logged.
         """
         reason = self._loop(stop, seconds, until_end)
-        self.ended = time.monotonic()
-        self.assembly.close()
-        if reason != "full":
-            try:
-                self.recorder.finish(self.assembly)
-            except DataError as error:
-                self.fault, reason = str(error), "full"
+        with self.lock:
+            self.ended = time.monotonic()
+            self.assembly.close()
+            if reason != "full":
+                try:
+                    self.recorder.finish(self.assembly)
+                except (DataError, OSError) as error:
+                    self.fault, reason = str(error), "full"
         return reason
 
     def _loop(self, stop: Callable[[], bool], seconds: float | None, until_end: bool) -> str:
@@ -94,6 +97,10 @@ class Reception:
             self._take(frames)
 
     def _take(self, frames: Frames) -> None:
+        with self.lock:
+            self._digest(frames)
+
+    def _digest(self, frames: Frames) -> None:
         if len(frames):
             if self.log is not None:
                 self.log.write(frames)

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from aeolid.can.clock import ClockFit, ClockPairs
 from aeolid.can.node import Assembly, Configuration, Node
 from aeolid.can.samples import SampleTable, follows
-from aeolid.errors import DataError
+from aeolid.errors import DataError, UsageError
 from aeolid.formats.growing import GrowingTable, growing_suffix, open_growing
 from aeolid.record import Channel
 
@@ -53,6 +54,7 @@ class Run:
     _table: GrowingTable | None = None
     _innovations: Any = None  # a nameless file of rows (l,) float64, scaled units, from sample `first` on
     _inside: int = 0  # rows in it
+    ended: bool = False  # nothing more will be added
     _digest: Any = field(default_factory=hashlib.sha256)
 
     @property
@@ -88,11 +90,11 @@ class Run:
                 table = SampleTable(table.index[fresh], table.values[fresh], table.lost)
             if not len(table.index):
                 return
-            missing = np.arange(self.last + self.step, int(table.index[0]), self.step)
-            for k in range(0, len(missing), FILL):
-                part = missing[k : k + FILL]
+            until, stride = int(table.index[0]), FILL * self.step
+            for k in range(self.last + self.step, until, stride):
+                part = np.arange(k, min(k + stride, until), self.step)
                 self._write(part, np.full((len(part), channels), np.nan))
-            self.lost += len(missing) * channels
+                self.lost += len(part) * channels
         self._write(table.index, table.values)
         self.lost += table.lost
         self.values += table.values.size - table.lost
@@ -109,7 +111,7 @@ class Run:
         """Put innovations beside the rows they belong to; those of samples before the run are left out."""
         at = (table.index - self.first) // self.step
         inside = at >= self._inside
-        if not inside.any():
+        if self.ended or not inside.any():
             return
         if self._innovations is None:
             self._innovations = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115 (held open until the run is written)
@@ -139,16 +141,27 @@ class Run:
             result[k : k + FILL] *= scale
         return result
 
+    def end(self) -> None:
+        """Complete the file under the name it has so far, once. Raises OSError."""
+        if self._table is not None and not self.ended:
+            start = None if self.clock is None else datetime.fromtimestamp(self.clock.start_utc, UTC)
+            self._table.close(start, _notes(self.clock))
+        self.ended = True
+
+    def drop_innovations(self) -> None:
+        """Give up the innovations: only those of a node's last run are asked for."""
+        if self._innovations is not None:
+            self._innovations.close()
+            self._innovations = None
+
     def finish(self, target: Path | None) -> None:
         """Complete the file, give it its name and write its roles. Raises OSError."""
+        self.end()
         if self._table is None or target is None:
             return
-        fit = self.clock
-        start = None if fit is None else datetime.fromtimestamp(fit.start_utc, UTC)
-        self._table.close(start, _notes(fit))
         os.replace(self._table.path, target)
         self.file = target
-        self.roles = write_roles(target, channels_of(self.configuration), self.sample_time_s, fit)
+        self.roles = write_roles(target, channels_of(self.configuration), self.sample_time_s, self.clock)
 
 
 def _notes(fit: ClockFit | None) -> dict[str, str]:
@@ -178,7 +191,7 @@ def write_roles(path: Path, channels: tuple[Channel, ...], sample_time_s: float,
 
 
 def _quote(text: str) -> str:
-    return json.dumps(text)  # a JSON string without control characters is a TOML one
+    return json.dumps(text, ensure_ascii=False)  # a JSON string without control characters and \\u pairs is a TOML one
 
 
 class RunRecorder:
@@ -188,6 +201,7 @@ class RunRecorder:
         """Prepare. target: name of the recording, None to count only; innovations: folder to keep them in meanwhile."""
         self.runs: dict[int, list[Run]] = {}
         self._target, self._folder, self._only = target, innovations, only
+        self.clocks: Callable[[int], list[ClockPairs]] | None = None  # of a node; with it, runs that are over are ended
         self._seen: dict[int, int] = {}  # node -> values that had arrived at the last look
 
     @property
@@ -199,7 +213,8 @@ class RunRecorder:
         """Write what is old enough of nodes that have sent enough since the last look, or of all. Raises DataError."""
         for node in assembly.nodes.values():
             arrived = sum(c.samples.arrived for c in node.configurations())
-            if now or node.previous or arrived - self._seen.get(node.number, 0) >= EVERY_VALUES:
+            stale = any(not (c.samples.is_empty() and c.innovations.is_empty()) for c in node.previous)
+            if now or stale or arrived - self._seen.get(node.number, 0) >= EVERY_VALUES:
                 self._seen[node.number] = arrived
                 self._drain(node, KEEP)
 
@@ -222,9 +237,10 @@ class RunRecorder:
     def _append(self, number: int, configuration: Configuration, tables: list[SampleTable]) -> None:
         runs = self.runs.setdefault(number, [])
         for table in tables:
-            if not runs or runs[-1].configuration is not configuration or not runs[-1].goes_on(table):
-                runs.append(self._open(number, len(runs) + 1, configuration, table))
             try:
+                if not runs or runs[-1].configuration is not configuration or not runs[-1].goes_on(table):
+                    self._settle(number)
+                    runs.append(self._open(number, len(runs) + 1, configuration, table))
                 runs[-1].append(table)
             except OSError as error:
                 raise DataError(f"{self._target}: nothing more can be written ({error.strerror or error})") from None
@@ -238,7 +254,10 @@ class RunRecorder:
             channels = channels_of(configuration)
             path = self._target.with_name(f"{stem}.node{number}.run{k}.part{suffix}")
             names = ["time_s", *(c.name for c in channels)]
-            run._table = open_growing(path, suffix, names, ["s", *(c.unit for c in channels)])
+            try:
+                run._table = open_growing(path, suffix, names, ["s", *(c.unit for c in channels)])
+            except UsageError as error:  # it could be written to when the reception began
+                raise DataError(str(error)) from None
         return run
 
     def _append_innovations(self, number: int, configuration: Configuration, tables: list[SampleTable]) -> None:
@@ -257,10 +276,18 @@ class RunRecorder:
             except OSError as error:
                 raise DataError(f"{self._target}: cannot be completed ({error.strerror or error})") from None
 
+    def _settle(self, number: int) -> None:
+        """Complete the file of a node's newest run: one that starts again and again must not use up all handles."""
+        if self.clocks is not None:
+            self.date(number, self.clocks(number))
+            for run in self.runs[number][-1:]:
+                run.drop_innovations()
+                run.end()
+
     def date(self, number: int, clocks: list[ClockPairs]) -> None:
-        """Give each run of a node the clock whose samples are its own."""
+        """Give each run of a node that is not complete yet the clock whose samples are its own."""
         shifts: dict[int, int] = {}
-        for run in reversed(self.runs.get(number, [])):
+        for run in reversed([run for run in self.runs.get(number, []) if not run.ended]):
             for pairs in reversed(clocks):
                 assert pairs.last is not None
                 index, _ = pairs.pairs()

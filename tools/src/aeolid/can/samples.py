@@ -180,6 +180,10 @@ class SampleStore:
         turns = [segment.guess() or 0, *segment.votes, self._expect(segment, self._before)]
         return [segment.last + turn for turn in dict.fromkeys(turns)]
 
+    def is_empty(self) -> bool:
+        """Tell whether no message is held."""
+        return not any(segment.size() for segment in self._segments)
+
     def last_index(self) -> int | None:
         """Return the newest sample index as far as it is known."""
         if not self._segments:

@@ -12,8 +12,8 @@ import numpy as np
 from can.interfaces.slcan import slcanBus
 from numpy.typing import NDArray
 
-from aeolid.can.messages import REMOTE, garbled_frames, split_errors, unpack_messages
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames, join_frames, no_frames
+from aeolid.can.messages import garbled_frames, split_errors, unpack_messages
+from aeolid.can.wire import EXTENDED, FAST, FD, REMOTE, Frames, join_frames, no_frames
 
 READ_SIZE = 1 << 18
 LINE_MAX = 512  # a longer line is garbage; the longest frame has 139 characters

@@ -16,8 +16,8 @@ import numpy as np
 from can.interfaces.socketcan import SocketcanBus
 from numpy.typing import NDArray
 
-from aeolid.can.messages import ERROR, PASSIVE, REMOTE, unpack_messages
-from aeolid.can.wire import EXTENDED, FAST, FD, Frames, no_frames
+from aeolid.can.messages import PASSIVE, unpack_messages
+from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, REMOTE, Frames, no_frames
 
 BATCH = 4096
 BUFFER = 1 << 23  # bytes; the kernel's own, 208 kB, holds 0.1 s of a busy classic bus

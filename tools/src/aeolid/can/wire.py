@@ -24,6 +24,7 @@ KINDS = 16
 FD_VALUES = 14  # values in a CAN FD frame of 64 bytes
 SEAL_INNOVATION = 0x80  # bit of a seal's tag
 EXTENDED, FD, FAST = 1, 2, 4  # flags of a frame: 29-bit identifier, CAN FD, its data phase at the fast rate
+REMOTE, ERROR, GARBLED = 16, 32, 64  # flags of what never carries a message: remote, error frame, text that was none
 STOPPED = 0x8000  # flag of a health message: the node has ended its stream on purpose
 _IS_CLASSIC = np.array([kind <= SEAL for kind in range(KINDS)])
 _IS_FD = np.array([kind in (SAMPLE_FD, INNOVATION_FD, PARAMETER_FD, REPAIR_FD) for kind in range(KINDS)])
@@ -181,7 +182,7 @@ def decode(frames: Frames, base: int = BASE, place: int = 0) -> Messages:
     layout = choose_layout(base)
     kind, node = offset >> np.uint32(layout.shift), offset & np.uint32((1 << layout.shift) - 1)
     possible = (kind < KINDS) & (node < layout.nodes) & (frames.flags & EXTENDED == layout.flags)
-    possible &= frames.id < layout.limit
+    possible &= (frames.id < layout.limit) & (frames.flags & (REMOTE | ERROR | GARBLED) == 0)
     kind = np.where(possible, kind, np.uint32(9))  # there is no kind 9
     classic = np.flatnonzero(_IS_CLASSIC[kind] & (frames.length == 8))
     is_fd = _IS_FD[kind] & (frames.flags & FD > 0)

@@ -41,6 +41,17 @@ def read_base(text: str) -> int:
     return base
 
 
+def check_address(base: str, node_id: int) -> int:
+    """Return the base of the identifiers as a number; raises UsageError where the node has no place above it."""
+    from aeolid.can.wire import choose_layout
+
+    value = read_base(base)
+    last = choose_layout(value).nodes - 1
+    if not 0 <= node_id <= last:
+        raise UsageError(f"--node-id {node_id}: above base {base} nodes are 0 to {last}")
+    return value
+
+
 def emit_json(facts: Any, target: str | None) -> None:
     """Write facts as JSON to the file `target`, to standard output for '-', nowhere for None.
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, console, emit_json, read_base
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, check_address, console, emit_json, read_base
 from aeolid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ def run(
     from aeolid.cli.listen_view import shown
 
     _check(record, log, markov, seconds, bus, min(bit_rate, data_bit_rate))
-    identifiers = read_base(base)
+    identifiers = read_base(base) if node_id is None else check_address(base, node_id)
     source = open_source(bus, reconnect=not until_end if reconnect is None else reconnect)
     raw = open_raw_log(log) if log else None
     recorder = RunRecorder(record, innovations=markov.parent if markov else None, only=node_id)
@@ -106,7 +106,7 @@ def _check(
             raise UsageError(f"{target}: the folder {target.parent} does not exist")
         if target.is_dir():
             raise UsageError(f"{target}: is a folder; name a file in it")
-    names = [str(p.absolute()) for p in [*given, Path(bus)]]
+    names = [str(p.resolve()) for p in [*given, Path(bus)]]
     for name in {n for n in names if names.count(n) > 1}:
         raise UsageError(f"{name}: is named twice; each file needs a name of its own")
     if seconds is not None and not seconds > 0:
@@ -152,7 +152,7 @@ def _finish(
     emit_json(facts, json)
     if json != "-":
         for line in summary(facts):
-            console.print(line, soft_wrap=True)
+            console.print(line, soft_wrap=True, markup=False)
     _judge(reception, nodes, reason, markov, facts, until_end)
 
 
@@ -174,7 +174,10 @@ def _write(reception: Reception, nodes: list[Node], markov: Path | None) -> dict
         runs = recorder.runs.get(node.number, [])
         target, snapshot = with_tag(markov, tag), node.latest_complete()
         if target and snapshot:
-            write_markov(target, node, snapshot, runs[-1] if runs else None, reception.source.name)
+            try:
+                write_markov(target, node, snapshot, runs[-1] if runs else None, reception.source.name)
+            except DataError as error:  # the other nodes' files are still to be completed
+                reception.fault, target = reception.fault or str(error), None
         result[node.number] = {"runs": runs, "markov": target if snapshot else None}
     return result
 

@@ -148,13 +148,17 @@ def _short(number: float, error: float | None = None) -> str:
 def why_nothing(reception: Reception, nodes: list[Node]) -> str:
     """Say what stood in the way of anything usable."""
     assembly = reception.assembly
+    others = ", ".join(map(str, sorted(assembly.nodes.keys() - {n.number for n in nodes})))
     problems: list[Callable[[], str | None]] = [
         lambda: next((f"node {n.number} {n.problem}" for n in nodes if n.problem), None),
         lambda: next((f"node {n.number} never described itself" for n in nodes if n.now is None), None),
         lambda: next((f"node {n.number} sent neither samples nor a complete snapshot" for n in nodes), None),
+        lambda: f"nothing of the node asked for, but of node {others}" if others else None,
         lambda: f"{assembly.damaged} frames damaged" if assembly.damaged else None,
         lambda: f"{assembly.garbled} lines were no frames" if assembly.garbled else None,
-        lambda: f"{assembly.foreign} frames, none from a node" if assembly.foreign else None,
+        lambda: (
+            f"{assembly.foreign} frames, none from a node; is the node's --base another?" if assembly.foreign else None
+        ),
         lambda: reception.source.status or None,
     ]
     return next((text for problem in problems if (text := problem())), "not one frame; is a node sending?")

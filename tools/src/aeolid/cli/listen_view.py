@@ -38,6 +38,10 @@ class Progress:
 
     def render(self) -> Any:
         """Return a line on the bus, a table with one row a node, and what an operator should know."""
+        with self._reception.lock:
+            return self._render()
+
+    def _render(self) -> Any:
         from rich.console import Group
         from rich.table import Table
         from rich.text import Text

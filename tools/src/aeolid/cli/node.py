@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, console, emit_json, progress_console, read_base
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, check_address, console, emit_json, progress_console
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def run(
     _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
     options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
-    options += ["--base", _check_address(base, node_id), "--node-id", node_id]
+    options += ["--base", check_address(base, node_id), "--node-id", node_id]
     options += ["--snapshot-every", snapshot_every, "--sample-every", sample_every]
     options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
@@ -90,17 +90,6 @@ def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: floa
     model_set = choose_model_set(method, "varmax" if varmax else None)
     check_sizes(len(feed.inputs), len(feed.outputs), past, (), feed.sample_time_s, model_set)
     check_memory(method, past, FORGETTING.get(method, 1.0) if forget is None else forget)
-
-
-def _check_address(base: str, node_id: int) -> int:
-    """Return the base where the node has its place above it."""
-    from aeolid.can.wire import choose_layout
-
-    value = read_base(base)
-    last = choose_layout(value).nodes - 1
-    if not 0 <= node_id <= last:
-        raise UsageError(f"--node-id {node_id}: above base {base} nodes are 0 to {last}")
-    return value
 
 
 def _sum_up(facts: dict[str, Any]) -> str:
