@@ -124,16 +124,19 @@ void aeo_stream_reset(aeo_stream_t *self)
 
 /* ---- what the control task brings -------------------------------------------------------------------------------- */
 
+/* The copy is made without the lock: while the phase is idle the step reads nothing that is written here. */
 int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
 {
     uint32_t i, crc;
+    int idle;
     if (self == NULL || theta == NULL) {
         return AEO_E_ARG;
     }
     aeo_stream_lock(self);
-    if (self->phase != PHASE_IDLE) {
-        self->counters.busy++;
-        aeo_stream_unlock(self);
+    idle = self->phase == PHASE_IDLE;
+    self->counters.busy += idle ? 0u : 1u;
+    aeo_stream_unlock(self);
+    if (!idle) {
         return AEO_E_BUSY;
     }
     self->number = (uint8_t)((self->number + 1u) & 0xFFu);
@@ -146,6 +149,7 @@ int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *th
         crc = aeo_frame_crc32(crc, self->theta[i]);
     }
     self->crc = ~crc;
+    aeo_stream_lock(self);
     self->phase = PHASE_BEGIN;
     self->cursor = 0;
     aeo_stream_unlock(self);
@@ -169,18 +173,31 @@ int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counte
 
 /* ---- the step ---------------------------------------------------------------------------------------------------- */
 
-/* Parameters of the block at the cursor, or their combination. */
+static uint32_t find_width(const aeo_stream_t *self)
+{
+    return self->config.fd != 0u ? AEO_FRAME_VALUES_MAX : 1u;
+}
+
+/* Without the lock, for it is long: while a snapshot is under way the step alone moves cursor and phase, and nobody
+ * writes theta. */
+static void prepare_repair(aeo_stream_t *self)
+{
+    aeo_spread_repair(&self->spread, self->theta, self->config.parameters, find_width(self), (uint16_t)self->cursor,
+                      self->ahead.value);
+}
+
+/* Parameters of the block at the cursor, or the combination prepared. */
 static void choose_block(aeo_stream_t *self)
 {
     const int fd = self->config.fd != 0u, repairs = self->phase == PHASE_REPAIR;
-    const uint32_t width = fd ? AEO_FRAME_VALUES_MAX : 1u, parameters = self->config.parameters;
+    const uint32_t width = find_width(self), parameters = self->config.parameters;
     const unsigned kind = repairs ? AEO_KIND_REPAIR : AEO_KIND_PARAMETER;
     aeo_message_t *message = &self->message;
     message->kind = (aeo_kind_t)(kind + (fd ? AEO_KIND_FD : 0u));
     if (repairs) {
         message->index = (uint16_t)self->cursor;
         message->count = (uint8_t)width;
-        aeo_spread_repair(&self->spread, self->theta, parameters, width, (uint16_t)self->cursor, message->value);
+        memcpy(message->value, self->ahead.value, width * sizeof *message->value);
     } else {
         const uint32_t first = aeo_spread_index(&self->spread, self->cursor) * width; /* below parameters */
         message->index = (uint16_t)first;
@@ -247,7 +264,7 @@ static origin_t choose(aeo_stream_t *self)
         return FROM_HEALTH;
     }
     if (self->described == 0u || (due && self->finishing == 0u)) {
-        (void)aeo_describe(&self->config, self->hash, self->slot, message); /* commit left no empty slot here */
+        (void)aeo_describe(&self->config, self->hash, self->slot, message); /* no empty slot is left here */
         return FROM_DESCRIPTION;
     }
     if (self->phase != PHASE_IDLE) {
@@ -287,27 +304,32 @@ static void commit_snapshot(aeo_stream_t *self)
     }
 }
 
-/* Empty slots at the end of the list are passed here, so that the end of a description is seen when it happens. */
-static void commit_description(aeo_stream_t *self)
+/* Pass empty slots, so that the end of a description is seen when it happens; without the lock, for 64 channels without
+ * a name have hundreds, and the slot is the step's own. */
+static void pass_empty_slots(aeo_stream_t *self)
 {
-    self->turn = 0;
-    do {
-        self->slot++;
-    } while (self->slot < aeo_describe_slots(&self->config) &&
-             !aeo_describe(&self->config, self->hash, self->slot, &self->message)); /* has left */
-    if (self->slot >= aeo_describe_slots(&self->config)) {
+    const uint32_t slots = aeo_describe_slots(&self->config);
+    uint32_t slot = self->slot;
+    while (slot < slots && !aeo_describe(&self->config, self->hash, slot, &self->ahead)) {
+        slot++;
+    }
+    aeo_stream_lock(self);
+    self->slot = slot;
+    if (slot >= slots) {
         self->slot = 0;
         self->described = 1;
         self->describing = 0;
         self->describe_in = self->config.describe_every;
     }
+    aeo_stream_unlock(self);
 }
 
 static void commit(aeo_stream_t *self, origin_t origin)
 {
     switch (origin) {
     case FROM_DESCRIPTION:
-        commit_description(self);
+        self->turn = 0;
+        self->slot++; /* perhaps to an empty one: pass_empty_slots follows */
         break;
     case FROM_HEALTH:
         self->health_in = self->config.health_every;
@@ -356,45 +378,67 @@ static void earn(aeo_stream_t *self)
     }
 }
 
+/* Send one frame and prepare what the next one needs; 0 when there is none or the port refused it. */
+static int send_next(aeo_stream_t *self)
+{
+    origin_t origin;
+    int taken = 0, repairs;
+    aeo_stream_lock(self);
+    origin = self->credit_us >= (int32_t)self->longest_us ? choose(self) : FROM_NOTHING;
+    if (origin != FROM_NOTHING) {
+        taken = aeo_stream_send(self);
+        if (taken) {
+            commit(self, origin);
+        } else {
+            self->counters.refused++;
+        }
+    }
+    repairs = self->phase == PHASE_REPAIR;
+    aeo_stream_unlock(self);
+    if (taken && origin == FROM_DESCRIPTION) {
+        pass_empty_slots(self);
+    } else if (taken && origin == FROM_SNAPSHOT && repairs) {
+        prepare_repair(self);
+    }
+    return taken;
+}
+
 int aeo_stream_step(aeo_stream_t *self)
 {
-    origin_t origin = FROM_DESCRIPTION;
-    int sent = 0, taken = 1;
+    int sent = 0;
     if (self == NULL) {
         return AEO_E_ARG;
     }
     aeo_stream_lock(self);
     earn(self);
     aeo_stream_unlock(self);
-    while (taken && origin != FROM_NOTHING && sent < (int)self->config.burst) {
-        aeo_stream_lock(self);
-        origin = self->credit_us >= (int32_t)self->longest_us ? choose(self) : FROM_NOTHING;
-        if (origin != FROM_NOTHING) {
-            taken = aeo_stream_send(self);
-            if (taken) {
-                commit(self, origin);
-                sent++;
-            } else {
-                self->counters.refused++;
-            }
-        }
-        aeo_stream_unlock(self);
+    while (sent < (int)self->config.burst && send_next(self)) {
+        sent++;
     }
     return sent;
 }
 
 void aeo_stream_finish(aeo_stream_t *self)
 {
-    if (self != NULL && self->finishing == 0u) {
-        aeo_stream_lock(self);
+    if (self == NULL) {
+        return;
+    }
+    aeo_stream_lock(self);
+    if (self->finishing == 0u) {
         self->finishing = 1;
         self->farewells = FAREWELLS;
-        aeo_stream_unlock(self);
     }
+    aeo_stream_unlock(self);
 }
 
 int aeo_stream_pending(const aeo_stream_t *self)
 {
-    return self != NULL &&
-           (self->described == 0u || self->phase != PHASE_IDLE || (self->finishing != 0u && self->farewells > 0u));
+    int pending;
+    if (self == NULL) {
+        return 0;
+    }
+    aeo_stream_lock(self);
+    pending = self->described == 0u || self->phase != PHASE_IDLE || (self->finishing != 0u && self->farewells > 0u);
+    aeo_stream_unlock(self);
+    return pending;
 }

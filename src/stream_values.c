@@ -99,8 +99,10 @@ int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, c
         return AEO_E_ARG;
     }
     config = &self->config;
-    self->last_index = index;
     if (config->sample_every == 0u || index % config->sample_every != 0u) {
+        aeo_stream_lock(self); /* the step reads it for health */
+        self->last_index = index;
+        aeo_stream_unlock(self);
         return AEO_OK;
     }
     values.part[0] = u;

@@ -35,8 +35,8 @@ typedef struct {
     /* Return a microsecond clock that wraps at 2^32. Null: the streamer counts one sample time for each step. */
     uint32_t (*time_us)(void *context);
 
-    /* Keep the other context out and let it in again; never nested; held for one `send` or for one snapshot copy (one
-     * word a parameter). Both null where aeo_stream_step runs in the control task. */
+    /* Keep the other context out and let it in again; never nested; held while one frame is made
+     * and sent. Both null where aeo_stream_step runs in the control task. */
     void (*lock)(void *context);
     void (*unlock)(void *context);
 } aeo_port_t;

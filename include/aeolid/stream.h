@@ -26,14 +26,15 @@
  * CONTRACT
  *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
  *   n = 44.
- *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 384 bytes (64-bit
- *   pointers), 140 of them the message and frame under way, so that no call chain needs them on the stack.
+ *   Words and not aeo_real_t: the wire carries binary32 in both builds. The structure itself 456 bytes (64-bit
+ *   pointers), 208 of them messages and frame under way, so that no call chain needs them on the stack.
  *   Instructions, measured on x86-64 at -O2: sample 550 a frame, the seal among them, on CAN FD 320 a channel; snapshot
  *   80 N; step at most `burst` frames of 560 (CAN FD 1900), a repair frame 19 min(N, 256) more (CAN FD 72 min(B, 256)).
- *   Worst stack on Cortex-M4F, the port's own aside: init 228 bytes, sample 184, step 128. Deterministic. Never blocks,
+ *   Worst stack on Cortex-M4F, the port's own aside: init 228 bytes, sample 192, step 136. Deterministic. Never blocks,
  *   never retries within a call.
  *   Threads: sample, innovation, snapshot and health belong to the control task, step to one context of lower priority;
- *   where these differ the port needs lock and unlock (drawing in port.h).
+ *   where these differ the port needs lock and unlock (drawing in port.h). finish and pending may be called from either,
+ *   reset from the context of step. The lock is held for one frame: repairs and the copy of a snapshot are made outside.
  *   Failures: a frame the port refuses is counted. A sample is then lost (counters.dropped); everything else keeps its
  *   turn and is offered again at the next step (counters.refused).
  *   In the double build every function here has the suffix _f64 in its symbol, see config.h.
@@ -183,13 +184,14 @@ typedef struct {
     aeo_stream_counters_t counters;
     aeo_message_t message; /* under way, like the frame; used while the lock is held */
     aeo_can_frame_t frame;
+    aeo_message_t ahead; /* of the step alone, without the lock: values of the next repair, slots of the description */
     uint32_t *theta;     /* parameters words, by index */
     uint32_t hash;       /* of the description */
     uint32_t frame_us;   /* cost of a classic frame; 0 without a limit */
     uint32_t longest_us; /* cost of the longest frame in use */
     uint32_t period_us;  /* sample time */
     uint32_t clock_us;   /* last reading of port.time_us */
-    int32_t credit_us;   /* -130 frame_us ... burst longest_us */
+    int32_t credit_us;   /* -134 frame_us ... burst longest_us */
     aeo_spread_t spread;
     uint32_t cursor;      /* position within the phase */
     uint32_t taken_index; /* sample index of the snapshot */

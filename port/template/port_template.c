@@ -24,8 +24,8 @@ static uint32_t read_clock(void *context)
     return self->now_us;
 }
 
-/* Place 3: mask the interrupt or take the mutex that keeps the other context of the streamer out. The longest hold is
- * one snapshot copy. Leave both null where one context does all. */
+/* Place 3: mask the interrupt or take the mutex that keeps the other context of the streamer out. It is held while
+ * one frame is made and sent. Leave both null where one context does all. */
 static void lock(void *context)
 {
     aeo_template_t *self = (aeo_template_t *)context;
