@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <termios.h>
 #include <unistd.h>
@@ -66,17 +67,30 @@ static int make_raw(const char *name)
     return result;
 }
 
+/* Not ptsname: its answer lies in a place that all threads share, and turbines may open theirs at once. */
+static int name_slave(int fd, char *name, size_t room)
+{
+    unsigned number = 0;
+    if (grantpt(fd) != 0 || unlockpt(fd) != 0 || ioctl(fd, TIOCGPTN, &number) != 0) {
+        return errno;
+    }
+    (void)snprintf(name, room, "/dev/pts/%u", number);
+    return 0;
+}
+
 int posix_bus_open_terminal(posix_bus_t *self)
 {
-    const char *name;
+    char name[32];
     int error;
     const int fd = posix_openpt(O_RDWR | O_NOCTTY);
     clear(self);
     if (fd < 0) {
         return errno;
     }
-    name = grantpt(fd) == 0 && unlockpt(fd) == 0 ? ptsname(fd) : NULL;
-    error = name == NULL ? errno : make_raw(name);
+    error = name_slave(fd, name, sizeof name);
+    if (error == 0) {
+        error = make_raw(name);
+    }
     if (error == 0) {
         error = make_nonblocking(fd);
     }

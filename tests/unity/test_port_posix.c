@@ -10,10 +10,13 @@
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <netinet/in.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -248,6 +251,42 @@ static void terminal_serves_one_after_the_other(void)
     posix_bus_close(&bus);
 }
 
+/* Each thread opens terminals of its own: the address told must be that of the very terminal held. */
+static void *open_many_terminals(void *context)
+{
+    posix_bus_t *own = (posix_bus_t *)context;
+    unsigned round, number;
+    uintptr_t wrong = 0;
+    for (round = 0; round < 100u; round++) {
+        char expected[sizeof own->address];
+        if (posix_bus_open_terminal(own) != 0) {
+            wrong++;
+            continue;
+        }
+        number = UINT_MAX;
+        (void)ioctl(own->listener[0].fd, TIOCGPTN, &number);
+        (void)snprintf(expected, sizeof expected, "slcan:/dev/pts/%u", number);
+        wrong += strcmp(own->address, expected) != 0;
+        posix_bus_close(own);
+    }
+    return (void *)wrong;
+}
+
+static void terminals_may_be_opened_by_many_threads(void)
+{
+    static posix_bus_t own[4];
+    pthread_t thread[4];
+    void *wrong;
+    unsigned i;
+    for (i = 0; i < 4u; i++) {
+        TEST_ASSERT_EQUAL_INT(0, pthread_create(&thread[i], NULL, open_many_terminals, &own[i]));
+    }
+    for (i = 0; i < 4u; i++) {
+        TEST_ASSERT_EQUAL_INT(0, pthread_join(thread[i], &wrong));
+        TEST_ASSERT_NULL(wrong);
+    }
+}
+
 static void endless_commands_are_survived(void)
 {
     char noise[1000];
@@ -373,6 +412,7 @@ int main(void)
     RUN_TEST(a_full_ring_refuses);
     RUN_TEST(too_many_listeners_are_turned_away);
     RUN_TEST(terminal_serves_one_after_the_other);
+    RUN_TEST(terminals_may_be_opened_by_many_threads);
     RUN_TEST(endless_commands_are_survived);
     RUN_TEST(template_ring_keeps_order_and_refuses);
     RUN_TEST(what_cannot_be_opened_is_closed_and_explained);
