@@ -17,6 +17,7 @@ from aeolid.can import runs as runs_module
 from aeolid.can import wire
 from aeolid.can.clock import ClockKeeper
 from aeolid.can.reception import Reception
+from aeolid.can.recorder import read_log
 from aeolid.can.runs import Run, RunRecorder, write_roles
 from aeolid.can.samples import SampleTable
 from aeolid.can.wire import Frames, no_frames, pack_frames
@@ -237,3 +238,22 @@ def test_a_wrong_node_or_base_is_told(
     """Instead of `not one frame` about a log that is full of them."""
     assert main(["listen", "--bus", str(STREAM), *options]) == code
     assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_log_of_another_base_names_the_remedy(tmp_path: Path) -> None:
+    """A log with identifiers of 11 bits is read as a recording by way of listen."""
+    identifier, data = wire.encode(1, wire.SAMPLE, 0, 0, 0, 0x600)
+    log = tmp_path / "short.log"
+    log.write_text(f"(1.0) can0 {identifier:03X}#{data.hex()}\n")
+    with pytest.raises(DataError, match=r"1 frames, none of them a described sample.*--base"):
+        read_log(log)
+
+
+@pytest.mark.parametrize("place", ["", "missing/theta.bin"])
+def test_a_node_refuses_at_once_what_it_could_not_dump(
+    place: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not after the last of a day's samples."""
+    assert main(["node", "--turbine", "--samples", "20", "--speed", "max", "--dump", str(tmp_path / place)]) == 2
+    told = capsys.readouterr()
+    assert "a file in a folder that exists is needed" in " ".join(told.err.split()) and not told.out

@@ -107,8 +107,12 @@ def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
     records = [r for node in assembly.nodes.values() for r in build_records(node, str(path))]
     if not records:
         problems = [f"node {n.number} {n.problem}" for n in assembly.nodes.values() if n.problem]
-        why = problems[0] if problems else f"{assembly.frames} frames, none of them a described sample"
-        raise DataError(f"{path}: no samples in this CAN log ({why})")
+        if problems:
+            raise DataError(f"{path}: no samples in this CAN log ({problems[0]})")
+        raise DataError(
+            f"{path}: no samples in this CAN log ({assembly.frames} frames, none of them a described sample); of a"
+            f" node with another base make a recording: aeolid listen --bus {path} --base … --record recording.csv"
+        )
     if len(records) > 1:
         raise DataError(
             f"{path}: {len(records)} runs or nodes in one log; split them with"

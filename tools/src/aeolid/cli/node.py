@@ -65,6 +65,8 @@ def run(
 
     The first line on standard output is the address that `aeolid listen --bus` takes.
     """
+    if dump is not None and (dump.is_dir() or not dump.parent.is_dir()):
+        raise UsageError(f"--dump {dump}: a file in a folder that exists is needed")
     feed = _choose_feed(recording, roles, turbine, samples, seed)
     _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
