@@ -177,6 +177,7 @@ int observer_start(observer_t *self, const settings_t *settings, unsigned turbin
     }
     self->period_us = (uint32_t)period_us;
     samples = settings->snapshot_s / (period_us * 1e-6) + 0.5;
+    samples = settings->snapshot_s > 0 && samples < 1.0 ? 1.0 : samples; /* shorter than a sample: with every one */
     self->snapshot_samples = samples < 4e9 ? (uint32_t)samples : 0u;
     name_channels(self);
     if (bus_open(&self->bus, settings, turbine, why, room) != 0) {

@@ -121,6 +121,16 @@ static uint16_t choose_describe_every(double sample_time_s)
     return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
 }
 
+/* Samples between two snapshots, 0 none: at least one where any are asked for, at most what 32 bits hold. */
+static uint32_t choose_snapshot_steps(double seconds, double sample_time_s)
+{
+    const double steps = seconds / sample_time_s + 0.5;
+    if (!(seconds > 0)) {
+        return 0;
+    }
+    return steps < 1.0 ? 1u : steps >= 4294967295.0 ? UINT32_MAX : (uint32_t)steps;
+}
+
 static int init_stream(node_t *self, uint32_t parameters)
 {
     const node_options_t *o = &self->options;
@@ -389,7 +399,7 @@ int main(int argc, char **argv)
     action.sa_handler = stop;
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
-    self.snapshot_steps = (uint32_t)(self.options.snapshot_s / self.options.sample_time_s + 0.5);
+    self.snapshot_steps = choose_snapshot_steps(self.options.snapshot_s, self.options.sample_time_s);
     if (init_regressor(&self) != 0 || init_filter(&self, &parameters) != 0 || open_bus(&self) != 0 ||
         init_stream(&self, parameters) != 0) {
         return 3;

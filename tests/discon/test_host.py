@@ -146,6 +146,14 @@ def test_a_frame_log_holds_the_records_bit_for_bit(tmp_path: Path, more: str) ->
     assert_same_estimate(record, tmp_path)
 
 
+@pytest.mark.parametrize(("period_s", "sent"), [("0.01", range(2, 1000)), ("0", range(1, 2))])
+def test_a_snapshot_period_below_a_sample_is_not_none(tmp_path: Path, period_s: str, sent: range) -> None:
+    """Parameters follow as fast as the share allows; with 0 only the last ones are sent, at the end."""
+    text = SETTINGS.replace("snapshot_every = 20", f"snapshot_every = {period_s}")
+    Turbine(tmp_path, "bus = file:frames.log", text).run(60)
+    assert (tmp_path / "frames.log").read_text().count(" 1CFF4401#") in sent  # begin, of node 1
+
+
 def test_holes_and_jumps_are_missing_samples(tmp_path: Path) -> None:
     """NaN measurements, steps that never come and a jump of the clock: holes; the replay still gives the same bits."""
     turbine = Turbine(tmp_path, "bus = file:frames.log")
