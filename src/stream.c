@@ -397,8 +397,9 @@ static int send_next(aeo_stream_t *self)
     aeo_stream_unlock(self);
     if (taken && origin == FROM_DESCRIPTION) {
         pass_empty_slots(self);
-    } else if (taken && origin == FROM_SNAPSHOT && repairs) {
-        prepare_repair(self);
+    }
+    if (taken && repairs && (origin == FROM_SNAPSHOT || origin == FROM_DESCRIPTION)) {
+        prepare_repair(self); /* empty slots are tried where the values of the repair lay */
     }
     return taken;
 }

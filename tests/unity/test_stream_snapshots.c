@@ -55,7 +55,10 @@ static void assert_snapshot(const uint32_t *expected, uint32_t count, uint32_t i
             TEST_ASSERT_EQUAL_HEX32(crc, m.value[0]);
             TEST_ASSERT_EQUAL_UINT16(index & 0xFFFFu, m.index);
         } else if ((unsigned)m.kind == AEO_KIND_REPAIR + fd) {
+            uint32_t sum[AEO_FRAME_VALUES_MAX];
             TEST_ASSERT_EQUAL_UINT16(repairs, m.index);
+            aeo_spread_repair(&stream.spread, expected, count, m.count, m.index, sum);
+            TEST_ASSERT_EQUAL_HEX32_ARRAY(sum, m.value, m.count);
             repairs++;
         }
     }
@@ -106,7 +109,8 @@ static void theta_arrives_on_can_fd(void)
     theta_arrives(1);
 }
 
-/* Sizes around the edges of blocks and groups, with and without repair frames: the number of frames is the formula's. */
+/* Sizes around the edges of blocks and groups, with and without repair frames, and descriptions in between, whose turn
+ * comes while repairs are prepared: the number of frames is the formula's. */
 static void frames_are_as_many_as_the_formula_says(void)
 {
     static const uint32_t sizes[] = {1, 2, 13, 14, 15, 28, 29, 255, 256, 257, 450, 1000};
@@ -116,8 +120,9 @@ static void frames_are_as_many_as_the_formula_says(void)
         expected[i] = aeo_float_bits(theta[i]);
     }
     for (s = 0; s < sizeof sizes / sizeof *sizes; s++) {
-        for (variant = 0; variant < 4u; variant++) {
+        for (variant = 0; variant < 8u; variant++) {
             aeo_stream_config_t config = make_config();
+            config.describe_every = (variant & 4u) != 0u ? 1 : config.describe_every;
             config.parameters = sizes[s];
             config.fd = variant & 1u;
             config.fd_ratio = 2;
