@@ -25,7 +25,8 @@ from aeolid.models.integrate import (
     simulate,
     substeps,
 )
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 PENDULUM = """

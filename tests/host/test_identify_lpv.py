@@ -9,8 +9,8 @@ from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.lpv import identify_lpv
 from aeolid.models import lpv
 from aeolid.models.lpv_prediction import estimate_initial_state, predict, predictor_states
+from aeolid.models.model_file import Signal
 from aeolid.models.prediction import vaf
-from aeolid.models.state_space import Signal
 from aeolid.plants.lpv import (
     benchmark,
     benchmark_signals,

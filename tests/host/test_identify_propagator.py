@@ -11,7 +11,7 @@ from aeolid.filters import replay_filter
 from aeolid.identify.propagator import GROWTH_MAX, REGULARISATION, Propagator, SmallRls, choose_states
 from aeolid.identify.varmax import identify_varmax
 from aeolid.identify.varx import identify_varx
-from aeolid.models.state_space import Signal
+from aeolid.models.model_file import Signal
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 from aeolid.plants.moving_poles import A, B, C, poles_at, simulate_moving_poles
 

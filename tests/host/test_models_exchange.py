@@ -21,8 +21,9 @@ from aeolid.models.exchange.openfast import read_lin
 from aeolid.models.exchange.python_control import from_control, to_control
 from aeolid.models.exchange.select import select
 from aeolid.models.load import load_model
+from aeolid.models.model_file import Signal
 from aeolid.models.prediction import free_run, predict
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.state_space import StateSpace
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 from aeolid.record import Roles
 

@@ -15,8 +15,9 @@ import pytest
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
 from aeolid.models.exchange.c_observer import c_observer
+from aeolid.models.model_file import Signal
 from aeolid.models.prediction import predict
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.state_space import StateSpace
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,9 +11,10 @@ from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.decimate import decimate
 from aeolid.identify.frequency import frequency_response
 from aeolid.models.load import LinearModel, discretise, load_model, matched
+from aeolid.models.model_file import Signal
 from aeolid.models.modes import mark_harmonics, modes_of
 from aeolid.models.prediction import complete_stretches, estimate_initial_state, free_run, nrmse, predict, vaf
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.state_space import StateSpace
 from aeolid.plants.hawt import build_turbine, simulate_closed_loop
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 from aeolid.record import Channel, Record
@@ -213,6 +214,17 @@ def test_broken_model_files_are_refused(tmp_path, content, error):
         load_model(path)
     with pytest.raises(UsageError):
         load_model(tmp_path / "model.txt")
+
+
+@pytest.mark.parametrize("offset", ["high", None, float("nan"), [1]])
+@pytest.mark.parametrize("scheduling", [None, {"channels": ["wind"], "first_is_one": True}])
+def test_offset_that_is_not_a_number_is_refused(tmp_path, offset, scheduling):
+    content = oscillator(0.3, 0.1, 0.1).to_json() | {"scheduling": scheduling}
+    content["inputs"] = [{"name": "u", "offset": offset}]
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(DataError, match=r"model\.json: inputs\[0\] has offset .*, a finite number is needed"):
+        load_model(path)
 
 
 def test_unknown_pole_covariance_leaves_no_deviation():

@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 STEP_S, FINE = 0.02, 40
 MASS, DAMPING, STIFFNESS, GAIN = 2.0, 1.5, 80.0, 4.0  # kg, N s/m, N/m, N/V: 1 Hz, damping ratio 0.06

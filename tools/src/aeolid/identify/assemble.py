@@ -27,9 +27,10 @@ from aeolid.identify.subspace import (
 )
 from aeolid.identify.uncertainty import pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
+from aeolid.models.model_file import Signal
 from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.prediction import estimate_initial_state
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

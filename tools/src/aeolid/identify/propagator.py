@@ -25,7 +25,8 @@ from scipy.linalg import qr
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.subspace import gamma_k
 from aeolid.identify.windows import decompose, triangularise
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 GROWTH_MAX = 10.0  # of a variance over its start 1/ρ, before forgetting stops

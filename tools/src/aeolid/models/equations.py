@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
-from aeolid.models.state_space import Signal
+from aeolid.models.model_file import Signal
 from aeolid.record import Record, check_keys, load_toml
 
 Array = NDArray[np.float64]

@@ -15,8 +15,9 @@ from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
 from aeolid.models.exchange.files import FOREIGN, read_state_space
 from aeolid.models.lpv import LpvStateSpace
+from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import (
+    Signal,
+    read_array,
+    read_signals,
+    read_states,
+    require_keys,
+    write_array,
+    write_signals,
+)
+from aeolid.models.state_space import StateSpace
 from aeolid.record import check_keys
 
 Array = NDArray[np.float64]
@@ -76,26 +85,20 @@ class LpvStateSpace:
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of model.json: A, B, K as lists of matrices, C and D too where they are scheduled."""
-
-        def named(signals: tuple[Signal, ...]) -> list[dict[str, Any]]:
-            return [{"name": s.name, "unit": s.unit} | ({"offset": s.offset} if s.offset else {}) for s in signals]
-
         return {
             "kind": "state_space",
             "sample_time_s": self.sample_time_s,
-            "inputs": named(self.inputs),
-            "outputs": named(self.outputs),
-            "states": named(self.states),
+            "inputs": write_signals(self.inputs),
+            "outputs": write_signals(self.outputs),
+            "states": write_signals(self.states),
             "A": self.A.tolist(),
             "B": self.B.tolist(),
             "C": (self.C if self.C[1:].any() else self.C[0]).tolist(),
             "D": (self.D if self.D[1:].any() else self.D[0]).tolist(),
-            "K": None if self.K is None else self.K.tolist(),
+            "K": write_array(self.K),
             "state_constant": self.b.tolist() if self.b.any() else None,
             "x0": self.x0.tolist(),
-            "innovation_covariance": None
-            if self.innovation_covariance is None
-            else self.innovation_covariance.tolist(),
+            "innovation_covariance": write_array(self.innovation_covariance),
             "scheduling": {
                 "channels": [s.name for s in self.scheduling],
                 "units": [s.unit for s in self.scheduling],
@@ -135,32 +138,26 @@ def run_scheduled(A: Array, mu: Array, forced: Array, x0: Array) -> Array:
 
 def from_json(data: dict[str, Any], source: str) -> LpvStateSpace:
     """Build the model from the content of model.json; raises DataError that names the key."""
-    if data.get("kind") != "state_space":
-        raise DataError(f"{source}: kind is {data.get('kind')!r}, 'state_space' is needed")
-    for key in ("A", "B", "C", "inputs", "outputs", "sample_time_s", "scheduling"):
-        if key not in data:
-            raise DataError(f"{source}: key {key!r} is missing")
+    require_keys(data, ("A", "B", "C", "inputs", "outputs", "sample_time_s", "scheduling"), source)
     scheduling = _scheduling(data["scheduling"], source)
-    inputs, outputs = (_signals(data[k], k, source) for k in ("inputs", "outputs"))
+    inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
     m, r, l_ = 1 + len(scheduling), len(inputs), len(outputs)
     stack = data["A"]
     n = len(stack[0]) if isinstance(stack, list) and stack and isinstance(stack[0], list) else -1
     A = _stacked(data, "A", m, (n, n), source)
-    states = _signals(data.get("states") or [f"x{i + 1}" for i in range(n)], "states", source)
-    if len(states) != n:
-        raise DataError(f"{source}: {len(states)} states are named, A has {n}")
+    states = read_states(data.get("states"), n, source)
     D = _stacked(data, "D", m, (l_, r), source) if data.get("D") is not None else np.zeros((m, l_, r))
     K = _stacked(data, "K", m, (n, l_), source) if data.get("K") is not None else None
     covariance = data.get("innovation_covariance")
-    x0 = np.zeros(n) if not data.get("x0") else _array(data["x0"], (n,), "x0", source)
+    x0 = np.zeros(n) if not data.get("x0") else read_array(data["x0"], (n,), "x0", source)
     b = data.get("state_constant")
     sample_time = data["sample_time_s"]
     if not isinstance(sample_time, int | float) or not 0 < sample_time < 1e6:
         raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds above 0")
     return LpvStateSpace(
         A, _stacked(data, "B", m, (n, r), source), _stacked(data, "C", m, (l_, n), source), D, K,
-        np.zeros((m, n)) if b is None else _array(b, (m, n), "state_constant", source), x0,
-        None if covariance is None else _array(covariance, (l_, l_), "innovation_covariance", source),
+        np.zeros((m, n)) if b is None else read_array(b, (m, n), "state_constant", source), x0,
+        None if covariance is None else read_array(covariance, (l_, l_), "innovation_covariance", source),
         float(sample_time), inputs, outputs, states, scheduling,
     )  # fmt: skip
 
@@ -175,22 +172,8 @@ def _scheduling(entry: Any, source: str) -> tuple[Signal, ...]:
     units = entry.get("units") or [""] * len(channels)
     if not isinstance(units, list) or len(units) != len(channels):
         raise DataError(f"{source}: scheduling.units does not name a unit for each of {len(channels)} channels")
-    signals = _signals(channels, "scheduling.channels", source)
+    signals = read_signals(channels, "scheduling.channels", source)
     return tuple(Signal(s.name, s.unit or str(u)) for s, u in zip(signals, units, strict=True))
-
-
-def _signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
-    if not isinstance(entries, list):
-        raise DataError(f"{source}: {key} is not a list")
-    result = []
-    for i, entry in enumerate(entries):
-        entry = {"name": entry} if isinstance(entry, str) else entry
-        check_keys(entry, {"name", "unit", "offset"}, f"{source} {key}[{i}]")
-        offset = entry.get("offset", 0.0)
-        if not isinstance(entry.get("name"), str) or not isinstance(offset, int | float):
-            raise DataError(f"{source}: {key}[{i}] has no name, or an offset that is not a number")
-        result.append(Signal(entry["name"], str(entry.get("unit", "")), float(offset)))
-    return tuple(result)
 
 
 def _stacked(data: dict[str, Any], key: str, m: int, shape: tuple[int, int], source: str) -> Array:
@@ -201,20 +184,6 @@ def _stacked(data: dict[str, Any], key: str, m: int, shape: tuple[int, int], sou
         value, depth = value[0], depth + 1
     if depth == 2 and 0 not in shape:
         out = np.zeros((m, *shape))
-        out[0] = _array(data[key], shape, key, source)
+        out[0] = read_array(data[key], shape, key, source)
         return out
-    return _array(data[key], (m, *shape), key, source)
-
-
-def _array(value: Any, shape: tuple[int, ...], key: str, source: str) -> Array:
-    try:
-        array = np.array(value, dtype=float)
-    except (ValueError, TypeError):
-        raise DataError(f"{source}: {key} is not a matrix of numbers, or not one for each scheduling entry") from None
-    if array.size == 0 and 0 in shape:
-        array = np.zeros(shape)
-    if array.shape != shape:
-        raise DataError(f"{source}: {key} is {'x'.join(map(str, array.shape))}, needed is {'x'.join(map(str, shape))}")
-    if not np.all(np.isfinite(array)):
-        raise DataError(f"{source}: {key} holds a value that is not finite")
-    return array
+    return read_array(data[key], (m, *shape), key, source)

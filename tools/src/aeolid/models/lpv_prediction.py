@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError
 from aeolid.models.load import matched, require_sample_time
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled, with_one
+from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches
-from aeolid.models.state_space import Signal
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

@@ -11,19 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
+from aeolid.models.model_file import (
+    Signal,
+    read_array,
+    read_signals,
+    read_states,
+    require_keys,
+    write_array,
+    write_signals,
+)
 from aeolid.models.recursion import run_states
-from aeolid.record import check_keys
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Signal:
-    """Name a model's input, output or state; `offset` is the operating point the model is a deviation from."""
-
-    name: str
-    unit: str = ""
-    offset: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,26 +70,19 @@ class StateSpace:
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of model.json."""
-
-        def rows(m: Array | None) -> Any:
-            return None if m is None else m.tolist()
-
-        def named(signals: tuple[Signal, ...]) -> list[dict[str, Any]]:
-            return [{"name": s.name, "unit": s.unit} | ({"offset": s.offset} if s.offset else {}) for s in signals]
-
         return {
             "kind": "state_space",
             "sample_time_s": self.sample_time_s,
-            "inputs": named(self.inputs),
-            "outputs": named(self.outputs),
-            "states": named(self.states),
-            "A": rows(self.A),
-            "B": rows(self.B),
-            "C": rows(self.C),
-            "D": rows(self.D),
-            "K": rows(self.K),
-            "x0": rows(self.x0),
-            "innovation_covariance": rows(self.innovation_covariance),
+            "inputs": write_signals(self.inputs),
+            "outputs": write_signals(self.outputs),
+            "states": write_signals(self.states),
+            "A": write_array(self.A),
+            "B": write_array(self.B),
+            "C": write_array(self.C),
+            "D": write_array(self.D),
+            "K": write_array(self.K),
+            "x0": write_array(self.x0),
+            "innovation_covariance": write_array(self.innovation_covariance),
             "scheduling": None,
         }
 
@@ -101,32 +93,23 @@ class StateSpace:
 
 def from_json(data: dict[str, Any], source: str) -> StateSpace:
     """Build the model from the content of model.json; raises DataError that names the key."""
-    if data.get("kind") != "state_space":
-        raise DataError(f"{source}: kind is {data.get('kind')!r}, 'state_space' is needed")
     if data.get("scheduling"):
         raise DataError(f"{source}: a scheduled (LPV) model; a linear time-invariant one is needed here")
-    for key in ("A", "B", "C", "inputs", "outputs", "sample_time_s"):
-        if key not in data:
-            raise DataError(f"{source}: key {key!r} is missing")
-    inputs, outputs = (_signals(data[k], k, source) for k in ("inputs", "outputs"))
+    require_keys(data, ("A", "B", "C", "inputs", "outputs", "sample_time_s"), source)
+    inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
     n = len(data["A"]) if isinstance(data["A"], list) else -1
     r, m = len(inputs), len(outputs)
-    A = _matrix(data, "A", (n, n), source)
-    states = _signals(data.get("states") or [{"name": f"x{i + 1}", "unit": ""} for i in range(n)], "states", source)
-    if len(states) != n:
-        raise DataError(f"{source}: {len(states)} states are named, A has {n}")
-    D = _matrix(data, "D", (m, r), source) if data.get("D") is not None else np.zeros((m, r))
-    K = _matrix(data, "K", (n, m), source) if data.get("K") is not None else None
+    A, B, C = (read_array(data[k], shape, k, source) for k, shape in (("A", (n, n)), ("B", (n, r)), ("C", (m, n))))
+    states = read_states(data.get("states"), n, source)
+    D = read_array(data["D"], (m, r), "D", source) if data.get("D") is not None else np.zeros((m, r))
+    K = read_array(data["K"], (n, m), "K", source) if data.get("K") is not None else None
     S = data.get("innovation_covariance")
-    covariance = _matrix(data, "innovation_covariance", (m, m), source) if S is not None else None
-    x0 = _matrix({"x0": [[v] for v in data["x0"]]}, "x0", (n, 1), source)[:, 0] if data.get("x0") else np.zeros(n)
+    covariance = None if S is None else read_array(S, (m, m), "innovation_covariance", source)
+    x0 = read_array(data["x0"], (n,), "x0", source) if data.get("x0") else np.zeros(n)
     sample_time = data["sample_time_s"]
     if not isinstance(sample_time, int | float) or not 0 <= sample_time < 1e6:
         raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds (0 for continuous time)")
-    return StateSpace(
-        A, _matrix(data, "B", (n, r), source), _matrix(data, "C", (m, n), source), D, K, x0, covariance,
-        float(sample_time), inputs, outputs, states,
-    )  # fmt: skip
+    return StateSpace(A, B, C, D, K, x0, covariance, float(sample_time), inputs, outputs, states)
 
 
 def load(path: str | Path) -> StateSpace:
@@ -147,30 +130,3 @@ def read_json(path: str | Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise DataError(f"{path}: a JSON object is needed, found {type(data).__name__}")
     return data
-
-
-def _signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
-    if not isinstance(entries, list):
-        raise DataError(f"{source}: {key} is not a list")
-    result = []
-    for i, entry in enumerate(entries):
-        entry = {"name": entry} if isinstance(entry, str) else entry
-        check_keys(entry, {"name", "unit", "offset"}, f"{source} {key}[{i}]")
-        if not isinstance(entry.get("name"), str):
-            raise DataError(f"{source}: {key}[{i}] has no name")
-        result.append(Signal(entry["name"], str(entry.get("unit", "")), float(entry.get("offset", 0.0))))
-    return tuple(result)
-
-
-def _matrix(data: dict[str, Any], key: str, shape: tuple[int, int], source: str) -> Array:
-    try:
-        value = np.array(data[key], dtype=float)
-    except (ValueError, TypeError):
-        raise DataError(f"{source}: {key} is not a matrix of numbers") from None
-    if value.size == 0 and 0 in shape:
-        value = np.zeros(shape)
-    if value.shape != shape:
-        raise DataError(f"{source}: {key} is {'x'.join(map(str, value.shape))}, needed is {shape[0]}x{shape[1]}")
-    if not np.all(np.isfinite(value)):
-        raise DataError(f"{source}: {key} holds a value that is not finite")
-    return value

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record, Roles
 
 Array = NDArray[np.float64]

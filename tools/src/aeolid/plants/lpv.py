@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled
-from aeolid.models.state_space import Signal
+from aeolid.models.model_file import Signal
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]

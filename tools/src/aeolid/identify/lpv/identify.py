@@ -25,7 +25,7 @@ from aeolid.identify.lpv.structure import Structure, parse_varying
 from aeolid.identify.order import OrderChoice
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
-from aeolid.models.state_space import Signal
+from aeolid.models.model_file import Signal
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

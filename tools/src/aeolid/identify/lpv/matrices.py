@@ -14,7 +14,7 @@ from aeolid.identify.lpv.data import LpvData, feedthrough_columns, spread
 from aeolid.identify.lpv.structure import Structure
 from aeolid.models.lpv import LpvStateSpace, apply_at
 from aeolid.models.lpv_prediction import estimate_initial_state, predictor_states
-from aeolid.models.state_space import Signal
+from aeolid.models.model_file import Signal
 
 Array = NDArray[np.float64]
 RESOLVED = 1e-10  # of an output's power; below it a prediction is exact to what a kernel can resolve

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError, UsageError
 from aeolid.models.exchange.c_template import TEMPLATE
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 Kind = type[np.float32] | type[np.float64]

@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from aeolid.errors import DataError, UsageError
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 
 def to_control(model: StateSpace, *, innovations: bool = False) -> Any:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from aeolid.errors import DataError, UsageError
-from aeolid.models.state_space import Signal, StateSpace
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
 
 
 def select(model: StateSpace, inputs: Sequence[str], outputs: Sequence[str]) -> StateSpace:

@@ -1,0 +1,84 @@
+"""Read and write what every model.json has in the same form: kind, keys, signals and arrays; faults name the key."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import DataError
+from aeolid.record import check_keys
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Signal:
+    """Name a model's input, output or state; `offset` is the operating point the model is a deviation from."""
+
+    name: str
+    unit: str = ""
+    offset: float = 0.0
+
+
+def require_keys(data: dict[str, Any], keys: Sequence[str], source: str) -> None:
+    """Refuse another kind of model, or one that lacks a key."""
+    if data.get("kind") != "state_space":
+        raise DataError(f"{source}: kind is {data.get('kind')!r}, 'state_space' is needed")
+    for key in keys:
+        if key not in data:
+            raise DataError(f"{source}: key {key!r} is missing")
+
+
+def read_signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
+    """Read a list of signals, each a name or a table of name, unit and offset."""
+    if not isinstance(entries, list):
+        raise DataError(f"{source}: {key} is not a list")
+    result = []
+    for i, entry in enumerate(entries):
+        entry = {"name": entry} if isinstance(entry, str) else entry
+        check_keys(entry, {"name", "unit", "offset"}, f"{source} {key}[{i}]")
+        offset = entry.get("offset", 0.0)
+        if not isinstance(entry.get("name"), str):
+            raise DataError(f"{source}: {key}[{i}] has no name")
+        if not isinstance(offset, int | float) or not np.isfinite(offset):
+            raise DataError(f"{source}: {key}[{i}] has offset {offset!r}, a finite number is needed")
+        result.append(Signal(entry["name"], str(entry.get("unit", "")), float(offset)))
+    return tuple(result)
+
+
+def read_states(entries: Any, count: int, source: str) -> tuple[Signal, ...]:
+    """Read the names of so many states; x1, x2 … where none are given."""
+    states = read_signals(entries or [f"x{i + 1}" for i in range(count)], "states", source)
+    if len(states) != count:
+        raise DataError(f"{source}: {len(states)} states are named, A has {count}")
+    return states
+
+
+def read_array(value: Any, shape: tuple[int, ...], key: str, source: str) -> Array:
+    """Read nested lists of finite numbers of this shape."""
+    try:
+        array = np.array(value, dtype=float)
+    except (ValueError, TypeError):
+        what = "a matrix of numbers" + (", or not one for each scheduling entry" if len(shape) > 2 else "")
+        raise DataError(f"{source}: {key} is not {what}") from None
+    if array.size == 0 and 0 in shape:
+        array = np.zeros(shape)
+    if array.shape != shape:
+        raise DataError(f"{source}: {key} is {'x'.join(map(str, array.shape))}, needed is {'x'.join(map(str, shape))}")
+    if not np.all(np.isfinite(array)):
+        raise DataError(f"{source}: {key} holds a value that is not finite")
+    return array
+
+
+def write_signals(signals: Sequence[Signal]) -> list[dict[str, Any]]:
+    """Return signals as they stand in the file."""
+    return [{"name": s.name, "unit": s.unit} | ({"offset": s.offset} if s.offset else {}) for s in signals]
+
+
+def write_array(array: Array | None) -> Any:
+    """Return an array as nested lists, or None."""
+    return None if array is None else array.tolist()
