@@ -51,10 +51,11 @@ def convert(
         raise UsageError(f"{out}: a model is written as .json, .mat or .h")
     if sample_time is not None and not 0 < sample_time < 1e6:
         raise UsageError(f"--sample-time {sample_time:g} is not a time in seconds above 0")
-    from aeolid.models.exchange.files import read_state_space
+    from aeolid.models.exchange.files import read_with_notes
     from aeolid.models.exchange.select import select
 
-    model = select(read_state_space(model_file, sample_time), inputs or [], outputs or [])
+    whole, notes = read_with_notes(model_file, sample_time)
+    model = select(whole, inputs or [], outputs or [])
     model = _at_sample_time(model, sample_time, model_file)
     if suffix == ".h":
         from aeolid.models.exchange.c_observer import c_observer
@@ -67,7 +68,7 @@ def convert(
         write_mat(out, model)
     else:
         emit_json(model.to_json(), str(out))
-    facts = _facts(model, model_file, out)
+    facts = _facts(model, model_file, out) | {"notes": list(notes)}
     if json_target != "-":
         console.print(_summary(facts), markup=False)
     emit_json(facts, json_target)
@@ -109,4 +110,4 @@ def _summary(facts: dict[str, Any]) -> str:
     lines = [f"{facts['written']}: {facts['order']} states, {time}, {gain} a Kalman gain"]
     for kind in ("inputs", "outputs"):
         lines += [f"  {kind[:-1]} {s['name']} [{s['unit'] or '-'}] about {s['offset']:g}" for s in facts[kind]]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"note: {note}" for note in facts["notes"])])

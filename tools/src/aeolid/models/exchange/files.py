@@ -16,15 +16,21 @@ def read_state_space(path: str | Path, sample_time_s: float | None = None) -> St
 
     sample_time_s: for a .mat file that does not say its own. Raises DataError that names file and entry or line.
     """
+    return read_with_notes(path, sample_time_s)[0]
+
+
+def read_with_notes(path: str | Path, sample_time_s: float | None = None) -> tuple[StateSpace, tuple[str, ...]]:
+    """Return the model as `read_state_space` does, and what the file says it is not good for."""
     suffix = Path(path).suffix.lower()
     if suffix == ".mat":
         from aeolid.models.exchange.matlab import read_mat_model
 
-        return read_mat_model(path, sample_time_s)
+        return read_mat_model(path, sample_time_s), ()
     if suffix == ".lin":
         from aeolid.models.exchange.openfast import read_lin
 
-        return read_lin(path).model
+        found = read_lin(path)
+        return found.model, found.notes()
     if suffix == ".toml":
         raise DataError(f"{path}: equations; a linear model (.json, .mat or .lin) is needed here")
-    return state_space.from_json(state_space.read_json(path), str(path))
+    return state_space.from_json(state_space.read_json(path), str(path)), ()
