@@ -12,6 +12,7 @@ from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.refine import Refinement
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.order import OrderChoice
+from aeolid.identify.outcome import common_facts, fit_lines, mode_lines, model_facts, pole_facts, poles_of
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.modes import Mode, modes_of
 
@@ -57,7 +58,7 @@ class OperatingPoint:
         return {
             "where": self.where,
             "scheduling": self.scheduling,
-            "eigenvalues": [[z.real, z.imag] for z in self.eigenvalues],
+            "eigenvalues": pole_facts(self.eigenvalues),
             "modes": [m.to_json() for m in self.modes],
         }
 
@@ -107,33 +108,21 @@ class LpvIdentification:
 
     def to_json(self) -> dict[str, Any]:
         """Return the facts of the result for machines."""
-        return {
-            "method": self.settings.method,
-            "version": self.version,
-            "settings": self.settings.to_json(),
-            "data": list(self.data),
-            "sample_time_s": self.model.sample_time_s,
-            "windows": self.windows,
-            "windows_skipped": self.skipped,
-            "rank": {"found": self.estimate.rank, "of": self.estimate.regressors},
-            "penalty": self.estimate.penalty.tolist(),
-            "effective_parameters": self.estimate.freedom.tolist(),
-            "singular_values": self.singular_values.tolist(),
-            "order": self.order,
-            "order_reason": self.order_choice.reason,
-            "eigenvalues": [[z.real, z.imag] for z in self.eigenvalues],
-            "modes": [m.to_json() for m in self.modes],
-            "operating_points": [p.to_json() for p in self.points],
-            "gain": self.gain_method,
-            "fit": self.fit.to_json(),
-            "notes": list(self.notes),
-            "refinement": None if self.refinement is None else self.refinement.to_json(),
-            **self.estimate.facts,
-        }
+        return (
+            common_facts(self)
+            | {
+                "rank": {"found": self.estimate.rank, "of": self.estimate.regressors},
+                "penalty": self.estimate.penalty.tolist(),
+                "effective_parameters": self.estimate.freedom.tolist(),
+                "operating_points": [p.to_json() for p in self.points],
+                "refinement": None if self.refinement is None else self.refinement.to_json(),
+            }
+            | self.estimate.facts
+        )
 
     def model_json(self) -> dict[str, Any]:
         """Return the content of model.json: the model, and under "identification" how it came about."""
-        return self.model.to_json() | {"identification": self.to_json()}
+        return model_facts(self)
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
@@ -146,17 +135,8 @@ class LpvIdentification:
             lines.append(f"refined in {done.steps} steps: prediction error power {done.gain:.1%} lower")
         for point in self.points:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in point.scheduling.items())
-            lines += [f"at the {point.where} ({values})", "  frequency Hz     damping           mostly in"]
-            for mode in point.modes:
-                where = max(mode.shares, key=lambda n: mode.shares[n])
-                spread = (mode.frequency_std_hz or 0.0, mode.damping_std or 0.0)
-                lines.append(
-                    f"  {mode.frequency_hz:8.4f} ± {spread[0]:.4f}  {mode.damping:7.4f} ± {spread[1]:.4f}"
-                    f"  {where} ({mode.shares[where]:.0%})"
-                )
-        for name in self.fit.one_step.vaf:
-            lines.append(f"{name}: one step {self.fit.one_step.text(name)}, free run {self.fit.free_run.text(name)}")
-        return "\n".join([*lines, *self.notes])
+            lines += [f"at the {point.where} ({values})", *mode_lines(point.modes)]
+        return "\n".join([*lines, *fit_lines(self.fit), *self.notes])
 
 
 def operating_points(
@@ -182,13 +162,11 @@ def operating_points(
     points = []
     for where, at in places:
         frozen = model.frozen(at)
-        values = np.linalg.eigvals(frozen.A).astype(complex)
-        values = values[np.argsort(-abs(values), kind="stable")]
         mu = np.concatenate([[1.0], (at - mean) / mu_scale])
         uncertain = None if covariance is None else pole_covariance(frozen.A, mu, covariance)
         modes = modes_of(frozen, output_scale=output_scale, pole_covariance=uncertain)
         scheduling = {n: float(v) for n, v in zip(names, at, strict=True)}
-        points.append(OperatingPoint(where, scheduling, values, modes))
+        points.append(OperatingPoint(where, scheduling, poles_of(frozen.A), modes))
     return tuple(points)
 
 

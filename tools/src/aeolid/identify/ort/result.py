@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.identify.fit import Fit
 from aeolid.identify.order import OrderChoice
 from aeolid.identify.ort.feedback import FeedbackTest
+from aeolid.identify.outcome import common_facts, fit_lines, mode_lines, model_facts, poles_of
 from aeolid.models.modes import Mode
 from aeolid.models.state_space import StateSpace
 
@@ -75,22 +76,11 @@ class OrtIdentification:
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
         """Return the poles (n,) in the z-plane, largest magnitude first."""
-        values = np.linalg.eigvals(self.model.A).astype(complex)
-        return values[np.argsort(-abs(values), kind="stable")]
+        return poles_of(self.model.A)
 
     def to_json(self) -> dict[str, Any]:
         """Return the facts of the result for machines."""
-        return {
-            "method": "ort",
-            "version": self.version,
-            "settings": self.settings.to_json(),
-            "data": list(self.data),
-            "sample_time_s": self.model.sample_time_s,
-            "windows": self.windows,
-            "windows_skipped": self.skipped,
-            "singular_values": self.singular_values.tolist(),
-            "order": self.order,
-            "order_reason": self.order_choice.reason,
+        return common_facts(self) | {
             "joint_order": self.joint_choice.order,
             "joint_order_reason": self.joint_choice.reason,
             "deterministic_singular_values": self.deterministic.tolist(),
@@ -98,27 +88,13 @@ class OrtIdentification:
             "compatibility": self.compatibility,
             "disturbance_condition": self.condition,
             "feedback": [test.to_json() for test in self.feedback],
-            "eigenvalues": [[z.real, z.imag] for z in self.eigenvalues],
-            "modes": [m.to_json() for m in self.modes],
-            "gain": self.gain_method,
-            "fit": self.fit.to_json(),
-            "notes": list(self.notes),
         }
 
     def model_json(self) -> dict[str, Any]:
         """Return the content of model.json: the model, and under "identification" how it came about."""
-        return self.model.to_json() | {"identification": self.to_json()}
+        return model_facts(self)
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
-        lines = [self.joint_choice.reason, self.order_choice.reason]
-        lines.append("  frequency Hz     damping           mostly in")
-        for mode in self.modes:
-            where = max(mode.shares, key=lambda n: mode.shares[n])
-            lines.append(
-                f"  {mode.frequency_hz:8.4f} ± {mode.frequency_std_hz or 0:.4f}"
-                f"  {mode.damping:7.4f} ± {mode.damping_std or 0:.4f}  {where} ({mode.shares[where]:.0%})"
-            )
-        for name in self.fit.one_step.vaf:
-            lines.append(f"{name}: one step {self.fit.one_step.text(name)}, free run {self.fit.free_run.text(name)}")
-        return "\n".join([*lines, *self.notes])
+        reasons = [self.joint_choice.reason, self.order_choice.reason]
+        return "\n".join([*reasons, *mode_lines(self.modes), *fit_lines(self.fit), *self.notes])
