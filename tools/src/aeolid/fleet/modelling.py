@@ -15,7 +15,7 @@ from aeolid.identify.assemble import LARGEST_AUTO_ORDER, model_in_units
 from aeolid.identify.markov import estimate_markov, require_excitation
 from aeolid.identify.order import FIT_PART, TOLERANCE
 from aeolid.identify.subspace import StateBasis, equilibrium, find_states, largest_useful_order, system_matrices
-from aeolid.identify.uncertainty import pole_covariance
+from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.state_space import StateSpace
@@ -43,7 +43,7 @@ def model_summary(summary: Summary, plan: Plan, order: int, what: str) -> dict[s
         )
     T = basis.state_map(order)
     scaled = system_matrices(factor, T, through)
-    spread = pole_covariance(factor, basis, scaled, estimate)
+    spread = pole_covariance(scaled.A, matrix_spread(factor, basis, scaled, estimate, through))
     record, scaling = _empty_record(summary, plan), _scaling(summary, plan)
     model = model_in_units(scaled, equilibrium(factor, T, scaled), scaling, record)
     outputs = summary.scale[summary.inputs :]

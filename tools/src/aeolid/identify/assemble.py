@@ -14,6 +14,7 @@ from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
+from aeolid.identify.quantify import Uncertainty, asymptotic
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.streamed import StreamedMarkov, theta_in_units
 from aeolid.identify.subspace import (
@@ -25,7 +26,6 @@ from aeolid.identify.subspace import (
     stabilise,
     system_matrices,
 )
-from aeolid.identify.uncertainty import pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
 from aeolid.models.model_file import Signal
 from aeolid.models.modes import Mode, mark_harmonics, modes_of
@@ -49,6 +49,11 @@ class Windows:
     scaling: Scaling
     fitted: WindowFactor
     whole: WindowFactor
+
+    @property
+    def input_scale(self) -> Array:
+        """Return the standard deviations of the inputs, (r,), in their units."""
+        return self.scaling.scale[: len(self.scaling.inputs)]
 
     @property
     def output_scale(self) -> Array:
@@ -110,15 +115,16 @@ def assemble(
     choice = _order(windows, settings, through, estimate)
     _require_order(choice, basis, records[0].source)
     T = basis.state_map(choice.order)
-    scaled = system_matrices(factor, T, through)
-    spread = pole_covariance(factor, basis, scaled, estimate)
-    if settings.stable:
-        scaled = stabilise(factor, scaled, T)
+    fitted = system_matrices(factor, T, through)
+    scaled = stabilise(factor, fitted, T) if settings.stable else fitted
+    known = Uncertainty()
+    if settings.uncertainty != "none":
+        known = asymptotic(factor, basis, fitted, scaled, estimate, through, records[0].sample_time_s)
     model = with_start(model_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
     model, fit = with_innovations(model, records)
     return Identification(
         model=model,
-        modes=find_modes(model, windows.output_scale, spread, records),
+        modes=find_modes(model, windows.output_scale, known.poles, records),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=fit,
@@ -132,7 +138,8 @@ def assemble(
         gain_method=scaled.gain_method,
         notes=(*_notes(factor, estimate, model), *notes),
         version=aeolid.__version__,
-        extra=extra or {},
+        extra=(extra or {}) | known.facts,
+        band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
     )
 
 
@@ -164,7 +171,9 @@ def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
         )
 
 
-def find_modes(model: StateSpace, output_scale: Array, spread: Array, records: Sequence[Record]) -> tuple[Mode, ...]:
+def find_modes(
+    model: StateSpace, output_scale: Array, spread: Array | None, records: Sequence[Record]
+) -> tuple[Mode, ...]:
     """List the modes; where the rotor's azimuth is recorded, those on its harmonics are marked."""
     modes = modes_of(model, output_scale=output_scale, pole_covariance=spread)
     rotor_hz = rotor_frequency(records[0])

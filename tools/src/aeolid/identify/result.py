@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.identify.bands import Band
 from aeolid.identify.fit import Fit
 from aeolid.identify.markov import MarkovEstimate
 from aeolid.identify.order import OrderChoice
@@ -37,6 +38,7 @@ class Settings:
     markov: str | None
     passes: int | None = None
     forgetting: float | None = None
+    uncertainty: str = "asymptotic"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -49,7 +51,8 @@ class Identification:
 
     singular_values (f l,) of ΓK Z/√N in scaled units; markov_parameters (l, p m + r) in the channels' units, order of
     paper 000 eq. (9) or (14); data lists source, SHA-256 and length of each recording; notes are plain warnings; extra
-    holds JSON facts of the method beyond those.
+    holds JSON facts of the method beyond those; band is the frequency response with its deviation, in the channels'
+    units, None where it is not known.
     """
 
     model: StateSpace
@@ -68,6 +71,7 @@ class Identification:
     notes: tuple[str, ...]
     version: str
     extra: dict[str, Any] = field(default_factory=dict)
+    band: Band | None = None
 
     @property
     def order(self) -> int:
@@ -81,10 +85,13 @@ class Identification:
 
     def to_json(self) -> dict[str, Any]:
         """Return the facts of the result for machines."""
-        own = {
+        own: dict[str, Any] = {
             "rank": {"found": self.markov.rank, "of": self.markov.regressors, "condition": self.markov.condition},
             "penalty": self.markov.penalty.tolist(),
         }
+        if self.band is not None:
+            inputs, outputs = ([s.name for s in group] for group in (self.model.inputs, self.model.outputs))
+            own["frequency_response"] = self.band.to_json(inputs, outputs)
         return common_facts(self) | own | self.extra
 
     def model_json(self) -> dict[str, Any]:

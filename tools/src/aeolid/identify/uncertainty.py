@@ -1,63 +1,145 @@
-"""Push the noise of the Markov parameters through PBSIDopt to the poles.
+"""Push the noise of the Markov parameters through PBSIDopt to the matrices, and on to the poles.
 
-First-order analysis of van Wingerden (asymptotic variance of PBSIDopt) in closed form: with the windows fixed, all
-randomness enters through ΔΞ with cov(vec ΔΞ) = Λ ⊗ (Z Zᵀ)⁻¹. Then ΔX = S ΔΓK Z, ΔE = −ΔΞ Ψ and
-    ΔA = (ΔT Z₊ − A ΔT Z₋ + K ΔΞ Ψ) M†, columns of the state,      M = [X; U; E],
-so that the change of an eigenvalue λ with left and right vectors w, v (wᴴ v = 1) is linear in ΔΞ:
-    Δλ = wᴴ ΔA v = Σ_i (S_iᵀ w)ᴴ ΔΞ [shift_i (Z₊ − λ Z₋) M†v] + (Kᵀ w)ᴴ ΔΞ Ψ M†v.
-Assumed: order and window chosen, (A − K C)ᵖ negligible, e white. Cost: O(n (p m)²), no array of recording length.
+First-order analysis (van Wingerden, asymptotic variance of PBSIDopt) in closed form: with the windows fixed, all
+randomness enters through Y = Ξ Ψ + E, Ξ̂ = Ξ + ΔΞ, ΔΞ = E Ψ†, cov(vec ΔΞ) = Λ ⊗ (Ψ Ψᵀ)⁻¹. The choice of S in x = S ΓK z̄
+is held fixed: where ΓK has rank n another choice changes the basis only, from which poles and frequency responses are
+free. With N = [X; U of feedthrough], P the projection on its rows, M = [X; U; E], ΔX = S ΔΓK Z₋ and ΔX₊ = S ΔΓK Z₊,
+    [ΔC ΔD] = (ΔΞ Ψ − C ΔX) N†,
+    ΔE      = −ΔΞ Ψ P − C ΔX (I − P),                    E taken as what the regression on N leaves,
+    [ΔA ΔB] = (ΔX₊ − A ΔX − K ΔE) M†, columns of x and u.
+The published ΔE = −ΔΞ Ψ is this one only where every input has feedthrough: without, an input under feedback is not at
+right angles to the rest. Assumed: order and window chosen, (A − K C)ᵖ negligible, e white. Cost: O(f n l (p m) (n + r))
+and a factor of (n + l) (n + r) columns; no array of recording length.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.markov import MarkovEstimate
 from aeolid.identify.subspace import ScaledModel, StateBasis
-from aeolid.identify.windows import WindowFactor
+from aeolid.identify.windows import WindowFactor, triangularise
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+RANK = 1e-11  # of the regressions, as in `subspace`
 
 
-def pole_covariance(factor: WindowFactor, basis: StateBasis, model: ScaledModel, markov: MarkovEstimate) -> Array:
-    """Return the covariance (n, 2, 2) of real and imaginary part of each pole, in the order of eig(model.A)."""
-    values, right = np.linalg.eig(model.A)
+@dataclass(frozen=True, eq=False)
+class MatrixSpread:
+    """Hold the covariance of the entries of [A B; C D] (n + l, n + r), row by row: rootᵀ root.
+
+    root (k, (n + l)(n + r)); states n. Any linear function of the matrices has the norm of root · (its coefficients)
+    for a deviation. The covariance itself hangs on the basis of the states and is singular along changes of basis.
+    """
+
+    root: Array
+    states: int
+    inputs: int
+
+    def reach(self, left: ComplexArray, right: ComplexArray) -> ComplexArray:
+        """Return root · vec(leftᵀ [ΔA ΔB; ΔC ΔD] right) (k, …): left (…, n + l), right (…, n + r)."""
+        rows, columns = left.shape[-1], right.shape[-1]
+        half = self.root.reshape(-1, rows, columns) @ np.moveaxis(right, -1, 0).reshape(columns, -1)
+        out: ComplexArray = np.einsum("kab,ba->kb", half, left.reshape(-1, rows)).reshape(-1, *left.shape[:-1])
+        return out
+
+
+def matrix_spread(
+    factor: WindowFactor, basis: StateBasis, model: ScaledModel, markov: MarkovEstimate, through: tuple[bool, ...]
+) -> MatrixSpread:
+    """Return the first-order spread of [A B; C D] in scaled units; through: inputs with feedthrough."""
+    n, r, outputs = len(model.A), factor.inputs, factor.outputs
+    width = factor.past * factor.channels
+    S = basis.selector(n).reshape(n, -1, outputs).transpose(1, 0, 2)  # (f, n, l): S_i
+    before, after, rest, direct, now, fitted = _projections(factor, basis.state_map(n), model, through)
+
+    def moved(projected: Array) -> Array:
+        """Return S ΔΓK · projected (n, columns, l, rank); block row i of ΓK holds Ξ moved right by i blocks."""
+        m, spread = factor.channels, markov.spread
+        parts = np.array([spread[: width - i * m].T @ projected[i * m :] for i in range(len(S))])
+        out: Array = np.tensordot(S, parts, axes=(0, 0)).transpose(0, 3, 1, 2)
+        return out
+
+    def plain(projected: Array) -> Array:
+        """Return ΔΞ · projected (l, columns, l, rank)."""
+        out: Array = np.einsum("ab,rc->acbr", np.eye(outputs), markov.spread.T @ projected)
+        return out
+
+    J = np.zeros((n + outputs, n + r, outputs, markov.spread.shape[1]))
+    J[:n] = moved(after) - _times(model.A, moved(before)) + _times(model.K @ model.C, moved(rest))
+    J[:n] += _times(model.K, plain(direct))
+    columns = [*range(n), *(n + i for i, t in enumerate(through) if t)]
+    J[n:, columns] = plain(fitted) - _times(model.C, moved(now))
+    J = np.einsum("abcr,cd->abdr", J, _root(markov.residual_covariance))
+    rows = J.reshape((n + outputs) * (n + r), -1).T
+    return MatrixSpread(triangularise(rows) if len(rows) > rows.shape[1] else rows, n, r)
+
+
+def pole_covariance(A: Array, spread: MatrixSpread) -> Array:
+    """Return the covariance (n, 2, 2) of real and imaginary part of each pole, in the order of eig(A).
+
+    With left and right eigenvectors, wᴴ v = 1, Δλ = wᴴ ΔA v. NaN where A has no full set of eigenvectors: its poles
+    have no first-order expansion.
+    """
+    _, right = np.linalg.eig(A)
+    n, columns = spread.states, spread.states + spread.inputs
+    rows = spread.root.shape[1] // columns
     try:
-        left = np.linalg.inv(right).conj().T  # columns w with wᴴ v = 1
-    except np.linalg.LinAlgError:  # a defective A has no first-order expansion of its poles
-        return np.full((len(values), 2, 2), np.nan)
-    order, m, outputs = len(model.A), factor.channels, factor.outputs
-    width = factor.past * m
-    blocks = basis.selector(order).reshape(order, -1, outputs)  # S_i (n, l), i = 0 … f − 1
-    past, following, regressors = _projections(factor, basis.state_map(order), model)
-    covariance = np.zeros((order, 2, 2))
-    for j, value in enumerate(values):
-        v, w = right[:, j], left[:, j]
-        moved = following @ v - value * (past @ v)  # (p m,)
-        gradient = np.zeros((outputs, len(regressors)), dtype=complex)
-        for i in range(blocks.shape[1]):
-            # block row i of ΓK holds Ξ shifted right by i blocks: Ξ's column c meets row c + i m
-            gradient[:, : width - i * m] += np.outer(blocks[:, i].T @ w.conj(), moved[i * m :])
-        gradient += np.outer(model.K.T @ w.conj(), regressors @ v)
-        covariance[j] = _real_and_imaginary(gradient, markov)
-    return covariance
+        left = np.linalg.inv(right)  # rows wᴴ
+    except np.linalg.LinAlgError:
+        return np.full((n, 2, 2), np.nan)
+    reached = spread.reach(_padded(left, rows), _padded(right.T, columns))  # (k, n)
+    return covariance_of(reached)
 
 
-def _projections(factor: WindowFactor, T: Array, model: ScaledModel) -> tuple[Array, Array, Array]:
-    """Return Z₋ M†, Z₊ M† (p m, n) and Ψ M† (p m + r, n), the columns of the state."""
+def covariance_of(reached: ComplexArray) -> Array:
+    """Return the covariance (…, 2, 2) of real and imaginary part of what white noise reaches through (k, …)."""
+    parts = np.stack([reached.real, reached.imag], axis=-1)
+    out: Array = np.einsum("k...i,k...j->...ij", parts, parts)
+    return out
+
+
+def _padded(vectors: ComplexArray, length: int) -> ComplexArray:
+    return np.pad(vectors.astype(complex), ((0, 0), (0, length - vectors.shape[1])))
+
+
+def _times(matrix: Array, J: Array) -> Array:
+    """Multiply the first axis."""
+    out: Array = np.tensordot(matrix, J, axes=(1, 0))
+    return out
+
+
+def _root(covariance: Array) -> Array:
+    """Return F (l, l) with F Fᵀ = covariance, which may be singular."""
+    values, vectors = np.linalg.eigh(covariance)
+    out: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return out
+
+
+def _projections(
+    factor: WindowFactor, T: Array, model: ScaledModel, through: Sequence[bool]
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """Return Z₋ M†, Z₊ M†, Z₋ (I − P) M†, Ψ P M†, Z₋ N†, Ψ N†; of M† the columns of x and u."""
     R, m, r, n = factor.R, factor.channels, factor.inputs, len(T)
     width = factor.past * m
     now, u, y = R[:, :width] @ T.T, factor.u_now, factor.y_now
+    first = np.hstack([now, u[:, np.flatnonzero(through)]])  # N
     e = y - now @ model.C.T - u @ model.D.T
-    M = np.hstack([now, u, e])
-    pseudo = np.linalg.pinv(M, rcond=1e-11).T[:, :n]  # (q, n) in the coordinates of R
-    return R[:, :width].T @ pseudo, R[:, m : width + m].T @ pseudo, R[:, : width + r].T @ pseudo
+    whole = pseudo_inverse(np.hstack([now, u, e]))[:, : n + r]
+    short = pseudo_inverse(first)
+    within = first @ (short.T @ whole)  # P M†
+    Z, following, regressors = R[:, :width].T, R[:, m : width + m].T, R[:, : width + r].T
+    return Z @ whole, following @ whole, Z @ (whole - within), regressors @ within, Z @ short, regressors @ short
 
 
-def _real_and_imaginary(gradient: ComplexArray, markov: MarkovEstimate) -> Array:
-    """Return the covariance (2, 2) of Δλ = Σ gradient ∘ ΔΞ under cov(vec Ξ) = Λ ⊗ G Gᵀ."""
-    reached = gradient @ markov.spread  # (l, rank)
-    parts = [reached.real, reached.imag]
-    return np.array([[float(np.sum(a * (markov.residual_covariance @ b))) for b in parts] for a in parts])
+def pseudo_inverse(columns: Array) -> Array:
+    """Return the transposed pseudo-inverse (q, k) of columns (q, k), each brought to unit size first."""
+    norm = np.sqrt((columns**2).sum(axis=0))
+    norm = np.where(norm > 0, norm, 1.0)
+    out: Array = np.linalg.pinv(columns / norm, rcond=RANK).T / norm
+    return out

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from aeolid.report import charts
+from aeolid.report.bode import bode_part
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, quantity, with_std
-from aeolid.report.response import frequencies, poles, response
+from aeolid.report.response import poles
 
 Facts = dict[str, Any]
-_FLOOR = 1e-6  # of the greatest identified gain: what lies below is no gain worth the axis
-_MOST_PAIRS = 12  # frequency responses on one page; the others are named
 
 
 def render_identification(facts: Facts, path: str | Path) -> None:
@@ -23,7 +22,8 @@ def render_identification(facts: Facts, path: str | Path) -> None:
     Every key is optional. `title`, `command`, `recordings` [{file, samples, sample_time_s}], `settings` {name: value},
     `singular_values`, `order`, `order_reason`, `eigenvalues` and `true_eigenvalues` [[re, im]], `modes` and
     `true_modes` [{frequency_hz, damping, frequency_std_hz, damping_std, name}], `model` and `true_model` (the content
-    of model.json), `fit` {output: {measure: value}}, `stream` {name: value}.
+    of model.json), `frequency_response` (with its deviation, as in model.json), `fit` {output: {measure: value}},
+    `stream` {name: value}.
     """
     title = str(facts.get("title") or "Identification")
     write_page(path, title, tag("h1", title), identification_parts(facts))
@@ -37,7 +37,7 @@ def identification_parts(facts: Facts) -> Html:
             *(tag("p", f"Note: {note}", class_="soft") for note in facts.get("notes") or []),
             _modes(facts),
             tag("div", join([_singular_values(facts), _poles(facts)]), class_="pair"),
-            _bode(facts),
+            bode_part(facts),
             _fit(facts.get("fit") or {}),
             _run(facts),
             _stream(facts.get("stream") or {}),
@@ -208,65 +208,6 @@ def _frame_square(axes: Any, points: Any) -> None:
     axes.set_xlim(centre.real - 1.6 * half, centre.real + 1.6 * half)
     axes.set_ylim(centre.imag - half, centre.imag + half)
     axes.set_aspect("equal", adjustable="box")
-
-
-def _bode(facts: Facts) -> Html:
-    model, true = facts.get("model"), facts.get("true_model")
-    if not model or model.get("scheduling"):
-        return Html("")
-    inputs, outputs = model["inputs"], model["outputs"]
-    columns = max(1, min(len(inputs), 3))
-    shown = outputs[: max(1, _MOST_PAIRS // columns)]
-    grid = frequencies(model)
-    gains = response(model, grid)
-    real = response(true, grid) if true else None
-    sources, dashed = ", ".join(_names(inputs[:columns])), " Dashed: the true system." if true else ""
-    figures = [
-        figure(
-            _bode_row(row, inputs[:columns], out, grid, gains, real),
-            f"From {sources} to {out['name']}: gain above, phase below.{dashed}",
-        )
-        for row, out in enumerate(shown)
-    ]
-    hidden = _names(outputs[len(shown) :]) + _names(inputs[columns:])
-    note = tag("p", f"Not shown: {', '.join(hidden)}.", class_="soft") if hidden else None
-    return section("Frequency response", *figures, note)
-
-
-def _names(signals: list[Facts]) -> list[str]:
-    return [str(s["name"]) for s in signals]
-
-
-def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, real: Any) -> Html:
-    size = (charts.WIDE[0], 3.9)
-    with charts.sketch(
-        size, 2, len(inputs), sharex=True, gridspec_kw={"height_ratios": [3, 2]}
-    ) as drawing:  # one column an input
-        for column, signal in enumerate(inputs):
-            gain_axes, phase_axes = drawing.axes[:, column]
-            lines = [(gains, {"color": charts.AFTER, "linewidth": 1.8, "label": "identified"})]
-            if real is not None:
-                lines.append((real, {"color": charts.TRUTH, "linestyle": (0, (4, 2)), "label": "true"}))
-            for values, style in lines:
-                g = values[:, row, column]
-                gain = np.where(np.abs(g) > _FLOOR * np.max(np.abs(gains[:, row, column])), np.abs(g), np.nan)
-                gain_axes.loglog(grid, gain, **style)
-                phase_axes.semilogx(grid, _phase(g, gains[:, row, column], gain), **style)
-            unit = f"{out.get('unit') or '1'} / {signal.get('unit') or '1'}"
-            gain_axes.set_title(f"{signal['name']} → {out['name']}")
-            gain_axes.set_ylabel(f"gain ({unit})")
-            phase_axes.set_ylabel("phase (deg)")
-            phase_axes.set_xlabel("frequency (Hz)")
-        if real is not None:
-            drawing.axes[0, 0].legend(loc="best")
-    return drawing.svg
-
-
-def _phase(g: Any, reference: Any, gain: Any) -> Any:
-    """Return the unwrapped phase in degrees, by whole turns as near as can be to that of a reference."""
-    turns = (np.unwrap(np.angle(g)) - np.unwrap(np.angle(reference))) / (2 * np.pi)
-    phase = np.degrees(np.unwrap(np.angle(g)) - 2 * np.pi * np.round(np.median(turns)))
-    return np.where(np.isnan(gain), np.nan, phase)
 
 
 def _fit(fit: Facts) -> Html:

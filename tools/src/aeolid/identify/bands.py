@@ -1,0 +1,125 @@
+"""Give the frequency response of an identified model with its deviation: gain and phase of each pair over frequency.
+
+G(z) = C (zI − A)⁻¹ B + D at z = exp(2πifh). A change of the matrices moves it by
+    ΔG = [C (zI − A)⁻¹, I] [ΔA ΔB; ΔC ΔD] [(zI − A)⁻¹ B; I],
+linear in the spread of the matrices and free of the states' basis. The covariance is that of real and imaginary part;
+gain and phase follow by linearisation, which holds while the 95 % ellipse is well off the origin: where it reaches it
+the phase is unknown and the gain may be zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.identify.subspace import ScaledModel
+from aeolid.identify.uncertainty import MatrixSpread, covariance_of
+from aeolid.models.modes import continuous_poles, frequency_and_damping
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+POINTS = 60  # of the even grid; five more at each mode with less damping than LIGHT
+LIGHT = 0.1
+ELLIPSE = 2.447747  # 95 % of the radius of two normal deviates
+
+
+@dataclass(frozen=True, eq=False)
+class Band:
+    """Hold G (points, l, r) at frequency_hz (points,), and the covariance (points, l, r, 2, 2) of its two parts."""
+
+    frequency_hz: Array
+    response: ComplexArray
+    covariance: Array
+
+    @property
+    def gain_std(self) -> Array:
+        """Return the standard deviation of |G| (points, l, r): along G, where G is 0 along the longer axis."""
+        return self._along(1.0)
+
+    @property
+    def phase_std(self) -> Array:
+        """Return that of the phase in rad (points, l, r), NaN where the 95 % ellipse reaches the origin."""
+        g, s = np.stack([self.response.real, self.response.imag], axis=-1), self.covariance
+        determinant = s[..., 0, 0] * s[..., 1, 1] - s[..., 0, 1] ** 2
+        reach = g[..., 0] ** 2 * s[..., 1, 1] + g[..., 1] ** 2 * s[..., 0, 0] - 2 * g[..., 0] * g[..., 1] * s[..., 0, 1]
+        known = (reach >= ELLIPSE**2 * determinant) & (np.abs(self.response) > 0)
+        out: Array = np.where(known, self._along(1j) / np.where(known, np.abs(self.response), 1.0), np.nan)
+        return out
+
+    def _along(self, turn: complex) -> Array:
+        size = np.abs(self.response)
+        unit = turn * np.where(size > 0, self.response / np.where(size > 0, size, 1.0), 1.0)
+        direction = np.stack([unit.real, unit.imag], axis=-1)
+        square = np.einsum("...i,...ij,...j->...", direction, self.covariance, direction)
+        out: Array = np.sqrt(np.maximum(square, 0.0))
+        return out
+
+    def in_units(self, output_scale: Array, input_scale: Array) -> Band:
+        """Return the band of a model in scaled units in the channels' units."""
+        factor = output_scale[:, None] / input_scale
+        return Band(self.frequency_hz, self.response * factor, self.covariance * factor[..., None, None] ** 2)
+
+    def to_json(self, inputs: Sequence[str], outputs: Sequence[str]) -> dict[str, Any]:
+        """Return the band as JSON facts, five digits: for each pair gain, phase and their standard deviations."""
+        gain, phase = np.abs(self.response), np.degrees(np.angle(self.response))
+        spread, turn = self.gain_std, np.degrees(self.phase_std)
+        pairs = [
+            {
+                "input": source, "output": target, "gain": _digits(gain[:, i, j]), "gain_std": _digits(spread[:, i, j]),
+                "phase_deg": _digits(phase[:, i, j]), "phase_std_deg": _digits(turn[:, i, j]),
+            }
+            for i, target in enumerate(outputs)
+            for j, source in enumerate(inputs)
+        ]  # fmt: skip
+        return {"frequency_hz": _digits(self.frequency_hz), "pairs": pairs}
+
+
+def grid(sample_time_s: float, eigenvalues: ComplexArray) -> Array:
+    """Return frequencies in Hz: even on the logarithm from 1/1000 of the Nyquist frequency, and closer at the modes."""
+    top = 0.5 / sample_time_s
+    even: Array = np.geomspace(top * 1e-3, 0.98 * top, POINTS)
+    near = [even]
+    for s in continuous_poles(eigenvalues[eigenvalues.imag > 0], sample_time_s):
+        frequency, damping = frequency_and_damping(complex(s))
+        if abs(damping) < LIGHT:
+            near.append(frequency * (1 + max(abs(damping), 1e-3) * np.arange(-2.0, 3.0)))
+    every = np.concatenate(near)
+    return np.unique(every[(every >= even[0]) & (every <= even[-1])])
+
+
+def frequency_response(model: ScaledModel, z: ComplexArray) -> ComplexArray:
+    """Return G(z) (points, l, r)."""
+    n = len(model.A)
+    states = np.linalg.solve(z[:, None, None] * np.eye(n) - model.A, model.B[None].astype(complex))
+    out: ComplexArray = np.asarray(model.C @ states + model.D, dtype=np.complex128)
+    return out
+
+
+def response_covariance(model: ScaledModel, spread: MatrixSpread, z: ComplexArray) -> Array:
+    """Return the covariance (points, l, r, 2, 2) of real and imaginary part of G(z), pushed through the model."""
+    n, r, outputs = len(model.A), model.B.shape[1], len(model.C)
+    shifted = z[:, None, None] * np.eye(n) - model.A
+    right = np.linalg.solve(shifted, model.B[None].astype(complex))  # (points, n, r)
+    left = np.linalg.solve(shifted.transpose(0, 2, 1), model.C.T[None].astype(complex))  # (points, n, l)
+    out = np.empty((len(z), outputs, r, 2, 2))
+    for j in range(r):
+        unit = np.broadcast_to(np.eye(r)[j], (len(z), r))
+        column = np.hstack([right[:, :, j], unit])
+        for i in range(outputs):
+            row = np.hstack([left[:, :, i], np.broadcast_to(np.eye(outputs)[i], (len(z), outputs))])
+            out[:, i, j] = covariance_of(spread.reach(row, column))
+    return out
+
+
+def on_circle(frequency_hz: Array, sample_time_s: float) -> ComplexArray:
+    """Return z = exp(2πifh)."""
+    out: ComplexArray = np.exp(2j * np.pi * frequency_hz * sample_time_s)
+    return out
+
+
+def _digits(values: Array) -> list[float | None]:
+    return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
