@@ -15,7 +15,7 @@ from scipy.optimize import minimize
 from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.noise import colour_var, estimate_noise, filter_var
 from aeolid.diagnose.predictor import Free, Point, Predictor, Scales, Segment
-from aeolid.models import equations
+from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ STEP = 0.1
 
 @cache
 def compiled():  # type: ignore[no-untyped-def]
-    return compile_equations(equations.from_toml(tomllib.loads(OSCILLATOR), OSCILLATOR, "model.toml"))
+    return compile_equations(equations_file.from_toml(tomllib.loads(OSCILLATOR), OSCILLATOR, "model.toml"))
 
 
 @cache

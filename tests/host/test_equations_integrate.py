@@ -13,13 +13,12 @@ from scipy.integrate import solve_ivp
 
 from aeolid.diagnose.baseline import discretise, equations_of
 from aeolid.errors import DataError
-from aeolid.models import equations
+from aeolid.models import equations_file
 from aeolid.models.equations import Equations
+from aeolid.models.input_filters import delay_held_input, lag_held_input
 from aeolid.models.integrate import (
     Compiled,
     compile_equations,
-    delay_held_input,
-    lag_held_input,
     numeric_jacobian,
     output_jacobian,
     simulate,
@@ -50,7 +49,7 @@ equation = "rate + 0.1*torque"
 
 
 def parse(text: str) -> Equations:
-    return equations.from_toml(tomllib.loads(text), text, "model.toml")
+    return equations_file.from_toml(tomllib.loads(text), text, "model.toml")
 
 
 @cache

@@ -8,7 +8,7 @@ from typing import Any
 
 from aeolid.errors import DataError, UsageError
 from aeolid.formats import read_record
-from aeolid.models import equations
+from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.state_space import StateSpace
@@ -56,7 +56,7 @@ def load_case(directory: str | Path) -> Case:
     records = tuple(read_record(folder / n, roles) for n in names)
     require_same_layout(records)
     path = folder / file
-    baseline = read_state_space(path) if kind == "state_space" else equations.load(path)
+    baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
     _check_channels(baseline, records[0], str(path))
     return Case(str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder)
 

@@ -40,7 +40,7 @@ def ceiling(prepared: Prepared, fit: Fit, sealed: tuple[Segment, ...]) -> Ceilin
     cubes, sizes and plays of inputs and states. Cost O(N q²).
     """
     predictor = prepared.predictor
-    sizes = _sizes(predictor, fit.point)
+    sizes = _sizes(predictor, fit.point, len(prepared.declared.inputs))
     X, R, groups = _features(predictor, fit.point, fit, sizes)
     mean, spread = X.mean(axis=0), X.std(axis=0)
     keep = spread > 1e-9 * max(float(spread.max(initial=0.0)), 1e-300)
@@ -85,22 +85,23 @@ def _features(
     for i, segment in enumerate(predictor.segments):
         e, _, X = predictor.run(point, i)
         white = filter_var(np.where(np.isfinite(e), e, 0.0), fit.noise.var) @ fit.noise.factor
-        columns, groups = _columns(_coarse(segment), white, X[: len(e)], sizes)
+        columns, groups = _columns(_coarse(segment, len(sizes[2])), white, X[: len(e), : len(sizes[0])], sizes)
         rows.append(np.nan_to_num(columns)[segment.burn :])
         good = np.all(np.isfinite(e), axis=1)[segment.burn :, None]
         targets.append(np.where(good, white[segment.burn :], 0.0))
     return np.clip(np.vstack(rows), -1e6, 1e6), np.vstack(targets), groups
 
 
-def _coarse(segment: Segment) -> Array:
-    mean: Array = segment.u.reshape(len(segment.y), segment.stride, -1).mean(axis=1)
+def _coarse(segment: Segment, inputs: int) -> Array:
+    mean: Array = segment.u[:, :inputs].reshape(len(segment.y), segment.stride, -1).mean(axis=1)
     return mean
 
 
-def _sizes(predictor: Predictor, point: Point) -> tuple[Array, Array, Array, Array]:
+def _sizes(predictor: Predictor, point: Point, inputs: int) -> tuple[Array, Array, Array, Array]:
     """Return means and spreads of the states (n,) and of the inputs (r,) over the fit part."""
-    X = np.vstack([predictor.run(point, i)[2][segment.burn :] for i, segment in enumerate(predictor.segments)])
-    u = np.vstack([_coarse(segment) for segment in predictor.segments])
+    n = len(predictor.compiled.model.states)
+    X = np.vstack([predictor.run(point, i)[2][s.burn :, :n] for i, s in enumerate(predictor.segments)])
+    u = np.vstack([_coarse(segment, inputs) for segment in predictor.segments])
     return X.mean(axis=0), X.std(axis=0), u.mean(axis=0), u.std(axis=0)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.exogenous import with_exogenous, without_unused
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
@@ -17,6 +18,7 @@ from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
+from aeolid.models.equations_file import to_toml
 
 
 def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -> Equations:
@@ -25,7 +27,7 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
     Effects are attached anew to the declared model so that the file shows only what was named; a switched effect
     stays on. Start values of the states are those of the fitted record.
     """
-    model = prepared.declared
+    model = with_exogenous(prepared.declared, prepared.exogenous)
     attachments = candidate.attachments if candidate is not None else ()
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):
         model = a.edit(model)
@@ -42,7 +44,8 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
         for p in model.parameters
     )
     states = tuple(replace(s, initial=start[s.name]) for s in model.states)
-    return replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states).pruned()
+    model = replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states).pruned()
+    return without_unused(model, prepared.exogenous)
 
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -55,7 +58,7 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     fit = study.prepared.fit if chosen is None else chosen.fit
     model = corrected_model(study.prepared, fit, chosen)
     (folder / "model").mkdir(exist_ok=True)
-    (folder / "model" / "model.toml").write_text(model.to_toml(), encoding="utf-8")
+    (folder / "model" / "model.toml").write_text(to_toml(model), encoding="utf-8")
     facts = evidence(study)
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
     (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")

@@ -22,9 +22,9 @@ def kalman_gain(
     """
     x_size, spread = sizes
     n, m = len(x_size), len(spread)
-    x = compiled.model.x0 + x_size
+    x = compiled.model.x0[:n] + x_size
     J = numeric_jacobian(compiled, x, u, theta)
-    C = output_jacobian(compiled, x, u, theta)
+    C = output_jacobian(compiled, x, u, theta, step)
     if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
         return np.zeros((n, m))
     Q = np.diag((amplitude[:n] * x_size) ** 2)
@@ -73,5 +73,5 @@ def forgets(compiled: Compiled, x: Array, u: Array, theta: Array, K: Array, step
         return False
     if not compiled.model.sample_time_s:
         A = np.asarray(expm(A * step))
-    closed = A - K @ output_jacobian(compiled, x, u, theta)
+    closed = A - K @ output_jacobian(compiled, x, u, theta, step)
     return bool(np.all(np.isfinite(closed)) and np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0) < 1.0)

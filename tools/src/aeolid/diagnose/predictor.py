@@ -112,7 +112,7 @@ class Predictor:
         the growth, over other data nothing does.
         """
         first = self.segments[0]
-        x, u = self.compiled.model.x0 + self.scales.x0, np.median(first.u, axis=0)
+        x, u = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0, np.median(first.u, axis=0)
         if point.K is not None and not forgets(self.compiled, x, u, point.theta, self.gain(point), first.step):
             return _HUGE
         noise = self.noise_of(self.innovations(point))
@@ -201,7 +201,7 @@ class Predictor:
     def noise_column(self, point: Point, noise: Noise, base: Array, index: int) -> Array:
         """Return the change of −residual (M,) a unit of a noise amplitude's square (variance)."""
         amplitude = point.noise.copy()
-        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-7)
+        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-6)
         amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
         return (base - self.whitened(self.innovations(replace(point, noise=amplitude)), noise)) / h
 

@@ -13,6 +13,7 @@ from aeolid.diagnose.baseline import discretise, equations_of, mass_of, shape_fo
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
+from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous, with_time
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
 from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.point import Free, Point, Scales, Segment
@@ -40,6 +41,7 @@ class Prepared:
     predictor: Predictor
     split: Split
     attachments: tuple[Attachment, ...]
+    exogenous: tuple[Exogenous, ...]
     motions: tuple[Motion, ...]
     free: Free
     fit: Fit
@@ -51,12 +53,14 @@ def prepare(case: Case) -> Prepared:
     """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
     declared, linear = _as_equations(case)
     compiled = compile_equations(declared)
-    names = [s.name for s in declared.inputs]
     outputs = [o.name for o in declared.outputs]
-    step = case.records[0].sample_time_s
-    settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in case.records]), step)
+    step, records = case.records[0].sample_time_s, [with_time(r) for r in case.records]
+    exogenous = exogenous_channels(records, declared)
+    names = [s.name for s in declared.inputs] + [c.name for c in exogenous]
+    settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
     factor = factor_for(fastest, step, sum(len(r) for r in case.records)) if linear is None else 1
-    split = split_records(case.records, names, outputs, settle, factor)
+    r = len(declared.inputs)
+    split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
     rough, scales = _rough(compiled, split.fit, spreads, linear)
@@ -64,9 +68,12 @@ def prepare(case: Case) -> Prepared:
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
     if linear is not None:  # what the corrected model is built on: the modes' coordinates, no noise states
         declared = replace(equations_of(linear, shaped_noise=False), auxiliaries=working.auxiliaries)
-    site = Site(working, linear, motions, step, step * factor, u, y, tuple(names), tuple(outputs), case.context)
+    site = Site(
+        working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
+        working.symbols, exogenous, u[:, r:], case.context,
+    )  # fmt: skip
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
-    extended = working
+    extended = with_exogenous(working, exogenous)
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale the model's own terms only
         extended = a.edit(extended)
     predictor, free, start = _extend(
@@ -74,7 +81,7 @@ def prepare(case: Case) -> Prepared:
     )
     predictor, fit = _fit_baseline(predictor, free, start, case)
     return Prepared(
-        declared, linear, extended, predictor, split, attachments, motions, free, fit, settle, factor
+        declared, linear, extended, predictor, split, attachments, exogenous, motions, free, fit, settle, factor
     )  # fmt: skip
 
 
@@ -188,9 +195,10 @@ def _riccati_gains(linear: StateSpace, spreads: Array) -> list[Array]:
 def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array]:
     predictor, point = rough
     runs = [predictor.run(point, i)[2] for i in range(len(predictor.segments))]
-    X = np.vstack([x[s.burn :] for x, s in zip(runs, predictor.segments, strict=True)])
+    n = len(predictor.compiled.model.states)
+    X = np.vstack([x[s.burn :, :n] for x, s in zip(runs, predictor.segments, strict=True)])
     floor = 1e-9 * max(float(np.max(np.std(X, axis=0), initial=0.0)), 1e-300)
-    change = np.vstack([np.diff(x[s.burn :], axis=0) for x, s in zip(runs, predictor.segments, strict=True)])
+    change = np.vstack([np.diff(x[s.burn :, :n], axis=0) for x, s in zip(runs, predictor.segments, strict=True)])
     return np.maximum(np.std(X, axis=0), floor), np.maximum(np.std(change, axis=0) / predictor.segments[0].step, floor)
 
 
@@ -239,7 +247,8 @@ def _extend(
     noise = np.concatenate([point.noise[:n], np.zeros(extra), point.noise[n:]])
     noise[[names.index(f) for f in forces]] = _FORCE_START
     K = None if point.K is None else np.vstack([point.K, np.zeros((extra, m))])
-    x0 = tuple(np.concatenate([x, np.zeros(extra)]) for x in point.x0)
+    blank = np.full(len(model.memories), np.nan)
+    x0 = tuple(np.concatenate([x[:n], np.zeros(extra), blank]) for x in point.x0)
     sensors = range(n + extra + 1, n + extra + m)  # the first sensor's noise sets the scale
     free = Free(
         tuple(i for i, p in enumerate(model.parameters) if p.free),

@@ -34,22 +34,25 @@ class Split:
 
 
 def split_records(
-    records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int = 1
-) -> Split:
+    records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int = 1,
+    extra: Sequence[str] = (),
+) -> Split:  # fmt: skip
     """Seal one of several recordings and cut the others 70 : 30 into fit and select; cut a single one in time.
 
     Of two the last is sealed; of more the one whose inputs have the middle spread, so that the proof lies inside the
     operating range of the fit.
 
+    `extra` names further channels whose samples follow those of the inputs; they have no say in the plan.
     A single recording is cut 50 : 20 : 30 with gaps of three settling times (`settle_s`, at most 5 % of the length).
     A fit scores every sample (the initial state is a parameter); the other parts settle first.
     Raises NotIdentifiable where a part would hold fewer than 60 samples.
     """
     parts: dict[str, list[Segment]] = {"fit": [], "select": [], "sealed": []}
     for use, record, start, stop in _plan(records, inputs, settle_s):
-        for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride):
+        columns = [*inputs, *extra]
+        for a, b in _finite_stretches(record.columns(columns)[start:stop], stride):
             parts[use].append(
-                _segment(record, inputs, outputs, start + a, start + b, 0.0 if use == "fit" else settle_s, stride)
+                _segment(record, columns, outputs, start + a, start + b, 0.0 if use == "fit" else settle_s, stride)
             )
     for use, segments in parts.items():
         if not segments:

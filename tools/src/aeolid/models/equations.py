@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import ast
-import json
-import keyword
 import math
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +12,11 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
 from aeolid.models.model_file import Signal
-from aeolid.record import Record, check_keys, load_toml
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
-INPUT_FILTERS = {"actuator_lag": ("tau_s",), "transport_delay": ("delay_s",)}
+STEP = "step_s"  # how a memory calls the time between two of its updates
+TIME = "time_s"  # the input that every recording has
 
 
 @dataclass(frozen=True)
@@ -64,6 +61,20 @@ class Auxiliary:
     equation: ast.expr
 
 
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """Hold a quantity that is renewed once a sample, from its last value, the states and the inputs of that sample.
+
+    `next` may use its own name for the last value, and `step_s` for the time between two samples; `settled` is the
+    value it starts from. What a filtering sensor or a mechanism with play remembers.
+    """
+
+    name: str
+    unit: str
+    next: ast.expr
+    settled: ast.expr
+
+
 @dataclass(frozen=True)
 class InputFilter:
     """Say what happens to an input before it acts: kind and the names of the parameters it uses."""
@@ -90,6 +101,7 @@ class Equations:
     symbols: tuple[str, ...]
     filters: tuple[InputFilter, ...] = ()
     auxiliaries: tuple[Auxiliary, ...] = ()
+    memories: tuple[Memory, ...] = ()
 
     @property
     def theta(self) -> Array:
@@ -98,8 +110,8 @@ class Equations:
 
     @property
     def x0(self) -> Array:
-        """Return the initial state (n,)."""
-        return np.array([s.initial for s in self.states])
+        """Return the initial state (n + memories,); memories are NaN: they start settled."""
+        return np.array([s.initial for s in self.states] + [math.nan] * len(self.memories))
 
     def index(self, parameter: str) -> int:
         """Return the place of a parameter in `theta`."""
@@ -109,242 +121,35 @@ class Equations:
         """Run free on the recorded inputs; returns y (N, l) in the outputs' units."""
         from aeolid.models.integrate import compile_equations, simulate
 
-        u = record.columns([s.name for s in self.inputs])
+        u = self.inputs_of(record)
         if not np.all(np.isfinite(u)):
             row, column = np.argwhere(~np.isfinite(u))[0]
             raise DataError(f"{record.source}: input {self.inputs[column].name} is missing at sample {row}")
         return simulate(compile_equations(self), u, self.theta, self.x0, record.sample_time_s)
 
+    def inputs_of(self, record: Record) -> Array:
+        """Return the inputs (N, r) from a recording; one called time_s that is no channel is the time itself."""
+        known = {c.name for c in record.channels}
+        columns = [
+            record.time_s if s.name == TIME and TIME not in known else record.column(s.name) for s in self.inputs
+        ]
+        return np.column_stack(columns) if columns else np.zeros((len(record), 0))
+
     def pruned(self) -> Equations:
         """Return the model without intermediates that no equation uses."""
-        used: set[str] = set()
-        for tree in [s.derivative for s in self.states] + [o.equation for o in self.outputs]:
-            used |= ex.names_in(tree)
-        kept: list[Auxiliary] = []
+        used = self.names_used()
+        return replace(self, auxiliaries=tuple(a for a in self.auxiliaries if a.name in used))
+
+    def names_used(self) -> set[str]:
+        """Return every name that a state, output or memory depends on, through intermediates too."""
+        used = set().union(*(ex.names_in(tree) for tree in self.roots()))
         for a in reversed(self.auxiliaries):
             if a.name in used:
-                kept.insert(0, a)
                 used |= ex.names_in(a.equation)
-        return replace(self, auxiliaries=tuple(kept))
+        return used
 
-    def to_toml(self) -> str:
-        """Return the text of model.toml."""
-        return "\n".join(_write(self)) + "\n"
-
-
-def load(path: str | Path) -> Equations:
-    """Read model.toml; raises DataError that names file, line and key."""
-    return from_toml(load_toml(path), Path(path).read_text(encoding="utf-8"), str(path))
-
-
-def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
-    """Build the model from parsed TOML; `text` serves to name the line of a bad expression."""
-    check_keys(data, {"model", "parameters", "state", "output", "input", "input_filter", "auxiliary"}, source)
-    head = data.get("model", {})
-    check_keys(head, {"name", "time", "sample_time_s"}, f"{source} [model]")
-    sample_time = _time_base(head, source)
-    parameters = tuple(_parameter(n, v, source) for n, v in data.get("parameters", {}).items())
-    key = "next" if sample_time else "derivative"
-    states = tuple(_state(s, i, text, source, key) for i, s in enumerate(_tables(data, "state", source)))
-    outputs = tuple(_output(o, i, text, source) for i, o in enumerate(_tables(data, "output", source)))
-    if not outputs:
-        raise DataError(f"{source}: no [[output]] entry")
-    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(_tables(data, "auxiliary", source)))
-    own = [p.name for p in parameters] + [s.name for s in states] + [a.name for a in auxiliaries]
-    declared = [_input(entry, i, source) for i, entry in enumerate(_tables(data, "input", source))]
-    symbols = [symbol for symbol, _ in declared]
-    signals = [signal for _, signal in declared]
-    for names in (own + symbols, [s.name for s in signals], [o.name for o in outputs]):
-        double = sorted({n for n in names if names.count(n) > 1})
-        if double:
-            raise DataError(f"{source}: {double[0]!r} is defined twice")
-    for tree in [a.equation for a in auxiliaries] + [s.derivative for s in states] + [o.equation for o in outputs]:
-        for name in ex.unknown_names(tree, own + symbols):
-            symbols.append(name)
-            signals.append(Signal(name))
-    filters = tuple(_filter(f, i, source) for i, f in enumerate(_tables(data, "input_filter", source)))
-    model = Equations(
-        str(head.get("name", Path(source).stem)), sample_time, parameters, states, outputs,
-        tuple(signals), tuple(symbols), filters, auxiliaries,
-    )  # fmt: skip
-    _check_filters(model, source)
-    _check_order(model, source)
-    return model
-
-
-def _tables(data: dict[str, Any], key: str, source: str) -> list[Any]:
-    entries = data.get(key, [])
-    if not isinstance(entries, list):
-        raise DataError(f"{source}: {key} is a list of tables, each headed [[{key}]]")
-    return entries
-
-
-def _unit(entry: Any, where: str) -> str:
-    if not isinstance(unit := entry.get("unit", ""), str):
-        raise DataError(f"{where}: unit = {unit!r} is not a text")
-    return unit
-
-
-def _time_base(head: dict[str, Any], source: str) -> float:
-    base = head.get("time", "continuous")
-    if base == "continuous":
-        return 0.0
-    if base != "discrete":
-        raise DataError(f"{source} [model]: time = {base!r}; 'continuous' or 'discrete' is needed")
-    step = head.get("sample_time_s")
-    if not isinstance(step, int | float) or not 0 < step < 1e6:
-        raise DataError(f"{source} [model]: time = 'discrete' needs sample_time_s above 0, found {step!r}")
-    return float(step)
-
-
-def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DataError(f"{where}: {value!r} is not a finite number")
-    return float(value)
-
-
-def _parameter(name: str, entry: Any, source: str) -> Parameter:
-    where = f"{source} [parameters] {name}"
-    _check_name(name, where)
-    entry = entry if isinstance(entry, dict) else {"value": entry}
-    check_keys(entry, {"value", "min", "max", "unit", "free", "prior_std"}, where)
-    if "value" not in entry:
-        raise DataError(f"{where}: value is missing")
-    value = _number(entry["value"], where)
-    low = _number(entry["min"], f"{where} min") if "min" in entry else -math.inf
-    high = _number(entry["max"], f"{where} max") if "max" in entry else math.inf
-    if not low <= value <= high:
-        raise DataError(f"{where}: value {value:g} lies outside min {low:g} … max {high:g}")
-    prior = _number(entry["prior_std"], f"{where} prior_std") if "prior_std" in entry else None
-    if prior is not None and prior <= 0:
-        raise DataError(f"{where}: prior_std = {prior:g} must be above 0")
-    if not isinstance(entry.get("free", False), bool):
-        raise DataError(f"{where}: free is true or false")
-    return Parameter(name, value, _unit(entry, where), low, high, entry.get("free", False), prior)
-
-
-def _state(entry: Any, index: int, text: str, source: str, key: str) -> State:
-    where = f"{source} [[state]] {index + 1}"
-    check_keys(entry, {"name", "derivative", "next", "initial", "unit"}, where)
-    name = entry.get("name")
-    _check_name(name, where)
-    other = "derivative" if key == "next" else "next"
-    if other in entry:
-        raise DataError(f"{where} {name}: {other} does not go with the model's time base; {key} is needed")
-    formula = entry.get(key)
-    if formula is None:
-        raise DataError(f"{where} {name}: {key} is missing")
-    tree = ex.parse(formula, _line(formula, text, f"{where} {name}", source))
-    initial = entry.get("initial", 0.0)
-    initial = initial if isinstance(initial, dict) else {"value": initial}
-    check_keys(initial, {"value", "free"}, f"{where} {name} initial")
-    value = _number(initial.get("value", 0.0), f"{where} {name} initial")
-    if not isinstance(initial.get("free", False), bool):
-        raise DataError(f"{where} {name} initial: free is true or false")
-    return State(name, _unit(entry, where), tree, value, initial.get("free", False))
-
-
-def _auxiliary(entry: Any, index: int, text: str, source: str) -> Auxiliary:
-    where = f"{source} [[auxiliary]] {index + 1}"
-    check_keys(entry, {"name", "equation"}, where)
-    _check_name(entry.get("name"), where)
-    if "equation" not in entry:
-        raise DataError(f"{where} {entry['name']}: equation is missing")
-    return Auxiliary(entry["name"], ex.parse(entry["equation"], _line(entry["equation"], text, where, source)))
-
-
-def _check_order(model: Equations, source: str) -> None:
-    names = [a.name for a in model.auxiliaries]
-    for i, a in enumerate(model.auxiliaries):
-        late = sorted(ex.names_in(a.equation) & set(names[i:]))
-        if late:
-            raise DataError(f"{source} [[auxiliary]] {a.name}: uses {late[0]!r}, which must stand before it")
-
-
-def _output(entry: Any, index: int, text: str, source: str) -> Output:
-    where = f"{source} [[output]] {index + 1}"
-    check_keys(entry, {"name", "equation", "unit"}, where)
-    if not isinstance(entry.get("name"), str) or "equation" not in entry:
-        raise DataError(f"{where}: name and equation are needed")
-    tree = ex.parse(entry["equation"], _line(entry["equation"], text, f"{where} {entry['name']}", source))
-    return Output(entry["name"], _unit(entry, where), tree)
-
-
-def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
-    where = f"{source} [[input]] {index + 1}"
-    check_keys(entry, {"name", "symbol", "unit"}, where)
-    if not isinstance(entry.get("name"), str):
-        raise DataError(f"{where}: name is missing")
-    symbol = entry.get("symbol", entry["name"])
-    _check_name(symbol, where)
-    return symbol, Signal(entry["name"], _unit(entry, where))
-
-
-def _filter(entry: Any, index: int, source: str) -> InputFilter:
-    where = f"{source} [[input_filter]] {index + 1}"
-    if not isinstance(entry, dict) or entry.get("kind") not in INPUT_FILTERS:
-        raise DataError(f"{where}: kind is none of {', '.join(INPUT_FILTERS)}")
-    slots = INPUT_FILTERS[entry["kind"]]
-    check_keys(entry, {"input", "kind", *slots}, where)
-    missing = [k for k in ("input", *slots) if not isinstance(entry.get(k), str)]
-    if missing:
-        raise DataError(f"{where}: {missing[0]} is missing (the name of a parameter or channel)")
-    return InputFilter(entry["input"], entry["kind"], tuple(entry[s] for s in slots))
-
-
-def _check_filters(model: Equations, source: str) -> None:
-    known = {p.name for p in model.parameters}
-    for f in model.filters:
-        if f.channel not in {s.name for s in model.inputs}:
-            raise DataError(f"{source} [[input_filter]]: {f.channel!r} is no input of the equations")
-        for name in f.parameters:
-            if name not in known:
-                raise DataError(f"{source} [[input_filter]]: {name!r} is no parameter")
-
-
-def _check_name(name: Any, where: str) -> None:
-    reserved = name in ex.FUNCTIONS or name in ex.CONSTANTS if isinstance(name, str) else True
-    if reserved or not name.isidentifier() or keyword.iskeyword(name):
-        raise DataError(f"{where}: {name!r} cannot be a name here (letters, digits, _; no function, no Python keyword)")
-
-
-def _line(formula: Any, text: str, where: str, source: str) -> str:
-    for number, line in enumerate(text.splitlines(), 1):
-        if isinstance(formula, str) and formula and formula in line:
-            return f"{source} line {number}"
-    return where
-
-
-def _write(model: Equations) -> list[str]:
-    quote = json.dumps
-    lines = ["[model]", f"name = {quote(model.name)}"]
-    if model.sample_time_s:
-        lines += ['time = "discrete"', f"sample_time_s = {model.sample_time_s!r}"]
-    else:
-        lines.append('time = "continuous"')
-    lines.append("[parameters]")
-    for p in model.parameters:
-        fields = [f"value = {p.value!r}"]
-        fields += [f"min = {p.minimum!r}"] if math.isfinite(p.minimum) else []
-        fields += [f"max = {p.maximum!r}"] if math.isfinite(p.maximum) else []
-        fields += [f"unit = {quote(p.unit)}"] if p.unit else []
-        fields += [f"free = {str(p.free).lower()}"]
-        fields += [f"prior_std = {p.prior_std!r}"] if p.prior_std else []
-        lines.append(f"{p.name} = {{ {', '.join(fields)} }}")
-    for symbol, signal in zip(model.symbols, model.inputs, strict=True):
-        lines += ["[[input]]", f"name = {quote(signal.name)}", f"symbol = {quote(symbol)}"]
-        lines += [f"unit = {quote(signal.unit)}"] if signal.unit else []
-    for a in model.auxiliaries:
-        lines += ["[[auxiliary]]", f"name = {quote(a.name)}", f"equation = {quote(ex.to_text(a.equation))}"]
-    for s in model.states:
-        key = "next" if model.sample_time_s else "derivative"
-        lines += ["[[state]]", f"name = {quote(s.name)}", f"{key} = {quote(ex.to_text(s.derivative))}"]
-        lines.append(f"initial = {{ value = {s.initial!r}, free = {str(s.initial_free).lower()} }}")
-        lines += [f"unit = {quote(s.unit)}"] if s.unit else []
-    for o in model.outputs:
-        lines += ["[[output]]", f"name = {quote(o.name)}", f"equation = {quote(ex.to_text(o.equation))}"]
-        lines += [f"unit = {quote(o.unit)}"] if o.unit else []
-    for f in model.filters:
-        lines += ["[[input_filter]]", f"input = {quote(f.channel)}", f"kind = {quote(f.kind)}"]
-        lines += [f"{slot} = {quote(p)}" for slot, p in zip(INPUT_FILTERS[f.kind], f.parameters, strict=True)]
-    return lines
+    def roots(self) -> list[ast.expr]:
+        """List the expressions of states, outputs and memories, which intermediates serve."""
+        trees = [s.derivative for s in self.states] + [o.equation for o in self.outputs]
+        trees += [o.slope for o in self.outputs if o.slope is not None]
+        return trees + [tree for m in self.memories for tree in (m.next, m.settled)]

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations
+from aeolid.models.equations import STEP, Equations
+from aeolid.models.input_filters import KINDS
 
 Array = NDArray[np.float64]
 _MAX_SUBSTEPS = 200  # beyond that the model is stiff and the equations, not the sampling, need a look
@@ -28,6 +29,15 @@ class Compiled:
     predict: Callable[..., tuple[Array, Array, Array]]
     slope: Callable[..., None]  # slope(x, u, θ, out): dx/dt, or the next state in discrete time
     read: Callable[..., None]  # read(x, u, θ, y, s): outputs and the sign of action of each sensor
+    renew: Callable[..., None]  # renew(x, u, θ, step): the memories at the end of x, in place; NaN starts settled
+
+    def settled(self, x: Array, u: Array, theta: Array, step: float = 1.0) -> Array:
+        """Return x (n,) or (n + memories,) with the memories settled for it."""
+        n = len(self.model.states)
+        result = np.concatenate([x[:n], np.full(len(self.model.memories), np.nan)])
+        if self.model.memories:
+            self.renew(result, u, theta, step)
+        return result
 
 
 def compile_equations(model: Equations) -> Compiled:
@@ -36,7 +46,8 @@ def compile_equations(model: Equations) -> Compiled:
     variables = {s.name: f"x[{i}]" for i, s in enumerate(model.states)}
     variables |= {s: f"u[{i}]" for i, s in enumerate(model.symbols)}
     variables |= {p.name: f"th[{i}]" for i, p in enumerate(model.parameters)}
-    variables |= {a.name: f"v{i}" for i, a in enumerate(model.auxiliaries)}
+    variables |= {m.name: f"x[{len(model.states) + i}]" for i, m in enumerate(model.memories)}
+    variables |= {a.name: f"v{i}" for i, a in enumerate(model.auxiliaries)} | {STEP: "dt"}
     lines = [
         "def flow(x, u, th, d):",
         "    pass",
@@ -51,11 +62,23 @@ def compile_equations(model: Equations) -> Compiled:
     for i, o in enumerate(model.outputs):
         lines.append(f"    y[{i}] = {ex.to_source(o.equation, variables)}")
         lines.append(f"    s[{i}] = {'1.0' if o.slope is None else ex.to_source(o.slope, variables)}")
+    lines += ["def renew(x, u, th, dt):", "    pass", *_renewals(model, variables)]
     space: dict[str, Any] = {"np": np}
     exec("\n".join(lines), space)
-    flow, read = (njit(error_model="numpy")(space[n]) for n in ("flow", "read"))
+    flow, read, renew = (njit(error_model="numpy")(space[n]) for n in ("flow", "read", "renew"))
     make = _make_discrete if model.sample_time_s > 0 else _make_continuous
-    return Compiled(model, make(flow, read), flow, read)
+    return Compiled(model, make(flow, read, renew), flow, read, renew)
+
+
+def _renewals(model: Equations, variables: dict[str, str]) -> list[str]:
+    """Write the renewal of the memories, one after the other: a later one sees the new value of an earlier one."""
+    trees = [tree for m in model.memories for tree in (m.next, m.settled)]
+    lines = _intermediates(model, variables, trees)
+    for m in model.memories:
+        at = variables[m.name]
+        lines += [f"    if {at} != {at}:", f"        {at} = {ex.to_source(m.settled, variables)}"]
+        lines += [f"    {at} = {ex.to_source(m.next, variables)}"]
+    return lines
 
 
 def _intermediates(model: Equations, variables: dict[str, str], roots: list[ast.expr]) -> list[str]:
@@ -77,7 +100,7 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     _check_step(compiled.model, step)
     filtered = apply_filters(compiled.model, u, theta, step)
     blank = np.full((len(u), len(compiled.model.outputs)), np.nan)
-    gain = np.zeros((len(x0), blank.shape[1]))
+    gain = np.zeros((len(compiled.model.states), blank.shape[1]))
     count = substeps(compiled, u, theta, x0, step)
     y: Array = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)[1]
     if not np.all(np.isfinite(y)):
@@ -101,8 +124,9 @@ def substeps(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
 
 
 def numeric_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Array:
-    """Return ∂f/∂x (n, n) by central differences, steps 1e-6 of each state's size."""
-    n = len(x)
+    """Return ∂f/∂x (n, n) by central differences, steps 1e-6 of each state's size; memories settled."""
+    n = len(compiled.model.states)
+    x = compiled.settled(x, u, theta)
     result = np.empty((n, n))
     up, down = np.empty(n), np.empty(n)
     for i in range(n):
@@ -116,65 +140,34 @@ def numeric_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Ar
     return result
 
 
-def output_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Array:
-    """Return s ∂h/∂x (l, n) by central differences, s undoing the fold of a folding sensor."""
-    m = len(compiled.model.outputs)
-    result = np.empty((m, len(x)))
+def output_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array, step: float = 1.0) -> Array:
+    """Return s ∂h/∂x (l, n) by central differences through settled memories, s undoing a folding sensor."""
+    m, n = len(compiled.model.outputs), len(compiled.model.states)
+    x = compiled.settled(x, u, theta, step)
+    result = np.empty((m, n))
     up, down, s = np.empty(m), np.empty(m), np.empty(m)
-    for i in range(len(x)):
+    for i in range(n):
         h = 1e-6 * max(1.0, abs(x[i]))
-        shifted = x.copy()
-        shifted[i] += h
-        compiled.read(shifted, u, theta, up, s)
-        shifted[i] -= 2 * h
-        compiled.read(shifted, u, theta, down, s)
+        for sign, out in ((1.0, up), (-1.0, down)):
+            shifted = x.copy()
+            shifted[i] += sign * h
+            compiled.renew(shifted, u, theta, step)
+            compiled.read(shifted, u, theta, out, s)
         result[:, i] = s * (up - down) / (2 * h)
     return result
 
 
 def apply_filters(model: Equations, u: Array, theta: Array, step: float) -> Array:
-    """Pass the recorded inputs (N, r) through the lags and delays in front of the plant."""
+    """Pass the recorded inputs (N, r) through what lies in front of the plant, in the order of the model's filters."""
     if not model.filters:
         return np.ascontiguousarray(u)
     result = np.array(u, dtype=float)
     names = [s.name for s in model.inputs]
     for f in model.filters:
         column = names.index(f.channel)
-        value = float(theta[model.index(f.parameters[0])])
-        rule = lag_held_input if f.kind == "actuator_lag" else delay_held_input
-        result[:, column] = rule(np.ascontiguousarray(result[:, column]), value / step)
+        values = np.array([theta[model.index(p)] for p in f.parameters])
+        result[:, column] = KINDS[f.kind].rule(np.ascontiguousarray(result[:, column]), values, step)
     return result
-
-
-@njit(cache=True)
-def lag_held_input(u: Array, tau: float) -> Array:
-    """Return each step's mean of a first-order lag driven by a held input; tau in samples, 0 is no lag.
-
-    Over one step w(t) = u + (w_k − u) e^(−t/τ): mean u + (w_k − u) τ (1 − e^(−1/τ)), exact for a held input.
-    """
-    out = np.empty_like(u)
-    if tau <= 1e-9:
-        out[:] = u
-        return out
-    decay = math.exp(-1.0 / tau)
-    w = u[0]
-    for k in range(len(u)):
-        out[k] = u[k] + (w - u[k]) * tau * (1.0 - decay)
-        w = u[k] + (w - u[k]) * decay
-    return out
-
-
-@njit(cache=True)
-def delay_held_input(u: Array, delay: float) -> Array:
-    """Return each step's mean of a held input delayed by `delay` samples (exact for a held input)."""
-    out = np.empty_like(u)
-    whole = int(max(delay, 0.0))
-    part = max(delay, 0.0) - whole
-    for k in range(len(u)):
-        near = u[max(k - whole, 0)]
-        far = u[max(k - whole - 1, 0)]
-        out[k] = (1.0 - part) * near + part * far
-    return out
 
 
 def _check_step(model: Equations, step: float) -> None:
@@ -185,7 +178,7 @@ def _check_step(model: Equations, step: float) -> None:
         )
 
 
-def _make_continuous(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, Array]]:
+def _make_continuous(flow: Any, read: Any, renew: Any) -> Callable[..., tuple[Array, Array, Array]]:
     """Build the predictor of a continuous-time model: classical Runge–Kutta steps between corrections.
 
     e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added; a missing y corrects nothing.
@@ -198,14 +191,16 @@ def _make_continuous(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, 
     def predict(
         U: Array, Y: Array, th: Array, K: Array, x0: Array, step: float, count: int, stride: int, generate: bool
     ) -> Any:
-        N, n, m = len(Y), len(x0), Y.shape[1]
-        E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, n))
+        N, n, m = len(Y), len(K), Y.shape[1]
+        E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, len(x0)))
         x, s = x0.copy(), np.empty(m)
-        k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+        k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), x0.copy()
         h = step / count
         for k in range(N):
             X[k] = x
+            renew(x, U[k * stride], th, step * stride)
             read(x, U[k * stride], th, P[k], s)
+            mid[:] = x
             for part in range(stride * count):
                 u = U[k * stride + part // count]
                 flow(x, u, th, k1)
@@ -227,18 +222,19 @@ def _make_continuous(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, 
     return predict
 
 
-def _make_discrete(flow: Any, read: Any) -> Callable[..., tuple[Array, Array, Array]]:
+def _make_discrete(flow: Any, read: Any, renew: Any) -> Callable[..., tuple[Array, Array, Array]]:
     """Build the predictor of a discrete-time model; arguments and results as for a continuous one."""
 
     @njit(error_model="numpy", nogil=True)
     def predict(
         U: Array, Y: Array, th: Array, K: Array, x0: Array, step: float, count: int, stride: int, generate: bool
     ) -> Any:
-        N, n, m = len(Y), len(x0), Y.shape[1]
-        E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, n))
+        N, n, m = len(Y), len(K), Y.shape[1]
+        E, P, X = np.empty((N, m)), np.empty((N, m)), np.empty((N + 1, len(x0)))
         x, after, s = x0.copy(), np.empty(n), np.empty(m)
         for k in range(N):
             X[k] = x
+            renew(x, U[k * stride], th, step * stride)
             read(x, U[k * stride], th, P[k], s)
             for part in range(stride):
                 flow(x, U[k * stride + part], th, after)
@@ -256,5 +252,5 @@ def _correct(x: Array, y: Array, p: Array, e: Array, K: Array, s: Array, generat
     for j in range(len(y)):
         e[j] = y[j] if generate else y[j] - p[j]
         if e[j] == e[j]:  # a missing output is NaN and corrects nothing
-            for i in range(len(x)):
+            for i in range(len(K)):
                 x[i] += K[i, j] * s[j] * e[j]

@@ -108,9 +108,9 @@ def load_model(path: str | Path) -> Model:
             raise DataError(f"{path}: the folder holds {len(found)} of model.json and model.toml, one is needed")
         source = found[0]
     if source.suffix == ".toml":
-        from aeolid.models import equations  # brings the compiled loops along, which linear models do without
+        from aeolid.models import equations_file  # brings the compiled loops along, which linear models do without
 
-        return equations.load(source)
+        return equations_file.load(source)
     if source.suffix == ".json":
         data = state_space.read_json(source)
         if data.get("scheduling"):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.anatomy import Motion
+from aeolid.diagnose.exogenous import Exogenous
 from aeolid.models.equations import Equations
 from aeolid.models.state_space import StateSpace
 
@@ -32,7 +33,8 @@ class Quantity:
 class Site:
     """Hold what an entry may look at to decide where it attaches.
 
-    step is the sample time of u (N, r) in s, row_step the time between the rows of y that correct the model.
+    step is the sample time of u (N, r) in s, row_step the time between the rows of y that correct the model; symbols
+    are what the model's equations call its inputs; exogenous are channels (N, k) that the model has no use for.
     """
 
     model: Equations
@@ -44,6 +46,9 @@ class Site:
     y: Array
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
+    symbols: tuple[str, ...]
+    exogenous: tuple[Exogenous, ...]
+    extra: Array
     context: Mapping[str, Any]
 
 

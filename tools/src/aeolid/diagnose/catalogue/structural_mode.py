@@ -29,7 +29,7 @@ def _on(j: int, name: str, site: Site) -> Attachment:
     def edit(model: Equations) -> Equations:
         extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, 0.7)]
         extra += [Parameter(b, 0.0, "", -1e4 * s, 1e4 * s) for b, s in zip(drives, sizes, strict=True)]
-        push = " + ".join(f"{b}*{u}" for b, u in zip(drives, model.symbols, strict=True)) or "0"
+        push = " + ".join(f"{b}*{u}" for b, u in zip(drives, site.symbols, strict=True)) or "0"
         states = _states(q, v, w, zeta, push, model.sample_time_s)
         outputs = tuple(
             replace(o, equation=ex.combine("+", o.equation, ex.parse(q, "mode"))) if o.name == name else o

@@ -1,0 +1,79 @@
+"""Offer the catalogue what the model does not use: time, rotor angle, operating point, other recorded channels."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aeolid.models.equations import TIME, Equations
+from aeolid.models.model_file import Signal
+from aeolid.record import Channel, Record
+
+ROLES = ("input", "disturbance", "scheduling", "azimuth")
+
+
+@dataclass(frozen=True)
+class Exogenous:
+    """Name a recorded channel that the model has no use for; equations call it `symbol`. Time has the role time."""
+
+    name: str
+    symbol: str
+    unit: str
+    role: str
+
+
+def exogenous_channels(records: Sequence[Record], model: Equations) -> tuple[Exogenous, ...]:
+    """List time and the channels of input, disturbance, scheduling and azimuth role that the model does not use.
+
+    Left out: channels with a missing sample (they would cut the recording) and those that never change.
+    """
+    used = {s.name for s in model.inputs} | {o.name for o in model.outputs}
+    taken = {*model.symbols, *(n.name for group in (model.parameters, model.states) for n in group)}
+    found = [Exogenous(TIME, _symbol(TIME, taken), "s", "time")] if TIME not in used else []
+    for channel in records[0].channels:
+        if channel.role not in ROLES or channel.name in used or channel.name == TIME:
+            continue
+        values = np.concatenate([r.column(channel.name) for r in records])
+        if np.all(np.isfinite(values)) and np.ptp(values) > 0:
+            found.append(Exogenous(channel.name, _symbol(channel.name, taken), channel.unit, channel.role))
+    return tuple(found)
+
+
+def _symbol(name: str, taken: set[str]) -> str:
+    symbol = "ch_" + re.sub(r"\W", "_", name)
+    while symbol in taken:
+        symbol += "_"
+    taken.add(symbol)
+    return symbol
+
+
+def with_time(record: Record) -> Record:
+    """Return the recording with its time as a channel, unless it has one of that name."""
+    if TIME in {c.name for c in record.channels}:
+        return record
+    values = np.column_stack([record.values, record.time_s])
+    return replace(record, values=values, channels=(*record.channels, Channel(TIME, "s", "ignore")))
+
+
+def with_exogenous(model: Equations, channels: Sequence[Exogenous]) -> Equations:
+    """Return the model with these channels as further inputs."""
+    return replace(
+        model,
+        inputs=(*model.inputs, *(Signal(c.name, c.unit) for c in channels)),
+        symbols=(*model.symbols, *(c.symbol for c in channels)),
+    )
+
+
+def without_unused(model: Equations, channels: Sequence[Exogenous]) -> Equations:
+    """Return the model without those of these channels that no equation and no filter uses."""
+    used = model.names_used() | {s.name for s in model.inputs if s.name in {f.channel for f in model.filters}}
+    extra = {c.symbol: c.name for c in channels}
+    kept = [
+        (signal, symbol)
+        for signal, symbol in zip(model.inputs, model.symbols, strict=True)
+        if symbol not in extra or symbol in used or signal.name in used
+    ]
+    return replace(model, inputs=tuple(s for s, _ in kept), symbols=tuple(n for _, n in kept))
