@@ -26,7 +26,9 @@ class MarkovEstimate:
     Columns of inputs without feedthrough are zero. rank of `regressors` is the number of directions the data excite;
     penalty (l,) the λ of each output relative to the largest singular value, 0 where Ξ is not of this regression;
     spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with
-    the outputs' mean filter factors, where those differ).
+    the outputs' mean filter factors, where those differ). Where Ξ is a filter's, direct (p m + r, rank) is the spread
+    of the fit to all windows, driven by the same noise, and bias (l, p m + r) what Ξ is off by; both None elsewhere.
+    NaN in `spread` says that it is not known.
     """
 
     theta: Array
@@ -36,6 +38,8 @@ class MarkovEstimate:
     penalty: Array
     spread: Array
     residual_covariance: Array
+    direct: Array | None = None
+    bias: Array | None = None
 
 
 def regressor_columns(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> list[int]:

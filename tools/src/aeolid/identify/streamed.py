@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.identify.markov import MarkovEstimate, with_theta
+from aeolid.identify.markov import MarkovEstimate, regressor_columns, with_theta
+from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, measure, sample_indices
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+GROWTH_MAX = 10.0  # of a filter that does not say its own
 ON_WIRE = 32, 16  # bytes of a channel's name and unit that a controller sends
 SAME_TIME = 0.02  # relative; clocks and rounded time columns differ by less, decimated recordings by more
 
@@ -28,7 +31,7 @@ class Origin:
 
     channels, units: inputs first, r of them, then the outputs; feedthrough: indices of inputs whose present value is a
     regressor; sha256 of the recording that was filtered, empty where samples came over the bus (`wired`: names may be
-    cut or made up).
+    cut or made up). memory: how the filter weighed its samples, None where the file does not say.
     """
 
     channels: tuple[str, ...]
@@ -40,6 +43,7 @@ class Origin:
     sample_time_s: float
     sha256: str
     wired: bool
+    memory: FilterMemory | None = None
 
     @classmethod
     def read(cls, archive: Any) -> Origin | None:
@@ -54,7 +58,7 @@ class Origin:
         return cls(
             channels, units, len(archive["inputs"]), int(settings["past"]), str(settings["model_set"]),
             tuple(int(i) for i in settings["feedthrough"]), float(settings["sample_time_s"]),
-            "" if wired else str(archive["sha256"]), wired,
+            "" if wired else str(archive["sha256"]), wired, _read_memory(settings, archive, wired),
         )  # fmt: skip
 
     def find_conflict(
@@ -158,10 +162,46 @@ class StreamedMarkov:
         return None if told and [r.sha256 for r in records] != [told] else self.innovation
 
     def replace_in(
-        self, estimate: MarkovEstimate, factor: WindowFactor, scaling: Scaling, past: int, through: tuple[bool, ...]
-    ) -> MarkovEstimate:
-        """Return the estimate with Ξ from the stream, scaled as the samples; the residuals are computed anew."""
-        return with_theta(estimate, self.scaled(scaling, past, through), factor)
+        self, estimate: MarkovEstimate, records: Sequence[Record], factor: WindowFactor, scaling: Scaling,
+        through: tuple[bool, ...],
+    ) -> tuple[MarkovEstimate, tuple[str, ...]]:  # fmt: skip
+        """Return the estimate with Ξ from the stream, scaled as the samples, and what is to be said of it.
+
+        records: with the channels of `scaling`. Its noise is that of the filter where the recordings are those that the
+        filter saw; else standard deviations are not known, and a note says why.
+        """
+        theta = self.scaled(scaling, factor.past, through)
+        plain = with_theta(estimate, theta, factor)
+        memory, why = self._memory_of(records)
+        if memory is not None:
+            found = measure(records, scaling, factor, theta, regressor_columns(factor, through), memory)
+            if found.share >= LEAST_SHARE:
+                known = replace(
+                    plain, spread=found.spread, direct=found.direct, bias=found.bias,
+                    residual_covariance=found.residual_covariance,
+                )  # fmt: skip
+                return known, ()
+            why = (
+                f"the recording holds {found.share:.0%} of what the filter had learnt from, {LEAST_SHARE:.0%} are"
+                " needed; record from the filter's start"
+            )
+        note = f"standard deviations are not known: {why}"
+        return replace(plain, spread=np.full_like(plain.spread, np.nan)), (note,)
+
+    def _memory_of(self, records: Sequence[Record]) -> tuple[FilterMemory | None, str]:
+        """Return how the filter weighed the samples of these recordings, or None and why that cannot be said."""
+        memory = self.origin.memory if self.origin is not None else None
+        if self.origin is None or memory is None:
+            return None, f"{self.source} does not say how the filter weighed its samples"
+        if self.origin.wired:
+            if memory.last is None:
+                return None, f"{self.source} does not say which sample was the last that the parameters are made of"
+            starts = [sample_indices(r)[[0, -1]] for r in records]
+            if any(b[0] <= a[1] for a, b in pairwise(starts)):
+                return None, "the recordings are not successive parts of one stream"
+        elif [r.sha256 for r in records] != [self.origin.sha256]:
+            return None, f"{self.source} is of another recording; identify the one that was filtered"
+        return memory, ""
 
     def scaled(self, scaling: Scaling, past: int, through: tuple[bool, ...]) -> Array:
         """Return Ξ (l, p m + r) in the scaled units of the windows; raises DataError when its size does not fit."""
@@ -183,6 +223,22 @@ class StreamedMarkov:
         theta = np.zeros((outputs, past * m + r))
         theta[:, keep] = self.theta * columns / scaling.scale[r : r + outputs, None]
         return theta
+
+
+def _read_memory(settings: dict[str, Any], archive: Any, wired: bool) -> FilterMemory | None:
+    """Read how the filter weighed its samples; None where the file does not say."""
+    keys = ("forgetting", "regularisation", "offset", "scale")
+    if any(settings.get(key) is None for key in keys):
+        return None
+    numbers: list[Any] = [settings[key] for key in keys]
+    count = len(archive["inputs"]) + len(archive["outputs"])
+    offset, scale = (np.asarray(n, dtype=np.float64)[:count] for n in numbers[2:])
+    if len(offset) != count or len(scale) != count or not np.all(scale > 0) or not 0 < float(numbers[0]) <= 1:
+        return None
+    last = int(archive["sample_index"]) if wired else -1
+    # the wire does not carry the guards of the filter: their defaults
+    growth = float(settings.get("growth_max") or GROWTH_MAX)
+    return FilterMemory(float(numbers[0]), float(numbers[1]), offset, scale, growth, last if last >= 0 else None)
 
 
 def theta_in_units(theta: Array, scaling: Scaling, past: int) -> Array:

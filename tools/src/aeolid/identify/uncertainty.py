@@ -10,6 +10,9 @@ free. With N = [X; U of feedthrough], P the projection on its rows, M = [X; U; E
 The published ΔE = −ΔΞ Ψ is this one only where every input has feedthrough: without, an input under feedback is not at
 right angles to the rest. Assumed: order and window chosen, (A − K C)ᵖ negligible, e white. Cost: O(f n l (p m) (n + r))
 and a factor of (n + l) (n + r) columns; no array of recording length.
+
+Where Ξ is a filter's, its ΔΞ is not that of the regressions on all windows, which the terms in Ψ hold; both are driven
+by the same noise (recursive_spread.py).
 """
 
 from __future__ import annotations
@@ -67,8 +70,12 @@ def matrix_spread(
 
     def plain(projected: Array) -> Array:
         """Return ΔΞ · projected (l, columns, l, rank)."""
-        out: Array = np.einsum("ab,rc->acbr", np.eye(outputs), markov.spread.T @ projected)
+        own = markov.spread if markov.direct is None else markov.direct  # of the fit to all windows
+        out: Array = np.einsum("ab,rc->acbr", np.eye(outputs), own.T @ projected)
         return out
+
+    if not np.isfinite(markov.spread).all():
+        return MatrixSpread(np.full((1, (n + outputs) * (n + r)), np.nan), n, r)
 
     J = np.zeros((n + outputs, n + r, outputs, markov.spread.shape[1]))
     J[:n] = moved(after) - _times(model.A, moved(before)) + _times(model.K @ model.C, moved(rest))
@@ -77,7 +84,29 @@ def matrix_spread(
     J[n:, columns] = plain(fitted) - _times(model.C, moved(now))
     J = np.einsum("abcr,cd->abdr", J, _root(markov.residual_covariance))
     rows = J.reshape((n + outputs) * (n + r), -1).T
+    if markov.bias is not None:  # as if it were a deviation; the fit to all windows has none
+        shift = _shift(markov.bias, S, model, (before, after, rest, now), columns, factor.channels)
+        rows = np.vstack([rows, shift.ravel()])
     return MatrixSpread(triangularise(rows) if len(rows) > rows.shape[1] else rows, n, r)
+
+
+def _shift(
+    bias: Array, S: Array, model: ScaledModel, projected: Sequence[Array], columns: Sequence[int], channels: int
+) -> Array:
+    """Return by how much [A B; C D] (n + l, n + r) is off where Ξ is by the bias (l, p m + r); S (f, n, l)."""
+    before, after, rest, now = projected
+    n, width = len(model.A), len(before)
+
+    def moved(through: Array) -> Array:
+        """Return S ΔΓK · through (n, columns)."""
+        parts = [S[i] @ bias[:, : width - i * channels] @ through[i * channels :] for i in range(len(S))]
+        out: Array = np.sum(parts, axis=0)
+        return out
+
+    out = np.zeros((n + len(model.C), before.shape[1]))
+    out[:n] = moved(after) - model.A @ moved(before) + model.K @ model.C @ moved(rest)
+    out[n:, list(columns)] = -model.C @ moved(now)
+    return out
 
 
 def pole_covariance(A: Array, spread: MatrixSpread) -> Array:

@@ -11,6 +11,7 @@ from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, require_excitation, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
+from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
@@ -34,6 +35,9 @@ def identify_varmax(
     stable: bool = False,
     passes: int = PASSES,
     forgetting: float = FORGETTING,
+    uncertainty: str = "asymptotic",
+    bootstrap_runs: int = BOOTSTRAP_RUNS,
+    bootstrap_seed: int = 0,
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by VARMAX-based PBSIDopt (paper 000), open or closed loop.
 
@@ -43,7 +47,7 @@ def identify_varmax(
     window, then by `passes` passes of extended least squares (24), each started from the solution of the one before,
     then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
-    records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
+    records … stable, uncertainty … bootstrap_seed: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
     weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
     take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations; no pass is run then.
     passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
@@ -55,6 +59,7 @@ def identify_varmax(
     settings = make_settings(
         "varmax", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
+    settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
@@ -81,9 +86,10 @@ def identify_varmax(
     estimate = estimate_markov(windows.whole, through, regularization)
     if found.theta is not None and regularization == "gcv":
         estimate = with_theta(estimate, found.theta, windows.whole)
-    if markov is not None:
-        estimate = markov.replace_in(estimate, windows.whole, extended, past, through)
     notes = [*found.notes, verdict.text]
+    if markov is not None:
+        estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
+        notes += more
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
     return assemble(windows, records, estimate, settings, notes, extra)
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from aeolid.identify.assemble import assemble, compress, make_settings
 from aeolid.identify.decimate import decimate
 from aeolid.identify.markov import estimate_markov, require_excitation
+from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import find_scaling
@@ -24,6 +25,9 @@ def identify_varx(
     markov: StreamedMarkov | None = None,
     decimation: int = 1,
     stable: bool = False,
+    uncertainty: str = "asymptotic",
+    bootstrap_runs: int = BOOTSTRAP_RUNS,
+    bootstrap_seed: int = 0,
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -34,18 +38,23 @@ def identify_varx(
     itself. regularization: "gcv" (default: costs nothing where data are rich), "none" or a number, λ relative to the
     largest singular value. markov: Ξ from a stream in place of eq. (23). decimation: whole factor by which the sample
     rate is lowered first. stable: move poles on or outside the unit circle inside.
+    uncertainty: of modes and frequency response, "asymptotic" (default: costs nothing), "bootstrap" (`identify.bootstrap`;
+    holds also where the window is too short for white innovations) or "none"; bootstrap_runs: 20 … 10 000, default 200,
+    which leaves 5 % on a deviation; bootstrap_seed: of its signs.
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
     settings = make_settings(
         "varx", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
+    settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past)
     estimate = estimate_markov(windows.whole, through, regularization)
+    notes: tuple[str, ...] = ()
     if markov is not None:
-        estimate = markov.replace_in(estimate, windows.whole, scaling, past, through)
+        estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
     require_excitation(estimate, records[0].source)
-    return assemble(windows, records, estimate, settings)
+    return assemble(windows, records, estimate, settings, notes)
