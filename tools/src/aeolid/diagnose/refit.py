@@ -157,7 +157,7 @@ def _values(attachment: Attachment, fit: Fit, prepared: Prepared) -> dict[str, t
     for slot in attachment.slots:
         if slot.label and model.index(slot.name) in fit.free.theta:
             place = fit.free.theta.index(model.index(slot.name))
-            result[slot.label] = (float(fit.point.theta[model.index(slot.name)]), float(std[place]))
+            result[slot.label] = slot.reported(float(fit.point.theta[model.index(slot.name)]), float(std[place]))
     return result
 
 

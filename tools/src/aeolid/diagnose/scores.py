@@ -36,6 +36,7 @@ class Row:
     gain_estimate: Mapping[tuple[str, int], float]
     basis: Array | None
     testable: bool
+    graded: tuple[tuple[Mapping[str, float], float], ...] = ()  # of a share: grid point and the share's deviation there
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +83,11 @@ def score_bank(
     for attachment, options in zip(attachments, cells, strict=True):
         best: Row | None = None
         null_z = np.full(_DRAWS, -np.inf)
+        graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
             row, null = _evaluate(attachment, option, fit.residual, signs)
+            if attachment.share in row.std:
+                graded.append((row.grid, row.std[attachment.share]))
             null_z = np.maximum(null_z, null)
             if best is None or row.z > best.z:
                 best = row
@@ -91,7 +95,7 @@ def score_bank(
             rows.append(_silent(attachment))
             continue
         null_max = np.maximum(null_max, null_z)
-        rows.append(replace(best, p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + _DRAWS)))
+        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + _DRAWS)))
     limit = float(np.quantile(null_max, 1 - _LEVEL)) if np.any(np.isfinite(null_max)) else np.inf
     rows.sort(key=lambda r: -r.z)
     return Bank(tuple(rows), limit if threshold is None else threshold)
@@ -174,10 +178,12 @@ def _evaluate(
     spread = np.cov(null.T).reshape(freedom, freedom)  # robust covariance of Hᵀ r
     std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse.T), 0.0))
     count = len(cell.names)
+    null_of = {s.name: s.null for s in attachment.slots}
+    moved = [null_of[n] + v for n, v in zip(cell.names, values[:count].tolist(), strict=True)]
     root = np.sqrt(2 * freedom - 1)
     row = Row(
         attachment, float(np.sqrt(2 * statistic) - root), statistic, freedom, 1.0, cell.grid,
-        dict(zip(cell.names, values[:count].tolist(), strict=True)),
+        dict(zip(cell.names, moved, strict=True)),
         dict(zip(cell.names, std[:count].tolist(), strict=True)),
         dict(zip(cell.gains, values[count:].tolist(), strict=True)), cell.basis, True,
     )  # fmt: skip
@@ -218,8 +224,12 @@ def minimum_detectable(row: Row, threshold: float) -> dict[str, dict[str, Any]]:
     """Return the smallest value of each shown parameter that would cross the threshold: √c times its deviation."""
     root = np.sqrt(2 * row.freedom - 1) if row.freedom else 0.0
     factor = (max(threshold, 0.0) + root) / np.sqrt(2)
+    seen = next((grid for grid, std in row.graded if factor * std <= 1), None)  # the mildest that all of it would show
+    if row.graded:
+        slots = [s for s in row.attachment.slots if s.label and seen is not None and s.name in seen]
+        return {str(s.label): {"value": s.show(dict(seen or {})[s.name]), "unit": s.unit} for s in slots}
     return {
-        s.label: {"value": float(factor * row.std[s.name]), "unit": s.unit}
+        s.label: {"value": float(s.show(s.null + factor * row.std[s.name]) - s.show(s.null)), "unit": s.unit}
         for s in row.attachment.slots
         if s.label and s.name in row.std
     }
@@ -228,6 +238,7 @@ def minimum_detectable(row: Row, threshold: float) -> dict[str, dict[str, Any]]:
 def _row_json(row: Row, threshold: float) -> dict[str, Any]:
     shown = next((s for s in row.attachment.slots if s.label and s.name in row.estimate), None)
     least = minimum_detectable(row, threshold)
+    value = least.get(shown.label) if shown and shown.label else None
     return {
         "id": row.attachment.entry,
         "family": entry(row.attachment.entry).family,
@@ -237,8 +248,8 @@ def _row_json(row: Row, threshold: float) -> dict[str, Any]:
         "statistic": row.z if np.isfinite(row.z) else None,
         "threshold": threshold if np.isfinite(threshold) else None,
         "p_value": row.p_value,
-        "estimate": row.estimate[shown.name] if shown else None,
+        "estimate": shown.show(row.estimate[shown.name]) if shown else None,
         "unit": shown.unit if shown else "",
-        "minimum_detectable": least[shown.label]["value"] if shown and shown.label else None,
+        "minimum_detectable": value["value"] if value else None,
         "frequency_hz": next((v for k, v in row.grid.items() if k.endswith("_frequency_hz")), None),
     }

@@ -57,7 +57,7 @@ class Slot:
     """Hold one parameter of an attachment inside the extended model.
 
     `name` in the model, `label` and `unit` in the report (None hides it), null value, physical range, typical size;
-    `local` says that its score at the null exists.
+    `local` says that its score at the null exists; `show` turns the model's value into the reported one.
     """
 
     name: str
@@ -68,6 +68,14 @@ class Slot:
     high: float
     size: float
     local: bool = True
+    show: Callable[[float], float] = float
+
+    def reported(self, value: float, std: float) -> tuple[float, float]:
+        """Return value and deviation as the report has them, the deviation by the slope of `show` over one of it."""
+        reach = std if np.isfinite(std) and std > 0 else 0.0
+        ends = [self.show(float(np.clip(value + s * reach, self.low, self.high))) for s in (-1.0, 1.0)]
+        moved = abs(ends[1] - ends[0]) / 2
+        return self.show(value), moved if reach and np.isfinite(moved) else std
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +87,8 @@ class Attachment:
     starts are values to begin a full fit from; what they leave out comes from the score's estimate.
     always_fit: there is no score, fit it whatever the bank says. stepped: free parameters may absorb it so well that
     its score at the null vanishes, fit it from finite steps whenever anything is found.
+    share: name of a local slot that blends the effect in from 0 to 1 where its own parameters have no null to start
+    from; its value is 1 when the effect is active (put it in `fixed`); grid is then ordered from mild to strong.
     """
 
     entry: str
@@ -94,6 +104,7 @@ class Attachment:
     statement: Callable[[Mapping[str, float]], str] = lambda values: ""
     always_fit: bool = False
     stepped: bool = False
+    share: str | None = None
     weight: Callable[[Mapping[str, float]], float] | None = None
 
 
