@@ -42,6 +42,36 @@ def largest_gap(singular_values: Array, most: int) -> int:
     return int(np.argmax(ratios)) + 1 if len(ratios) else 1
 
 
+def smallest_sufficient(
+    losses: Sequence[float], *, tolerance: float = TOLERANCE, what: str = "order", of: str = "", each: str = "output",
+    tail: str = "",
+) -> OrderChoice:  # fmt: skip
+    """Choose the smallest order whose loss is within `tolerance` of the least, and say so.
+
+    losses[i]: mean log error power of order i + 1 on held-out samples, infinite where not to be taken. what, of, each,
+    tail: words of the reason: what is chosen, the error of what, per what, and what else is to be said.
+    """
+    best = int(np.argmin(losses))
+    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + tolerance) + 1
+    reason = (
+        f"{what} {order}: the smallest whose one-step error{of} on the held-out last {1 - FIT_PART:.0%} "
+        f"is within {tolerance:.0%} per {each} of the best ({what} {best + 1} of 1 to {len(losses)}){tail}"
+    )
+    return OrderChoice(order, reason, tuple(losses))
+
+
+def say_gap(singular_values: Array, most: int) -> tuple[int, str]:
+    """Return the order of the largest gap and what it is."""
+    gap = largest_gap(singular_values, most)
+    ratio = singular_values[gap - 1] / max(singular_values[min(gap, len(singular_values) - 1)], 1e-300)
+    return gap, f"the singular values fall most after {gap} (factor {ratio:.1f})"
+
+
+def by_gap_alone(gap: int, text: str) -> OrderChoice:
+    """Choose by the largest gap where nothing can be held out."""
+    return OrderChoice(gap, f"order {gap}: {text}; too few samples to hold some out", ())
+
+
 def held_out_stretches(records: Sequence[Record], scaling: Scaling, past: int, part: float = FIT_PART) -> list[Array]:
     """Return the scaled complete stretches (N, m) of the last part of each recording, p samples of run-in included."""
     stretches = []
@@ -63,25 +93,15 @@ def choose_order(
     so that outputs of any size count alike. Without held-out samples the largest gap decides.
     """
     most = min(most, largest_useful_order(basis))
-    gap = largest_gap(basis.singular_values, most)
-    ratio = basis.singular_values[gap - 1] / max(
-        basis.singular_values[min(gap, len(basis.singular_values) - 1)], 1e-300
-    )
-    gap_text = f"the singular values fall most after {gap} (factor {ratio:.1f})"
+    gap, gap_text = say_gap(basis.singular_values, most)
     samples = sum(len(z) for z in held_out)
     if samples < 20 * fitted.channels:
-        return OrderChoice(gap, f"order {gap}: {gap_text}; too few samples to hold some out", ())
+        return by_gap_alone(gap, gap_text)
     losses = []
     for order in range(1, most + 1):
         T = basis.state_map(order)
         losses.append(_held_out_loss(system_matrices(fitted, T, feedthrough), T, held_out, fitted.past, fitted.inputs))
-    best = int(np.argmin(losses))
-    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
-    reason = (
-        f"order {order}: the smallest whose one-step error on the held-out last {1 - FIT_PART:.0%} "
-        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most}); {gap_text}"
-    )
-    return OrderChoice(order, reason, tuple(losses))
+    return smallest_sufficient(losses, tail=f"; {gap_text}")
 
 
 def _held_out_loss(model: ScaledModel, T: Array, held_out: Sequence[Array], past: int, inputs: int) -> float:

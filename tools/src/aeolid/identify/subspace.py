@@ -16,6 +16,7 @@ from scipy.linalg import solve_discrete_are
 from aeolid.identify.windows import WindowFactor, decompose
 
 Array = NDArray[np.float64]
+INSIDE = 0.9999  # where poles on or outside the unit circle are moved
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,11 +96,11 @@ def system_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...
     following = R[:, m : width + m] @ T.T  # the window moved on by one sample
     u, y = factor.u_now, factor.y_now
     through = np.flatnonzero(feedthrough)
-    first = _least_squares(np.hstack([now, u[:, through]]), y)
+    first = least_squares(np.hstack([now, u[:, through]]), y)
     C, D = first[:, :n], np.zeros((y.shape[1], r))
     D[:, through] = first[:, n:]
     e = y - now @ C.T - u @ D.T
-    second = _least_squares(np.hstack([now, u, e]), following)
+    second = least_squares(np.hstack([now, u, e]), following)
     A, B, direct = second[:, :n], second[:, n : n + r], second[:, n + r :]
     w = following - now @ A.T - u @ B.T
     N = max(factor.windows - n - m, 1)
@@ -173,25 +174,33 @@ def spectral_radius(A: Array) -> float:
     return float(abs(np.linalg.eigvals(A)).max()) if len(A) else 0.0
 
 
-def stabilise(factor: WindowFactor, model: ScaledModel, T: Array, radius: float = 0.9999) -> ScaledModel:
+def move_inside(A: Array, radius: float = INSIDE) -> Array:
+    """Return A (n, n) with the eigenvalues beyond `radius` moved there along theirs, A itself where there is none."""
+    values, vectors = np.linalg.eig(A)
+    size = abs(values)
+    if not (size > radius).any():
+        return A
+    moved = np.where(size > radius, values / np.maximum(size, radius) * radius, values)
+    out: Array = np.real(vectors @ np.diag(moved) @ np.linalg.inv(vectors))
+    return out
+
+
+def stabilise(factor: WindowFactor, model: ScaledModel, T: Array, radius: float = INSIDE) -> ScaledModel:
     """Return the model with every pole inside `radius`: growing poles are moved radially, then B and K fitted again.
 
     The states stay those of T (n, p m). Poles on or outside the circle come from an integrator or from noise; a user
     who needs a model that does not drift asks for this.
     """
-    values, vectors = np.linalg.eig(model.A)
-    size = abs(values)
-    if size.max() <= radius:
+    if spectral_radius(model.A) <= radius:
         return model
-    moved = np.where(size > radius, values / np.maximum(size, radius) * radius, values)
-    A: Array = np.real(vectors @ np.diag(moved) @ np.linalg.inv(vectors))
+    A = move_inside(model.A, radius)
     R, m, r, n = factor.R, factor.channels, factor.inputs, len(A)
     width = factor.past * m
     now, following = R[:, :width] @ T.T, R[:, m : width + m] @ T.T
     u, y = factor.u_now, factor.y_now
     e = y - now @ model.C.T - u @ model.D.T
     rest = following - now @ A.T
-    fitted = _least_squares(np.hstack([u, e]), rest)
+    fitted = least_squares(np.hstack([u, e]), rest)
     B = fitted[:, :r]
     w = rest - u @ B.T
     N = max(factor.windows - n - m, 1)
@@ -199,7 +208,7 @@ def stabilise(factor: WindowFactor, model: ScaledModel, T: Array, radius: float 
     return ScaledModel(A, B, model.C, model.D, K, covariance, method)
 
 
-def _least_squares(regressors: Array, targets: Array) -> Array:
+def least_squares(regressors: Array, targets: Array) -> Array:
     """Return X with targets ≈ regressors Xᵀ; columns are scaled first, so that rcond means rank, not units."""
     norm = np.sqrt((regressors**2).sum(axis=0))
     norm = np.where(norm > 0, norm, 1.0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import LpvData, feedthrough_columns, spread
 from aeolid.identify.lpv.structure import Structure
+from aeolid.identify.subspace import least_squares
 from aeolid.models.lpv import LpvStateSpace, apply_at
 from aeolid.models.lpv_prediction import estimate_initial_state, predictor_states
 from aeolid.models.model_file import Signal
@@ -59,7 +60,7 @@ def fit_matrices(data: LpvData, X: Array, structure: Structure) -> ScaledLpv:
     if structure.constant:
         output_blocks.append(np.ones((len(at), 1)))
     rows = np.hstack(output_blocks)
-    solution = _least_squares(rows, y)
+    solution = least_squares(rows, y)
     e = y - rows @ solution.T
     width = output_blocks[0].shape[1]
     C = _stack(solution[:, :width], m, n)
@@ -70,7 +71,7 @@ def fit_matrices(data: LpvData, X: Array, structure: Structure) -> ScaledLpv:
     blocks = [_block(mu[now], values[now], flag) for values, flag in parts]
     if structure.constant:
         blocks.append(mu[now])
-    second = _least_squares(np.hstack(blocks), X[now + 1])
+    second = least_squares(np.hstack(blocks), X[now + 1])
     edges = np.cumsum([0, *(b.shape[1] for b in blocks)])
     A, B, K = (_stack(second[:, edges[i] : edges[i + 1]], m, w) for i, w in enumerate((n, r, outputs)))
     b = second[:, edges[3] :].T if structure.constant else np.zeros((m, n))
@@ -173,12 +174,3 @@ def _feedthrough_matrices(flat: Array, structure: Structure) -> Array:
     out = np.zeros((structure.parameters, structure.outputs, structure.inputs))
     out[:, :, through] = _stack(flat, structure.parameters, len(through))
     return out
-
-
-def _least_squares(regressors: Array, targets: Array) -> Array:
-    """Return X with targets ≈ regressors Xᵀ; columns are scaled first, so that rcond means rank, not units."""
-    norm = np.sqrt((regressors**2).sum(axis=0))
-    norm = np.where(norm > 0, norm, 1.0)
-    solution = np.linalg.lstsq(regressors / norm, targets, rcond=1e-11)[0]
-    X: Array = solution.T / norm
-    return X

@@ -13,7 +13,7 @@ from aeolid.identify.lpv.data import LpvData
 from aeolid.identify.lpv.matrices import choose_gain, prediction_loss
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure
-from aeolid.identify.order import FIT_PART, OrderChoice, largest_gap
+from aeolid.identify.order import FIT_PART, OrderChoice, by_gap_alone, say_gap, smallest_sufficient
 
 Array = NDArray[np.float64]
 TOLERANCE = 0.05  # a larger order must lower the held-out error power by more, per output: it costs m matrices
@@ -48,20 +48,12 @@ def choose_lpv_order(data: LpvData, structure: Structure, head: Head | None, who
     """
     values = whole.states.singular_values
     most = min(whole.states.X.shape[1], MOST_ORDERS)
-    gap = largest_gap(values, most)
-    ratio = values[gap - 1] / max(values[min(gap, len(values) - 1)], 1e-300)
-    gap_text = f"the singular values fall most after {gap} (factor {ratio:.1f})"
+    gap, gap_text = say_gap(values, most)
     if head is None or not head.estimate.states.X.shape[1]:
-        return OrderChoice(gap, f"order {gap}: {gap_text}; too few samples to hold some out", ())
+        return by_gap_alone(gap, gap_text)
     X, held_out = head.estimate.states.X, data.place >= FIT_PART
     most = min(most, X.shape[1])
     losses = [
         prediction_loss(choose_gain(head.data, X[:, :n], structure)[0], data, held_out) for n in range(1, most + 1)
     ]
-    best = int(np.argmin(losses))
-    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
-    reason = (
-        f"order {order}: the smallest whose one-step error on the held-out last {1 - FIT_PART:.0%} "
-        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most}); {gap_text}"
-    )
-    return OrderChoice(order, reason, tuple(losses))
+    return smallest_sufficient(losses, tolerance=TOLERANCE, tail=f"; {gap_text}")

@@ -18,17 +18,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.identify import descent
 from aeolid.identify.lpv.data import LpvData, spread
 from aeolid.identify.lpv.matrices import RESOLVED, ScaledLpv, prediction_loss, run_stretches
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.order import FIT_PART
-from aeolid.identify.windows import decompose, triangularise
+from aeolid.identify.windows import triangularise
 
 Array = NDArray[np.float64]
-MOST_STEPS = 15
-ENOUGH = 1e-5  # gain in log error power per output below which no further step is taken
 LONGEST = 20_000  # windows that refine; more change little and cost in proportion
-DAMPING = tuple(10.0**k for k in range(-6, 4))  # relative to the largest singular value squared
 FLOOR = 1e-6  # smallest eigenvalue of the innovation covariance relative to the largest, when weighing
 
 
@@ -116,7 +114,7 @@ def refine(data: LpvData, structure: Structure, start: ScaledLpv, head: ScaledLp
     taken. The steps are first taken from it on that part; the number after which the rest is predicted best, none
     included, is then taken from `start` on everything.
     """
-    part, limit = data.take(np.arange(data.windows) < LONGEST), MOST_STEPS
+    part, limit = data.take(np.arange(data.windows) < LONGEST), descent.MOST_STEPS
     layout = layout_of(structure, start)
     if head is not None:
         early = part.place < FIT_PART
@@ -136,41 +134,20 @@ def layout_of(structure: Structure, model: ScaledLpv) -> Layout:
 
 def descend(data: LpvData, layout: Layout, start: ScaledLpv, steps: int) -> Iterator[ScaledLpv]:
     """Yield the start and the model after each step, until a step gains too little."""
-    model = start
-    yield model
-    loss = prediction_loss(model, data, joint=True)
-    for _ in range(steps):
-        if not np.isfinite(loss) or loss <= np.log(RESOLVED) + 1e-9:
-            return
-        R = information_factor(data, layout, model)
-        if not usable(R):
-            return
-        better, found = _step(data, layout, model, R, loss)
-        if better is None or loss - found < ENOUGH:
-            return
-        model, loss = better, found
-        yield model
 
-
-def _step(data: LpvData, layout: Layout, model: ScaledLpv, R: Array, loss: float) -> tuple[ScaledLpv | None, float]:
-    """Return the best model along the damped steps and its loss; None where none is better."""
-    size = R.shape[1] - 1
-    scale = np.maximum(np.sqrt((R[:, :size] ** 2).sum(axis=0)), 1e-300)
-    U, s, Vt = decompose(R[:size, :size] / scale)
-    target = U.T @ R[:size, size]
-    theta_s, theta_o = layout.pack(model)
-    best, least = None, loss
-    for damping in DAMPING:
-        delta = -(Vt.T @ (s / (s**2 + damping * s[0] ** 2) * target)) / scale
+    def move(model: ScaledLpv, delta: Array) -> ScaledLpv:
+        theta_s, theta_o = layout.pack(model)
         moved_s = theta_s + delta[: theta_s.size].reshape(theta_s.shape)
-        moved_o = theta_o + delta[theta_s.size :].reshape(theta_o.shape)
-        candidate = layout.unpack(moved_s, moved_o, model)
-        found = prediction_loss(candidate, data, joint=True)
-        if found < least:
-            best, least = candidate, found
-        elif best is not None:
-            break
-    return best, least
+        return layout.unpack(moved_s, theta_o + delta[theta_s.size :].reshape(theta_o.shape), model)
+
+    return descent.descend(
+        start,
+        lambda model: prediction_loss(model, data, joint=True),
+        lambda model: information_factor(data, layout, model),
+        move,
+        steps=steps,
+        floor=float(np.log(RESOLVED)) + 1e-9,
+    )
 
 
 def information_factor(data: LpvData, layout: Layout, model: ScaledLpv) -> Array:
@@ -216,11 +193,6 @@ def error_derivatives(layout: Layout, model: ScaledLpv, mu: Array, u: Array, sta
     return out
 
 
-def usable(R: Array) -> bool:
-    """Return whether derivatives are numbers that can be squared; those of a predictor at its limit may not be."""
-    return bool((abs(R) < 1e100).all())
-
-
 def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> Array | None:
     """Return the covariance of the entries of A⁽ⁱ⁾, (n, blocks n) row by row, from the inverse information.
 
@@ -231,12 +203,10 @@ def entry_covariance(data: LpvData, layout: Layout, model: ScaledLpv) -> Array |
         return None
     R = information_factor(data, layout, model)
     size = R.shape[1] - 1
-    if not usable(R):
+    if not descent.usable(R):
         return None
-    scale = np.maximum(np.sqrt((R[:, :size] ** 2).sum(axis=0)), 1e-300)
-    _, s, Vt = decompose(R[:size, :size] / scale)
     free = size - layout.order**2  # the others change the basis only
-    root = (Vt[:free].T / s[:free]) / scale[:, None]  # cov = root rootᵀ
+    root = descent.covariance_root(R, free)
     spent = free / (data.windows * layout.structure.outputs)
     n, width = layout.order, layout.pack(model)[0].shape[1]
     entries = np.arange(n * width).reshape(n, width)[:, : n * layout.blocks("A")].ravel()

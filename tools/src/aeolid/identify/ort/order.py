@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.identify.order import FIT_PART, TOLERANCE, OrderChoice, largest_gap
+from aeolid.identify.order import OrderChoice, largest_gap, smallest_sufficient
 from aeolid.identify.ort.estimate import Loop
 from aeolid.identify.ort.joint import Layout
 from aeolid.identify.ort.plant import predictor_map
@@ -37,7 +37,7 @@ def choose_joint_order(fitted: Loop, held_out: Sequence[Array], least: int) -> O
         joint_loss(*fitted.subsystems(order), held_out, fitted.layout) if order >= least else np.inf
         for order in range(1, most + 1)
     ]
-    return _smallest(losses, "joint order", "inputs and outputs", "channel")
+    return smallest_sufficient(losses, what="joint order", of=" of inputs and outputs", each="channel")
 
 
 def choose_plant_order(fitted: Loop, joint_order: int, held_out: Sequence[Array], response: str) -> OrderChoice:
@@ -50,7 +50,7 @@ def choose_plant_order(fitted: Loop, joint_order: int, held_out: Sequence[Array]
         plant_loss(fitted.plant(joint, order, response)[0], held_out, fitted.factor.past)
         for order in range(1, most + 1)
     ]
-    return _smallest(losses, "order", "the outputs", "output")
+    return smallest_sufficient(losses, of=" of the outputs")
 
 
 def joint_loss(
@@ -90,13 +90,3 @@ def log_power(errors: Sequence[Array]) -> float:
         mean = np.mean(power**2, axis=0)
     mean = np.where(np.isfinite(mean), mean, np.inf)
     return float(np.mean(np.log(np.maximum(mean, 1e-30))))
-
-
-def _smallest(losses: Sequence[float], what: str, of: str, each: str) -> OrderChoice:
-    best = int(np.argmin(losses))
-    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
-    reason = (
-        f"{what} {order}: the smallest whose one-step error of {of} on the held-out last {1 - FIT_PART:.0%} "
-        f"is within {TOLERANCE:.0%} per {each} of the best ({what} {best + 1} of 1 to {len(losses)})"
-    )
-    return OrderChoice(order, reason, tuple(losses))
