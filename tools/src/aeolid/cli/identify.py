@@ -87,6 +87,16 @@ def identify(
         str | None, typer.Option("--response", help="ort: of the disturbance, fit (default) or theorem (paper 002).")
     ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
+    uncertainty: Annotated[
+        str | None,
+        typer.Option("--uncertainty", help="varx, varmax: asymptotic (default), bootstrap, or none of the deviations."),
+    ] = None,
+    bootstrap_runs: Annotated[
+        int | None, typer.Option("--bootstrap-runs", help="Runs of the bootstrap, 20 to 10000; default 200.")
+    ] = None,
+    bootstrap_seed: Annotated[
+        int | None, typer.Option("--bootstrap-seed", help="Seed of the bootstrap; default 0.")
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
 ) -> None:
@@ -94,6 +104,8 @@ def identify(
     _check_method(method)
     own = _given(passes=passes, forgetting=forget)
     _check_passes(own, method, markov)
+    doubt = _given(uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)
+    _check_uncertainty(doubt, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
         offsets=offsets, memory_gb=memory, refined=refine,
@@ -114,7 +126,7 @@ def identify(
         }  # fmt: skip
         if method == "ort":
             common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | scheduled | joint, markov, stable)
+        result = _run(method, records, common, own | doubt | scheduled | joint, markov, stable)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -194,6 +206,18 @@ def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> No
         raise UsageError("--passes and --forget belong to --method varmax")
     if given and markov is not None:
         raise UsageError("with --markov no pass is run; leave --passes and --forget out")
+
+
+def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse a choice of uncertainty where the method has its own, and options of a bootstrap without one."""
+    if given and method not in METHODS[:2]:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise UsageError(f"{option} is for --method varx and varmax; --method {method} has deviations of its own")
+    chosen = given.get("uncertainty", "asymptotic")
+    if chosen != "bootstrap" and len(given) > ("uncertainty" in given):
+        raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
+    if chosen == "bootstrap" and markov is not None:
+        raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
 
 
 def _order(text: str) -> int | None:

@@ -14,7 +14,7 @@ from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
-from aeolid.identify.quantify import Uncertainty, asymptotic
+from aeolid.identify.quantify import quantify
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.streamed import StreamedMarkov, theta_in_units
 from aeolid.identify.subspace import (
@@ -117,9 +117,7 @@ def assemble(
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
-    known = Uncertainty()
-    if settings.uncertainty != "none":
-        known = asymptotic(factor, basis, fitted, scaled, estimate, through, records[0].sample_time_s)
+    known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings)
     model = with_start(model_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
     model, fit = with_innovations(model, records)
     return Identification(

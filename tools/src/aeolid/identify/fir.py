@@ -75,6 +75,7 @@ def identify_fir(
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
     settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
+    settings = replace(settings, uncertainty="jackknife")
     records = [decimate(r, decimation) for r in records]
     scaling, source = find_scaling(records), records[0].source
     through = tuple(name in settings.feedthrough for name in scaling.inputs)

@@ -127,16 +127,21 @@ def model_facts(result: Outcome) -> dict[str, Any]:
 
 
 def mode_lines(modes: Sequence[Mode]) -> list[str]:
-    """Return a table of the modes under its heading, ± one standard deviation (0 where none is known)."""
+    """Return a table of the modes under its heading, ± one standard deviation where that is known."""
     lines = ["  frequency Hz     damping           mostly in"]
     for mode in modes:
         where = max(mode.shares, key=lambda n: mode.shares[n])
         harmonic = f", {mode.rotor_order} x rotor speed" if mode.rotor_order else ""
+        frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
         lines.append(
-            f"  {mode.frequency_hz:8.4f} ± {mode.frequency_std_hz or 0:.4f}"
-            f"  {mode.damping:7.4f} ± {mode.damping_std or 0:.4f}  {where} ({mode.shares[where]:.0%}){harmonic}"
+            f"  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}"
+            f"  {where} ({mode.shares[where]:.0%}){harmonic}"
         )
     return lines
+
+
+def _deviation(value: float | None) -> str:
+    return " " * 9 if value is None else f" ± {value:.4f}"
 
 
 def fit_lines(fit: Fit) -> list[str]:

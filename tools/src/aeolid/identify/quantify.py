@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,19 @@ from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import UsageError
 from aeolid.identify.bands import Band, frequency_response, grid, on_circle, response_covariance
-from aeolid.identify.markov import MarkovEstimate
+from aeolid.identify.bootstrap import collect_scores, run_bootstrap
+from aeolid.identify.markov import MarkovEstimate, regressor_columns
+from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis
-from aeolid.identify.uncertainty import matrix_spread, pole_covariance
-from aeolid.identify.windows import WindowFactor
+from aeolid.identify.uncertainty import covariance_of, matrix_spread, pole_covariance
+from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 METHODS = ("asymptotic", "bootstrap", "none")
+BOOTSTRAP_RUNS = 200
+FEWEST_RUNS, MOST_RUNS = 20, 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,27 +40,55 @@ class Uncertainty:
     facts: dict[str, Any] = field(default_factory=dict)
 
 
-def require_method(method: str) -> None:
-    """Refuse an unknown way to find uncertainty."""
+def with_uncertainty(
+    settings: Settings, method: str, bootstrap_runs: int = BOOTSTRAP_RUNS, bootstrap_seed: int = 0
+) -> Settings:
+    """Return the settings with the way to find uncertainty; raises UsageError on what cannot be."""
     if method not in METHODS:
         raise UsageError(f"uncertainty {method!r} is none of {', '.join(METHODS)}")
+    if method != "bootstrap":
+        return replace(settings, uncertainty=method)
+    if settings.markov is not None:
+        raise UsageError("a bootstrap needs the recording's own regression; leave it or the streamed Ξ out")
+    if not FEWEST_RUNS <= bootstrap_runs <= MOST_RUNS:
+        raise UsageError(f"{bootstrap_runs} bootstrap runs are not within {FEWEST_RUNS} … {MOST_RUNS}")
+    if bootstrap_seed < 0:
+        raise UsageError(f"bootstrap seed {bootstrap_seed} is negative")
+    return replace(settings, uncertainty=method, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)
 
 
-def asymptotic(
-    factor: WindowFactor, basis: StateBasis, fitted: ScaledModel, model: ScaledModel, markov: MarkovEstimate,
-    through: tuple[bool, ...], sample_time_s: float,
+def quantify(
+    records: Sequence[Record], scaling: Scaling, factor: WindowFactor, basis: StateBasis, fitted: ScaledModel,
+    model: ScaledModel, markov: MarkovEstimate, through: tuple[bool, ...], settings: Settings,
 ) -> Uncertainty:  # fmt: skip
-    """Push the noise of Ξ through to first order.
+    """Find the uncertainty as the settings ask.
 
     fitted: as the regressions gave it; model: the same, or with poles moved inside, whose response the band is around.
+    A bootstrap takes one more pass through the records. Raises NotIdentifiable where it led to no model too often.
     """
-    spread = matrix_spread(factor, basis, fitted, markov, through)
-    poles = in_order_of(pole_covariance(fitted.A, spread), fitted.A, model.A)
-    frequency = grid(sample_time_s, np.linalg.eigvals(model.A).astype(complex))
-    z = on_circle(frequency, sample_time_s)
-    covariance = response_covariance(model, spread, z)
-    known = bool(np.isfinite(covariance).all())
-    return Uncertainty(poles, Band(frequency, frequency_response(model, z), covariance) if known else None)
+    if settings.uncertainty == "none":
+        return Uncertainty()
+    h = records[0].sample_time_s
+    frequency = grid(h, np.linalg.eigvals(model.A).astype(complex))
+    z = on_circle(frequency, h)
+    facts: dict[str, Any] = {}
+    if settings.uncertainty == "bootstrap":
+        scores = collect_scores(records, scaling, factor, markov.theta, regressor_columns(factor, through))
+        runs, seed = settings.bootstrap_runs or BOOTSTRAP_RUNS, settings.bootstrap_seed or 0
+        draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed)
+        poles, responses = _scatter(draws.poles), _scatter(draws.responses)
+        facts["bootstrap"] = {"runs": runs, "failed": draws.failed, "mean_block": draws.block, "seed": seed}
+    else:
+        spread = matrix_spread(factor, basis, fitted, markov, through)
+        poles, responses = pole_covariance(fitted.A, spread), response_covariance(model, spread, z)
+    known = bool(np.isfinite(responses).all())
+    band = Band(frequency, frequency_response(model, z), responses) if known else None
+    return Uncertainty(in_order_of(poles, fitted.A, model.A), band, facts)
+
+
+def _scatter(draws: ComplexArray) -> Array:
+    """Return the covariance (…, 2, 2) of real and imaginary part of draws (runs, …)."""
+    return covariance_of((draws - draws.mean(axis=0)) / np.sqrt(len(draws) - 1))
 
 
 def in_order_of(covariance: Array, before: Array, after: Array) -> Array:

@@ -24,7 +24,8 @@ Array = NDArray[np.float64]
 class Settings:
     """Hold what was asked for; the result carries it.
 
-    passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run.
+    passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
+    says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap.
     """
 
     method: str
@@ -39,6 +40,8 @@ class Settings:
     passes: int | None = None
     forgetting: float | None = None
     uncertainty: str = "asymptotic"
+    bootstrap_runs: int | None = None
+    bootstrap_seed: int | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

@@ -47,13 +47,13 @@ def identify_varmax(
     window, then by `passes` passes of extended least squares (24), each started from the solution of the one before,
     then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
-    records … stable, uncertainty … bootstrap_seed: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
+    records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
     weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
     take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations; no pass is run then.
     passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
     pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes. Default 1: less forgets the wrong e of
     the start sooner, but where data leave directions open (fewer noise sources than outputs) Ξ wanders there and
-    singular values grow tenfold.
+    singular values grow tenfold. uncertainty, bootstrap_runs, bootstrap_seed: as in `identify_varx`, with e as found.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(

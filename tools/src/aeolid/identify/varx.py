@@ -38,9 +38,9 @@ def identify_varx(
     itself. regularization: "gcv" (default: costs nothing where data are rich), "none" or a number, λ relative to the
     largest singular value. markov: Ξ from a stream in place of eq. (23). decimation: whole factor by which the sample
     rate is lowered first. stable: move poles on or outside the unit circle inside.
-    uncertainty: of modes and frequency response, "asymptotic" (default: costs nothing), "bootstrap" (`identify.bootstrap`;
-    holds also where the window is too short for white innovations) or "none"; bootstrap_runs: 20 … 10 000, default 200,
-    which leaves 5 % on a deviation; bootstrap_seed: of its signs.
+    uncertainty: of modes and frequency response, "asymptotic" (default: costs nothing), "bootstrap" (see there; also
+    where innovations are not white or change their power) or "none". bootstrap_runs: 20 … 10 000, default 200, which
+    leave 5 % on a deviation; bootstrap_seed: of its signs.
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """

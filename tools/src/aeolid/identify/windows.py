@@ -179,6 +179,11 @@ def factorise(
     return WindowFactor(full, past, r, outputs, windows, skipped, len(scaling.innovations))
 
 
+def window_rows(record: Record, scaling: Scaling, past: int, chunk: int) -> Iterator[Array]:
+    """Yield all windows of a recording, (≤ chunk, (p + 1) m) scaled, not a number where a sample is missing."""
+    yield from _window_chunks(record, _columns(record, scaling.names), scaling, past, past, len(record), chunk)
+
+
 def require_windows(
     records: Sequence[Record], past: int, channels: int, windows: int | None = None, lead: int | None = None
 ) -> None:
