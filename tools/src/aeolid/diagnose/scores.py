@@ -86,7 +86,7 @@ def score_bank(
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
             row, null = _evaluate(attachment, option, fit.residual, signs)
-            if attachment.share in row.std:
+            if attachment.share is not None and attachment.share in row.std:
                 graded.append((row.grid, row.std[attachment.share]))
             null_z = np.maximum(null_z, null)
             if best is None or row.z > best.z:
