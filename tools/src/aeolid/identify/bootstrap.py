@@ -25,7 +25,7 @@ from scipy.optimize import linear_sum_assignment
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.bands import frequency_response
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
-from aeolid.identify.subspace import ScaledModel, find_states, system_matrices
+from aeolid.identify.subspace import ScaledModel, find_states, regressed_matrices
 from aeolid.identify.windows import Scaling, WindowFactor, decompose, window_rows
 from aeolid.record import Record
 
@@ -150,4 +150,4 @@ def perturbed(
     full[1:, 1 + width : 1 + width + factor.outputs] += factor.R[:, :width] @ delta.T
     moved = replace(factor, full=full)
     basis = find_states(moved, markov.theta + delta, future)
-    return system_matrices(moved, basis.state_map(order), through)
+    return regressed_matrices(moved, basis.state_map(order), through)

@@ -7,7 +7,7 @@ are linear in a window v_k, the regressions of (1) need R alone. No array of the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,6 +90,19 @@ def system_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...
     C, D: y_k on [x_k; u_k of the inputs with feedthrough]; A, B: x_{k+1} on [x_k; u_k; e_k], e_k the residual of the
     first: with e_k in the regression A and B stay consistent when the inputs come from a feedback of y.
     """
+    fitted, w, e = _regress(factor, T, feedthrough)
+    N = max(factor.windows - len(T) - factor.channels, 1)
+    K, covariance, method = kalman_gain(fitted.A, fitted.C, w.T @ w / N, w.T @ e / N, e.T @ e / N, fitted.K)
+    return replace(fitted, K=K, covariance=covariance, gain_method=method)
+
+
+def regressed_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) -> ScaledModel:
+    """Return what the two regressions alone give: A, B, C, D as `system_matrices`, K of least squares."""
+    return _regress(factor, T, feedthrough)[0]
+
+
+def _regress(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) -> tuple[ScaledModel, Array, Array]:
+    """Return the model with the gain of least squares, and the residuals w (q, n) of states, e (q, l) of outputs."""
     R, m, r, n = factor.R, factor.channels, factor.inputs, T.shape[0]
     width = factor.past * m
     now = R[:, :width] @ T.T  # (q, n): states in the coordinates of R
@@ -103,9 +116,8 @@ def system_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...
     second = least_squares(np.hstack([now, u, e]), following)
     A, B, direct = second[:, :n], second[:, n : n + r], second[:, n + r :]
     w = following - now @ A.T - u @ B.T
-    N = max(factor.windows - n - m, 1)
-    K, covariance, method = kalman_gain(A, C, w.T @ w / N, w.T @ e / N, e.T @ e / N, direct)
-    return ScaledModel(A, B, C, D, K, covariance, method)
+    V = e.T @ e / max(factor.windows - n - m, 1)
+    return ScaledModel(A, B, C, D, direct, V, "least squares"), w, e
 
 
 def kalman_gain(A: Array, C: Array, Q: Array, S: Array, V: Array, direct: Array) -> tuple[Array, Array, str]:
