@@ -7,11 +7,13 @@ import pytest
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.fit import measure_fit
+from aeolid.identify.ort import identify_ort
 from aeolid.identify.residuals import run_residual_tests, whiten
 from aeolid.identify.validation import validate_model
 from aeolid.identify.varx import identify_varx
 from aeolid.models.load import LinearModel
 from aeolid.models.prediction import predict
+from aeolid.plants.disturbed_loop import simulate_disturbed_loop
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 
 NAMES = ("y1", "y2"), ("u1", "u2")
@@ -70,6 +72,28 @@ def test_identified_model_passes_on_fresh_data():
     one, five, twenty = (s.nrmse["y1"] for s in (result.fit.one_step, result.fit.steps[5], result.fit.steps[20]))
     assert one < five < twenty <= result.free_run.nrmse["y1"] * 1.05
     assert "innovations: " in result.summary()
+
+
+def test_advice_tells_a_wrong_gain_from_missing_dynamics():
+    """ORT's K at p = 20 keeps (A − K C)^20 = 0.10: the test is right to fail, and a longer window passes it."""
+    fresh = simulate_disturbed_loop(4000, 100)
+    record = simulate_disturbed_loop(20000, 1)
+    short, long = (
+        validate_model(LinearModel(identify_ort([record], past=p, order=2, joint_order=3).model), fresh)
+        for p in (20, 50)
+    )
+    assert short.residuals.verdict == "fail" and len(short.advice) == 1
+    assert "The gain K does not fit the noise of y: " in short.advice[0] and "longer past window" in short.summary()
+    assert short.advice[0].endswith("A free run predicts better here than K does.")
+    assert short.to_json()["advice"] == list(short.advice)
+    assert long.residuals.verdict == "pass" and long.advice == ()
+    slow = identify_varx([simulate_fourth_order(8000, 5)], past=10, order=2)
+    missing = validate_model(LinearModel(slow.model), simulate_fourth_order(4000, 6))
+    assert any("dynamics are missing or have changed" in a for a in missing.advice)
+    model = fourth_order()
+    changed = replace(model, B=model.B * 0.9)  # the plant's gain has moved, its noise has not
+    moved = validate_model(LinearModel(changed), simulate_fourth_order(20000, 7))
+    assert moved.residuals.verdict == "fail" and any("Past u" in a for a in moved.advice)
 
 
 def test_model_without_noise_model_is_scored_by_its_free_run():

@@ -9,7 +9,7 @@ import numpy as np
 
 from aeolid.identify.fit import Fit, Score, measure_fit, score, stretches
 from aeolid.identify.lpv.fit import measure_lpv_fit
-from aeolid.identify.residuals import ResidualReport, run_residual_tests
+from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
 from aeolid.models.load import LinearModel, Model, discretise, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.record import Record
@@ -36,7 +36,34 @@ class Validation:
             facts |= self.fit.to_json() | {"free_run": self.free_run.to_json()}
         if self.residuals is not None:
             facts["residuals"] = self.residuals.to_json()
-        return facts
+        return facts | {"advice": list(self.advice)}
+
+    @property
+    def advice(self) -> tuple[str, ...]:
+        """Return what failed residual tests mean and what to do, a sentence or two for each kind."""
+        if self.residuals is None or self.fit is None:
+            return ()
+        found = []
+        failed = [t for t in self.residuals.tests if t.verdict == "fail"]
+        noise = _worst([t for t in failed if t.kind == "whiteness"])
+        if noise is not None:
+            one, free = self.fit.one_step.nrmse[noise.output], self.free_run.nrmse[noise.output]
+            found.append(
+                f"The gain K does not fit the noise of {noise.output}: {noise.predictable:.1%} of its innovations "
+                "follow from past outputs. Poles and free run do not hang on K, predictions and their deviations do. Identify "
+                "with a longer past window (method ort needs the longest), or a higher order; if the noise has changed "
+                "since, identify from this recording too."
+                + (" A free run predicts better here than K does." if one > free else "")
+            )
+        dynamics = _worst([t for t in failed if t.kind == "input"])
+        if dynamics is not None:
+            found.append(
+                f"Past {dynamics.against} explains {dynamics.predictable:.1%} of the innovations of {dynamics.output}: "
+                "dynamics are missing or have changed. Raise the order, lengthen the past window or allow feedthrough; "
+                "aeolid diagnose looks for the physics."
+                + (" Under feedback a wrong K shows here too: mend that first." if noise is not None else "")
+            )
+        return tuple(found)
 
     def summary(self) -> str:
         """Return a few lines of text."""
@@ -53,7 +80,13 @@ class Validation:
             if test.verdict != "pass":
                 past = "its own" if test.against == test.output else f"{test.against}'s"
                 lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} past ({test.verdict})")
-        return "\n".join(lines)
+        if self.residuals.verdict == "immaterial":
+            lines.append("  immaterial: there beyond chance, but below 1 % of the variance; nothing to do")
+        return "\n".join([*lines, *self.advice])
+
+
+def _worst(tests: list[ResidualTest]) -> ResidualTest | None:
+    return max(tests, key=lambda t: t.predictable, default=None)
 
 
 def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:
