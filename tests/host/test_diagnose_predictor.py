@@ -14,7 +14,9 @@ from scipy.optimize import minimize
 
 from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.noise import colour_var, estimate_noise, filter_var
-from aeolid.diagnose.predictor import Free, Point, Predictor, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 
@@ -64,10 +66,10 @@ def recording(seed: int, samples: int = 300) -> Segment:
 
 def predictor(segments: tuple[Segment, ...], order: int = 0, prior: Array | None = None) -> Predictor:
     spread = np.vstack([s.y for s in segments]).std(axis=0)
-    none = np.column_stack([TRUTH, np.full(3, np.inf)])
+    known = np.column_stack([TRUTH, np.full(3, np.inf)]) if prior is None else prior
     scales = Scales(
         np.abs(TRUTH), np.outer(spread, 1 / spread), spread, np.array([0.5, 0.0, -10.0]), np.array([10.0, 5.0, 10.0]),
-        none if prior is None else prior, spread,
+        Prior(known[:, 0], np.diag(1 / known[:, 1])), spread,
     )  # fmt: skip
     return Predictor(compiled(), segments, scales, order)
 
@@ -108,7 +110,7 @@ def test_sensitivities_are_the_derivatives(gain: bool, order: int) -> None:
     assert noise is not None
     base = p.whitened(p.innovations(at), noise)
     free = Free((0, 1, 2), () if gain else (1, 3), ((0, 0), (0, 1), (1, 0), (1, 1)) if gain else (), (0, 1))
-    J = p.sensitivity(at, noise, base, free)
+    J = sensitivity(p, at, noise, base, free)
     places: list[tuple[str, tuple[int, ...]]] = [("theta", (i,)) for i in free.theta]
     places += [("noise", (i,)) for i in free.noise] + [("gain", ij) for ij in free.gain]
     places += [("start", (s, i)) for s in range(2) for i in free.x0]
@@ -132,7 +134,7 @@ def test_noise_model_sensitivities_are_the_derivatives() -> None:
     noise = p.noise_of(e)
     assert noise is not None
     base = p.whitened(e, noise)
-    J = p.sensitivity(at, noise, base, Free((0,), (), (), ()))[:, 1:]
+    J = sensitivity(p, at, noise, base, Free((0,), (), (), ()))[:, 1:]
     column = 0
     for i in range(2):
         for a in range(2):

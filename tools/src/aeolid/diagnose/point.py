@@ -65,6 +65,19 @@ class Free:
 
 
 @dataclass(frozen=True, eq=False)
+class Prior:
+    """Hold what is known of θ before the recording: root (p, np) of its precision about mean (np,)."""
+
+    mean: Array
+    root: Array
+
+    def residual(self, theta: Array) -> Array:
+        """Return root (mean − θ), (p,): as many standard normal variables, if θ is as was known."""
+        result: Array = self.root @ (self.mean - theta)
+        return result
+
+
+@dataclass(frozen=True, eq=False)
 class Scales:
     """Hold the typical sizes that finite differences and damping are measured in."""
 
@@ -73,5 +86,5 @@ class Scales:
     x0: Array
     low: Array
     high: Array
-    prior: Array  # (np, 2): value and standard deviation, inf where none is declared
+    prior: Prior
     spread: Array  # (l,): standard deviation of each output

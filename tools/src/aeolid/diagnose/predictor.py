@@ -5,31 +5,31 @@ Innovations form: x⁺ = F(x, u, θ) + K s e, y = h(x, u, θ) + e, e coloured by
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.gains import forgets, kalman_gain
 from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density
-from aeolid.diagnose.point import Free, Point, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.models.integrate import Compiled, apply_filters, substeps
 
 Array = NDArray[np.float64]
-_POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
 # BIC chooses the noise-model order among these. A physical noise model needs little colour on top; more would
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
-_STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k)."""
+    """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k).
+
+    prior_residual (p,), prior_jacobian (p, k): the same for what was known before, as if it had been measured.
+    """
 
     point: Point
     free: Free
@@ -38,11 +38,13 @@ class Fit:
     per_sample: Array
     residual: Array
     jacobian: Array
+    prior_residual: Array
+    prior_jacobian: Array
 
     @property
     def std(self) -> Array:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
-        gram = self.jacobian.T @ self.jacobian
+        gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         values, vectors = np.linalg.eigh(gram / np.outer(size, size))
         inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 1e12)
@@ -122,8 +124,7 @@ class Predictor:
         return 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
 
     def _penalty(self, point: Point) -> float:
-        deviation = (point.theta - self.scales.prior[:, 0]) / self.scales.prior[:, 1]
-        return 0.5 * float(np.sum(deviation**2))
+        return 0.5 * float(np.sum(self.scales.prior.residual(point.theta) ** 2))
 
     def whitened(self, innovations: Sequence[Array], noise: Noise) -> Array:
         """Return the scored, whitened, normalised innovations of all segments as one vector (M,), gaps as 0."""
@@ -152,80 +153,6 @@ class Predictor:
                 best, choice = score, order
         return choice
 
-    def sensitivity(self, point: Point, noise: Noise, base: Array, free: Free) -> Array:
-        """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
-
-        One filter pass a parameter, on two threads.
-        """
-        jobs: list[Callable[[], Array]] = []
-        jobs += [partial(self.theta_column, point, noise, base, {i: self.step_of(i, point)}) for i in free.theta]
-        jobs += [partial(self.noise_column, point, noise, base, i) for i in free.noise]
-        jobs += [partial(self.gain_column, point, noise, base, i, j) for i, j in free.gain]
-        jobs += [partial(self._x0_column, point, noise, base, s, i) for s in range(len(self.segments)) for i in free.x0]
-        columns = list(_POOL.map(lambda job: job(), jobs))
-        return np.column_stack([*columns, self._var_columns(point, noise)]) if columns else np.zeros((len(base), 0))
-
-    def _var_columns(self, point: Point, noise: Noise) -> Array:
-        """Return d(−residual)/d(VAR coefficient) (M, q l²): the noise model is estimated too and is projected out.
-
-        Leaving them in the step is Kaufman's variable projection: the fit then converges in a few iterations although
-        the noise model follows every step.
-        """
-        outputs = self.segments[0].y.shape[1]
-        order = len(noise.var)
-        if not order:
-            return np.zeros((sum(len(s.y) - s.burn for s in self.segments) * outputs, 0))
-        parts = []
-        for e, segment in zip(self.innovations(point), self.segments, strict=True):
-            past = np.zeros((order, *e.shape))
-            for i in range(1, order + 1):
-                past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
-            lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
-            block = np.einsum("tib,ac->tciab", lagged, noise.factor)  # −dr[t, c] / dA_i[a, b]
-            parts.append(block.reshape(len(lagged) * outputs, -1))
-        return np.vstack(parts)
-
-    def step_of(self, index: int, point: Point) -> float:
-        """Return a finite-difference step for one θ, into the allowed range."""
-        h = _STEP * max(float(self.scales.theta[index]), abs(float(point.theta[index])))
-        return h if point.theta[index] + h <= self.scales.high[index] else -h
-
-    def theta_column(self, point: Point, noise: Noise, base: Array, steps: dict[int, float]) -> Array:
-        """Return the change of −residual (M,) a unit of the first step when these θ move together."""
-        theta = point.theta.copy()
-        for index, h in steps.items():
-            theta[index] += h
-        moved = self.whitened(self.innovations(replace(point, theta=theta)), noise)
-        return (base - moved) / next(iter(steps.values()))
-
-    def noise_column(self, point: Point, noise: Noise, base: Array, index: int) -> Array:
-        """Return the change of −residual (M,) a unit of a noise amplitude's square (variance)."""
-        amplitude = point.noise.copy()
-        h = max(1e-3 * float(amplitude[index]) ** 2, 1e-6)
-        amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
-        return (base - self.whitened(self.innovations(replace(point, noise=amplitude)), noise)) / h
-
-    def gain_column(self, point: Point, noise: Noise, base: Array, state: int, output: int) -> Array:
-        """Return the change of −residual (M,) a unit of K[state, output]."""
-        assert point.K is not None
-        h = _STEP * float(self.scales.gain[state, output])
-        K = point.K.copy()
-        K[state, output] += h
-        return (base - self.whitened(self.innovations(replace(point, K=K)), noise)) / h
-
-    def _x0_column(self, point: Point, noise: Noise, base: Array, segment: int, state: int) -> Array:
-        h = _STEP * self.scales.x0[state]
-        x0 = list(point.x0)
-        x0[segment] = x0[segment].copy()
-        x0[segment][state] += h
-        alone = self.on([self.segments[segment]])
-        moved = alone.whitened(alone.innovations(replace(point, x0=(x0[segment],))), noise)
-        outputs = self.segments[0].y.shape[1]
-        before = sum(len(s.y) - s.burn for s in self.segments[:segment]) * outputs
-        column = np.zeros(len(base))
-        column[before : before + len(moved)] = (base[before : before + len(moved)] - moved) / h
-        return column
-
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
         """Maximise the likelihood from `start` by damped Gauss–Newton; None where the start itself diverges.
 
@@ -239,7 +166,7 @@ class Predictor:
             noise = self.noise_of(innovations)
             assert noise is not None  # the objective was finite here
             base = self.whitened(innovations, noise)
-            jacobian = self.sensitivity(point, noise, base, free)
+            jacobian = sensitivity(self, point, noise, base, free)
             before = value
             normal = self._normal(jacobian, base, point, free)
             for _ in range(8):
@@ -260,18 +187,21 @@ class Predictor:
         assert noise is not None
         base = self.whitened(innovations, noise)
         per_sample = log_density(base, noise, self.segments[0].y.shape[1])
-        jacobian = self.sensitivity(point, noise, base, free)
-        return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian)
+        jacobian = sensitivity(self, point, noise, base, free)
+        prior = self._prior(point, free, jacobian.shape[1])
+        return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian, *prior)
 
     def _normal(self, jacobian: Array, base: Array, point: Point, free: Free) -> tuple[Array, Array]:
         """Return the normal equations (k, k), (k,) with the priors of declared parameters."""
-        gram, slope = jacobian.T @ jacobian, jacobian.T @ base
-        for k, i in enumerate(free.theta):
-            if np.isfinite(self.scales.prior[i, 1]):
-                weight = 1.0 / self.scales.prior[i, 1] ** 2
-                gram[k, k] += weight
-                slope[k] -= weight * (point.theta[i] - self.scales.prior[i, 0])
-        return gram, slope
+        rows, columns = self._prior(point, free, jacobian.shape[1])
+        return jacobian.T @ jacobian + columns.T @ columns, jacobian.T @ base + columns.T @ rows
+
+    def _prior(self, point: Point, free: Free, width: int) -> tuple[Array, Array]:
+        """Return residuals (p,) and sensitivities (p, k) of the prior at a point."""
+        prior: Prior = self.scales.prior
+        columns = np.zeros((len(prior.root), width))
+        columns[:, : len(free.theta)] = prior.root[:, list(free.theta)]
+        return prior.residual(point.theta), columns
 
     def _move(self, point: Point, free: Free, step: Array) -> Point:
         theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]
@@ -326,7 +256,7 @@ def _settle(head: Predictor, fit: Fit) -> Array:
         for _ in range(15):
             if not np.isfinite(value):
                 break
-            normal = head._normal(head.sensitivity(point, fit.noise, base, free), base, point, free)
+            normal = head._normal(sensitivity(head, point, fit.noise, base, free), base, point, free)
             before = value
             for _ in range(8):
                 trial = head._move(point, free, _damped_step(*normal, damping))

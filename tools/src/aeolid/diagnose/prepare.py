@@ -16,7 +16,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous, with_time
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
 from aeolid.diagnose.gains import steady_gain
-from aeolid.diagnose.point import Free, Point, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.split import Split, split_records
@@ -204,7 +204,10 @@ def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array
 
 def _scales(model: Equations, x_size: Array, spreads: Array) -> Scales:
     theta = np.array([max(abs(p.value), 1e-3 * _range(p.minimum, p.maximum), 1e-6) for p in model.parameters])
-    prior = np.array([[p.value, p.prior_std or np.inf] for p in model.parameters]).reshape(-1, 2)
+    known = [i for i, p in enumerate(model.parameters) if p.prior_std]
+    root = np.zeros((len(known), len(model.parameters)))
+    root[range(len(known)), known] = [1.0 / (model.parameters[i].prior_std or np.inf) for i in known]
+    prior = Prior(model.theta, root)
     return Scales(
         theta, np.outer(x_size, 1.0 / spreads), x_size,
         np.array([p.minimum for p in model.parameters]), np.array([p.maximum for p in model.parameters]), prior,

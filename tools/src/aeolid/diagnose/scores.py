@@ -13,6 +13,7 @@ from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.sensitivity import gain_column, noise_column, theta_column
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -74,9 +75,10 @@ def score_bank(
     block wild bootstrap of the residuals (robust to changing variance and short correlation). `threshold` overrides it.
     Cost: one filter pass a parameter and grid point.
     """
-    basis = _span(fit.jacobian)
+    basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian]))
     outputs = predictor.segments[0].y.shape[1]
-    signs = _block_signs(len(fit.residual) // outputs, outputs, seed)
+    signs = _block_signs(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed)
+    residual = np.concatenate([fit.residual, fit.prior_residual])
     cells = [_cells(predictor, fit, a, basis) for a in attachments]
     null_max = np.full(_DRAWS, -np.inf)
     rows = []
@@ -85,7 +87,7 @@ def score_bank(
         null_z = np.full(_DRAWS, -np.inf)
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
-            row, null = _evaluate(attachment, option, fit.residual, signs)
+            row, null = _evaluate(attachment, option, residual, signs)
             if attachment.share is not None and attachment.share in row.std:
                 graded.append((row.grid, row.std[attachment.share]))
             null_z = np.maximum(null_z, null)
@@ -121,15 +123,16 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
     result = []
     for grid in attachment.grid:
         point = shifted(fit.point, model, grid)
-        columns = [predictor.theta_column(point, fit.noise, fit.residual, {model.index(s.name): s.size}) for s in local]
+        steps = [{model.index(s.name): s.size} for s in local]
+        columns = [theta_column(predictor, point, fit.noise, fit.residual, step) for step in steps]
         gains: list[tuple[str, int]] = (
             [(g, j) for g in attachment.gain_states for j in range(outputs)] if point.K is not None else []
         )
-        columns += [predictor.gain_column(point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
+        columns += [gain_column(predictor, point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
         if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
             gains = [(attachment.gain_states[-1], -1)]
-            columns.append(predictor.noise_column(point, fit.noise, fit.residual, names.index(gains[0][0])))
-        G = np.column_stack(columns)
+            columns.append(noise_column(predictor, point, fit.noise, fit.residual, names.index(gains[0][0])))
+        G = np.vstack([np.column_stack(columns), np.zeros((len(fit.prior_residual), len(columns)))])
         if not np.all(np.isfinite(G)):
             continue
         size = np.linalg.norm(G, axis=0)
@@ -208,10 +211,13 @@ def _span(jacobian: Array) -> Array:
     return result
 
 
-def _block_signs(samples: int, outputs: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
-    """Draw ±1 for blocks of samples, all outputs of a sample in one block; returns signs and block starts."""
+def _block_signs(samples: int, outputs: int, known: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
+    """Draw ±1 for blocks of samples, all outputs of a sample in one block, and for each of the prior's `known` rows.
+
+    Returns signs and block starts.
+    """
     length = max(1, round(samples ** (1 / 3)))
-    starts = np.arange(0, samples, length) * outputs
+    starts = np.concatenate([np.arange(0, samples, length) * outputs, samples * outputs + np.arange(known)])
     rng = np.random.default_rng(seed)
     return rng.choice(np.array([-1.0, 1.0]), size=(_DRAWS, len(starts))), starts
 
