@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline import add_force, mass_of
+from aeolid.diagnose.baseline import mass_of, with_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, State
 from aeolid.models.state_space import StateSpace
@@ -77,7 +77,7 @@ def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[M
 
 def _force_on(name: str) -> Callable[[Equations, ast.expr, str], Equations]:
     def inject(model: Equations, force: ast.expr, _: str) -> Equations:
-        return replace(model, states=tuple(add_force(s, force, model) if s.name == name else s for s in model.states))
+        return with_force(model, name, force)
 
     return inject
 
@@ -103,6 +103,7 @@ def motions_of_state_space(
         q = np.imag(beta * left[k])
         v = np.imag(beta * lam * left[k])
         push = 2 * np.real(right[:, k] / (beta * lam.imag))
+        feels = _felt(model.C @ right[:, k] / (beta * lam.imag * lam), model)
         tag = f"modal{len(found) + 1}"
         shared += [
             Auxiliary(f"{tag}_position", _linear(q, converted)),
@@ -112,7 +113,7 @@ def motions_of_state_space(
         found.append(
             Motion(
                 f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
-                _force_on_mode(push * model.sample_time_s, converted), "acceleration",
+                _force_on_mode(push * model.sample_time_s, feels, converted), "acceleration",
                 f"{_base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
             )
@@ -134,16 +135,31 @@ def _linear(row: Array, model: Equations) -> ast.expr:
     return ex.parse(" + ".join(terms) or "0", "mode coordinate")
 
 
-def _force_on_mode(push: Array, model: Equations) -> Callable[[Equations, ast.expr, str], Equations]:
+def _felt(shape: Array, model: StateSpace) -> dict[str, float]:
+    """Return what each accelerometer feels at once of a unit push on a mode; shape (l,): the velocity it implies."""
+    felt = zip(model.outputs, (2 * np.real(shape)).tolist(), strict=True)
+    return {s.name: c for s, c in felt if _derivative_order(s.unit) == 2 and c}
+
+
+def _force_on_mode(
+    push: Array, feels: dict[str, float], model: Equations
+) -> Callable[[Equations, ast.expr, str], Equations]:
     share = {s.name: float(c) for s, c in zip(model.states, push, strict=False)}
 
     def inject(target: Equations, force: ast.expr, name: str) -> Equations:
         shared = (*target.auxiliaries, Auxiliary(name, force))
         states = tuple(_push(s, name) if share.get(s.name) else s for s in target.states)
-        return replace(target, states=states, auxiliaries=shared)
+        outputs = tuple(
+            replace(o, equation=_plus(o.equation, feels[o.name], name)) if o.name in feels else o
+            for o in target.outputs
+        )
+        return replace(target, states=states, outputs=outputs, auxiliaries=shared)
 
     def _push(state: State, name: str) -> State:
-        term = ex.combine("*", ast.Constant(share[state.name]), ast.Name(id=name))
-        return replace(state, derivative=ex.combine("+", state.derivative, term))
+        return replace(state, derivative=_plus(state.derivative, share[state.name], name))
 
     return inject
+
+
+def _plus(equation: ast.expr, factor: float, name: str) -> ast.expr:
+    return ex.combine("+", equation, ex.combine("*", ast.Constant(factor), ast.Name(id=name)))

@@ -78,7 +78,8 @@ def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equat
         if isinstance(state.derivative, ast.Name) and state.derivative.id in names:
             continue  # dq/dt = v: geometry, no force acts there
         force, rate = f"unmeasured_{state.name}", f"unmeasured_rate_{state.name}"
-        states[i] = add_force(state, ast.Name(id=force), model)
+        model = with_force(model, state.name, ast.Name(id=force))
+        states[i] = model.states[i]
         low, high = 1.0 / slowest_s, 1.0 / step
         decay = f"-{rate}*{force}"
         if model.sample_time_s:
@@ -103,6 +104,17 @@ def add_force(state: State, force: ast.expr, model: Equations) -> State:
     if mass_of(d, model) is not None and isinstance(d, ast.BinOp):
         return replace(state, derivative=ex.combine("/", ex.combine("+", d.left, force), d.right))
     return replace(state, derivative=ex.combine("+", d, force))
+
+
+def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
+    """Add a force to one state's equation and to every output that repeats it: an accelerometer feels the force."""
+    before = next(s for s in model.states if s.name == name)
+    after = add_force(before, force, model)
+    outputs, shared = model.outputs, {a.name for a in model.auxiliaries}
+    if isinstance(before.derivative, ast.BinOp) or (isinstance(d := before.derivative, ast.Name) and d.id in shared):
+        swap = (before.derivative, after.derivative)
+        outputs = tuple(replace(o, equation=ex.swap(o.equation, *swap)) for o in outputs)
+    return replace(model, states=tuple(after if s.name == name else s for s in model.states), outputs=outputs)
 
 
 def _row(a: Array, states: list[str], b: Array, inputs: list[str]) -> ast.expr:

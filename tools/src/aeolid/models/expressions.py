@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from aeolid.errors import DataError
 
@@ -55,6 +56,28 @@ def substitute(tree: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr
 
     result: ast.expr = Rewriter().visit(_copy(tree))
     return result
+
+
+def swap(tree: ast.expr, before: ast.expr, after: ast.expr) -> ast.expr:
+    """Return the expression with every part that reads like `before` replaced by `after`."""
+
+    class Swapper(ast.NodeTransformer):
+        def visit(self, node: ast.AST) -> Any:
+            return after if _alike(node, before) else super().visit(node)
+
+    result: ast.expr = Swapper().visit(_copy(tree))
+    return result
+
+
+def _alike(a: ast.AST, b: ast.AST) -> bool:
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, ast.Constant):
+        return bool(a.value == b.value)  # type: ignore[attr-defined]
+    if isinstance(a, ast.Name):
+        return bool(a.id == b.id)  # type: ignore[attr-defined]
+    mine, other = ([n for n in ast.iter_child_nodes(x) if not isinstance(n, ast.expr_context)] for x in (a, b))
+    return len(mine) == len(other) and all(_alike(x, y) for x, y in zip(mine, other, strict=True))
 
 
 def to_text(tree: ast.expr) -> str:
