@@ -63,18 +63,26 @@ def test_input_factor_is_that_of_the_inputs_windows():
     assert factor.channels == 2 and factor.merge(factor).windows == 2 * 595
 
 
-def test_coloured_noise_leaves_no_bias_where_varx_keeps_one():
-    """Noise of 70 % of the signal, half of it resonant: errors fall with the length, those of VARX do not."""
-    ours: dict[int, list[float]] = {2000: [], 8000: []}
-    theirs: dict[int, list[float]] = {2000: [], 8000: []}
-    for samples in ours:
+@pytest.mark.parametrize("noise", [0.2, 0.5, 1.0])
+def test_coloured_noise_leaves_no_bias_where_varx_keeps_one(noise):
+    """Noise of 28, 70 and 140 % of the signal, half of it resonant: errors fall as the root of the length, no bias.
+
+    The mean error of 6 runs is known to its own standard error, the quotient of two of them to that of its logarithm.
+    VARX keeps its bias: its mean error stays, and is above ours by more than chance.
+    """
+    errors = {(run, n): [] for run in (identify_fir, identify_varx) for n in (4000, 16_000)}
+    for (run, samples), found in errors.items():
         for seed in range(6):
-            record = open_loop(samples, seed, 0.5)
-            for run, errors, p in ((identify_fir, ours, 40), (identify_varx, theirs, 25)):
-                found = run([record], past=p, future=12, order=4, feedthrough=("u1",))
-                errors[samples].append(pole_errors(found.eigenvalues).mean())
-    assert np.mean(ours[8000]) < 0.6 * np.mean(ours[2000]) and np.mean(ours[8000]) < 0.01
-    assert np.mean(theirs[8000]) > 0.8 * np.mean(theirs[2000]) and np.mean(theirs[8000]) > 5 * np.mean(ours[8000])
+            past = 40 if run is identify_fir else 25
+            result = run([open_loop(samples, seed, noise)], past=past, future=12, order=4, feedthrough=("u1",))
+            found.append(pole_errors(result.eigenvalues).mean())
+    mean = {key: np.mean(found) for key, found in errors.items()}
+    share = {key: np.std(found, ddof=1) / mean[key] / np.sqrt(6) for key, found in errors.items()}
+    for run, law in ((identify_fir, 0.5), (identify_varx, 1.0)):
+        short, long = (run, 4000), (run, 16_000)
+        assert abs(np.log(mean[long] / mean[short] / law)) < 3 * np.hypot(share[long], share[short]), run.__name__
+    ours, theirs = (identify_fir, 16_000), (identify_varx, 16_000)
+    assert np.log(mean[theirs] / mean[ours]) > 3 * np.hypot(share[ours], share[theirs])
 
 
 def test_order_by_the_free_run_with_a_reason():
@@ -94,7 +102,8 @@ def test_deviations_of_the_poles_match_the_scatter():
         found.append([m.frequency_hz for m in modes])
         said.append([m.frequency_std_hz for m in modes])
     ratio = np.mean(said, axis=0) / np.std(found, axis=0, ddof=1)
-    assert np.all((ratio > 0.75) & (ratio < 1.9)), ratio
+    # 100 runs had 1.17 and 1.02 of the scatter; 30 runs tell it to 1/√58 = 13 %, and three of these each way
+    assert np.all((ratio > 0.61) & (ratio < 1.17 * 1.39)), ratio
 
 
 def test_recordings_merge_and_gaps_are_left_out():

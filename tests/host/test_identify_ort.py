@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
+from scipy.stats import binom, chi2, ncx2
+from scipy.stats import t as student
 
 from aeolid.cli.main import main
 from aeolid.errors import DataError, NotIdentifiable, UsageError
@@ -14,7 +16,7 @@ from aeolid.identify.jackknife import leave_one_out, merged
 from aeolid.identify.order import held_out_stretches
 from aeolid.identify.ort import identify_ort
 from aeolid.identify.ort.estimate import Loop, compatibility
-from aeolid.identify.ort.feedback import check_feedback
+from aeolid.identify.ort.feedback import LAGS, LEVEL, check_feedback
 from aeolid.identify.ort.joint import Layout, decompose_windows, stochastic_rows
 from aeolid.identify.ort.order import joint_loss
 from aeolid.identify.ort.subsystems import find_spectra, realise_deterministic
@@ -39,6 +41,14 @@ def pole_errors(found, true):
     distance = abs(np.asarray(found)[:, None] - np.asarray(true)[None])
     rows, columns = linear_sum_assignment(distance)
     return distance[rows, columns]
+
+
+def agrees(found, expected):
+    """Return whether the mean over runs (runs, k) is the expected one: Student's test at 1 % over all k together."""
+    found = np.asarray(found)
+    runs, count = found.shape
+    error = found.std(axis=0, ddof=1) / np.sqrt(runs)
+    return bool(np.all(abs(found.mean(axis=0) - expected) < student.isf(0.005 / count, runs - 1) * error))
 
 
 @pytest.fixture(scope="module")
@@ -198,17 +208,31 @@ def test_missing_samples_are_left_out_and_said(record):
     values[np.random.default_rng(0).integers(0, 4000, 30), 1] = np.nan
     result = identify_ort([replace(record, values=values)], past=15, order=2)
     assert result.skipped > 200 and "were left out" in " ".join(result.notes)
-    assert pole_errors(result.eigenvalues, [0.9 + 0.2j, 0.9 - 0.2j]).max() < 0.02
+    # 0.0055 is the scatter of a1 = 2 Re z at N = 1000 (results/paper002.txt): four of them, for no fewer windows
+    assert pole_errors(result.eigenvalues, [0.9 + 0.2j, 0.9 - 0.2j]).max() < 4 * 0.0055
+
+
+def asymptotic(past):
+    """Return a … b_r2 of the paper's loop as infinitely many samples give them with windows of this length."""
+    layout = replace(LAYOUT, past=past, future=past)
+    factor, _ = exact_factor(layout, disturbed_plant(), direct=0.04 * 31 / 30, lag=1.0, gain=0.04 / 30)
+    loop = Loop.of(factor, layout)
+    model = loop.plant(loop.subsystems(3), 2, "fit")[0]
+    return numerators(replace(disturbed_plant(), A=model.A, B=model.B, C=model.C, D=model.D, K=model.K))
+
+
+def test_windows_leave_the_bias_that_the_theory_says():
+    """No sampling: (A − K C)ᵖ, |A − K C| = 0.892, and the loop's answer to r before the window; both fade with p."""
+    bias = {p: abs(asymptotic(p) - TRUE).max() for p in (10, 25, 50)}
+    assert bias[50] < 0.1 * bias[25] < 0.1 * bias[10] and bias[25] < 0.01
 
 
 def test_example_of_the_paper_and_its_order_with_a_reason():
-    """20 runs of 2000 samples: no coefficient is off by more than three standard errors of the mean and 0.01."""
-    found = []
-    for seed in range(20):
-        result = identify_ort([simulate_disturbed_loop(2000, seed)], past=25, order=2)
-        found.append(numerators(result.model))
-    mean, error = np.mean(found, axis=0), np.std(found, axis=0, ddof=1) / np.sqrt(20)
-    assert np.all(abs(mean - TRUE) < 3 * error + 0.01), (mean, error)
+    """20 runs of 2000 samples against what infinitely many give with these windows."""
+    found = [
+        numerators(identify_ort([simulate_disturbed_loop(2000, seed)], past=25, order=2).model) for seed in range(20)
+    ]
+    assert agrees(found, asymptotic(25))
     result = identify_ort([simulate_disturbed_loop(3000, 50)], past=20)
     assert result.order == 2 and result.order_choice.reason.startswith("order 2: the smallest whose one-step error")
     assert result.joint_choice.reason.startswith(f"joint order {result.joint_choice.order}: the smallest")
@@ -238,8 +262,9 @@ def test_fitted_response_scatters_less_than_the_theorem():
 
 def test_feedforward_of_the_disturbance_does_no_harm():
     """A controller that uses r: u_d has another numerator than the stochastic part, eq. (7a) holds all the same."""
-    result = identify_ort([simulate_disturbed_loop(20_000, 2, forward=-0.5)], past=25, order=2)
-    assert np.all(abs(numerators(result.model) - TRUE) < [0.01, 0.01, 0.1, 0.1, 0.03, 0.06, 0.06])
+    records = (simulate_disturbed_loop(5000, seed, forward=-0.5) for seed in range(8))
+    found = [numerators(identify_ort([r], past=40, order=2, joint_order=3).model) for r in records]
+    assert agrees(found, TRUE)  # at p = 40 the windows leave less than a thousandth
 
 
 def test_window_too_short_for_the_gain_is_said():
@@ -258,33 +283,60 @@ def test_feedthrough_is_a_mask_over_disturbances(record):
     assert identify_ort([record], past=15, order=2).model.D[0] == pytest.approx([0.0, 1.0], abs=0.1)
 
 
-def test_feedback_of_the_disturbance_is_noticed_and_its_absence_too():
-    silent = []
-    for seed in range(40):
-        record = simulate_disturbed_loop(1000, seed)
-        joint = replace(
-            record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels)
-        )
-        silent.append(check_feedback(factorise([joint], UNIT, 22), LAYOUT, ("r",))[0].p_value)
-    assert 0.3 < np.mean(silent) < 0.7 and min(silent) > 1e-3  # uniform where there is nothing
+def feedback_test(samples, seed, back=0.0):
+    record = simulate_disturbed_loop(samples, seed, back=back)
+    joint = replace(record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels))
+    return check_feedback(factorise([joint], UNIT, 22), LAYOUT, ("r",))[0]
+
+
+def test_level_of_the_feedback_test():
+    """No feedback: as many p-values below 5 % and 30 % as chance and the correction for the lags allow, at the most."""
+    p = np.array([feedback_test(1000, seed).p_value for seed in range(60)])
+    for level in (0.05, 0.3):
+        assert np.count_nonzero(p < level) <= binom.ppf(0.999, len(p), level), level
+
+
+@pytest.mark.parametrize("samples, back", [(1000, 0.05), (1000, 0.03), (4000, 0.02)])
+def test_power_of_the_feedback_test(samples, back):
+    """5, 3 or 2 % of y in r: found as often as the noncentral χ² of the best number of lags alone would, at least.
+
+    The noncentrality of each number of lags follows from one recording of 100,000 samples.
+    """
+    record = simulate_disturbed_loop(100_000, 1000, back=back)
+    r, w = record.column("r"), record.columns(["y", "u"])
+    own = np.column_stack([r[12 - i : -i] for i in range(1, 13)])
+    power = []
+    for lags in sorted({min(n, 12) for n in LAGS}):
+        past = np.column_stack([w[12 - i : -i] for i in range(1, lags + 1)])
+        left = [np.linalg.lstsq(X, r[12:], rcond=None)[1][0] for X in (own, np.hstack([own, past]))]
+        limit = chi2.isf(LEVEL / len(LAGS), 2 * lags)
+        power.append(ncx2.sf(limit, 2 * lags, samples * np.log(left[0] / left[1])))
+    found = sum(feedback_test(samples, seed, back).p_value < LEVEL for seed in range(40))
+    assert found >= binom.ppf(0.001, 40, max(power)), (found, power)
+
+
+def test_feedback_is_said_with_its_remedy():
     result = identify_ort([simulate_disturbed_loop(8000, 1, back=0.05)], past=15, order=2)
     assert (
         result.feedback[0].alarms and "'r' is not free of feedback: past inputs and outputs explain" in result.notes[0]
     )
-    share = result.feedback[0].predictable
-    assert 0.005 < share < 0.3
+    assert "give it the role input and use method varx" in result.notes[0]
     assert not any(t.alarms for t in identify_ort([simulate_disturbed_loop(1000, 1)], past=15, order=2).feedback)
 
 
 def test_deviations_of_the_poles_match_the_scatter():
-    """Leaving out twentieths: right within the accuracy of 40 runs, rather too large than too small."""
+    """Leaving out twentieths: 160 runs had 1.10 of the scatter for the frequency and 1.26 for the damping.
+
+    Too large because what a stretch takes from its edges cancels in the sum of all. 40 runs tell their scatter to
+    1/√78 = 11 %; three of these below the scatter and above 1.26 times it.
+    """
     found, said = [], []
     for seed in range(40):
         modes = identify_ort([simulate_disturbed_loop(3000, seed)], past=15, order=2, joint_order=3).modes
         found.append([modes[0].frequency_hz, modes[0].damping])
         said.append([modes[0].frequency_std_hz, modes[0].damping_std])
     ratio = np.mean(said, axis=0) / np.std(found, axis=0, ddof=1)
-    assert np.all((ratio > 0.75) & (ratio < 1.8)), ratio
+    assert np.all((ratio > 0.66) & (ratio < 1.26 * 1.34)), ratio
 
 
 def unstable_record(samples, seed):
@@ -302,8 +354,19 @@ def unstable_record(samples, seed):
 
 
 def test_unstable_plant_in_a_stable_loop_is_found():
-    result = identify_ort([unstable_record(8000, 0)], past=15, order=2, joint_order=3, feedthrough=())
-    assert pole_errors(result.eigenvalues, [1.05, 0.6]).max() < 0.06
+    """Poles without bias, and a scatter that falls as the root of the length: by half from 4000 to 16,000 samples."""
+    spread = {}
+    for samples in (4000, 16_000):
+        runs = [
+            identify_ort([unstable_record(samples, seed)], past=15, order=2, joint_order=3, feedthrough=())
+            for seed in range(8)
+        ]
+        found = np.array([np.sort(r.eigenvalues.real) for r in runs])
+        spread[samples] = np.sqrt(np.mean((found - [0.6, 1.05]) ** 2, axis=0))
+    assert agrees(found, [0.6, 1.05])
+    # the logarithm of a deviation of 8 runs scatters by 1/√16, that of a quotient of two by 0.35
+    assert np.all(np.log(spread[16_000] / spread[4000]) < np.log(0.5) + 3 * 0.35)
+    result = runs[0]
     assert any("outside the unit circle" in note for note in result.notes)
     stable = identify_ort([unstable_record(8000, 0)], past=15, order=2, joint_order=3, feedthrough=(), stable=True)
     assert spectral_radius(stable.model.A) < 1

@@ -15,7 +15,8 @@ from aeolid.identify.windows import WindowFactor, triangularise
 Array = NDArray[np.float64]
 LEVEL = 0.01  # chance of an alarm over all disturbances together where there is no feedback
 MATERIAL = 0.01  # part of a disturbance's own news; below it feedback is there but does not matter
-MOST_LAGS = 20
+LAGS = (1, 2, 5, 10, 20)
+MOST_LAGS = LAGS[-1]
 PREDICTABLE = 1e-12  # of its power: a disturbance that follows from its own past to here leaves nothing to test
 
 
@@ -24,7 +25,8 @@ class FeedbackTest:
     """Hold the test of one disturbance.
 
     predictable: part of what its own past leaves open that past inputs and outputs explain beyond chance; p_value: the
-    chance of so much where there is no feedback, corrected for the number of disturbances.
+    chance of so much where there is no feedback, corrected for the number of disturbances and of lags tried; lags: past
+    samples that tell most.
     """
 
     name: str
@@ -54,26 +56,35 @@ class FeedbackTest:
 def check_feedback(factor: WindowFactor, layout: Layout, names: tuple[str, ...]) -> tuple[FeedbackTest, ...]:
     """Regress each disturbance on the past of all disturbances, with and without the past of inputs and outputs.
 
-    The likelihood ratio N log(RSS/RSS′) is χ² with lags · (l + m) degrees of freedom where nothing comes back. Lags: p,
-    at most 20. names: those of the disturbances.
+    The likelihood ratio N log(RSS/RSS′) is χ² with lags · (l + m) degrees of freedom where nothing returns. Own past:
+    p samples, at most 20. Inputs and outputs: the last 1, 2, 5, 10 and 20 of them one after the other, since feedback
+    mostly shows in the youngest samples and old ones only add chance (a loop with 5 % of y in r, 1000 samples: found in
+    100 of 100 with 5 lags, in 42 with 20); the smallest p-value counts, times the number tried. names: those of the
+    disturbances.
     """
-    lags = min(layout.past, MOST_LAGS)
+    most = min(layout.past, MOST_LAGS)
     r, w = layout.disturbances, layout.joint
-    own, others = layout.columns(r, 0, lags), layout.columns(w, 0, lags)
-    now = layout.columns(r, lags, lags + 1)
+    own, now = layout.columns(r, 0, most), layout.columns(r, most, most + 1)
+    others = [c for sample in range(most - 1, -1, -1) for c in layout.columns(w, sample, sample + 1)]  # youngest first
     R = triangularise(factor.R[:, [*own, *others, *now]])
-    a, b = len(own), len(own) + len(others)
-    alone, with_past = ((R[start:, b:] ** 2).sum(axis=0) for start in (a, b))
-    total = (R[:, b:] ** 2).sum(axis=0)
-    N, count = factor.windows, len(others)
+    a, end = len(own), len(own) + len(others)
+    rest = np.array([(R[start:, end:] ** 2).sum(axis=0) for start in range(end + 1)])  # (columns taken, q): power left
+    tried = sorted({min(lags, most) for lags in LAGS})
     tests = []
     for i, name in enumerate(names):
-        if alone[i] <= PREDICTABLE * total[i] or b + 1 >= N:
-            tests.append(FeedbackTest(name, 0.0, 1.0, lags))
+        if rest[a, i] <= PREDICTABLE * rest[0, i] or end + 1 >= factor.windows:
+            tests.append(FeedbackTest(name, 0.0, 1.0, most))
             continue
-        # Bartlett: regressors already spent, and half of those tested, come off the samples
-        statistic = (N - a - 1 - count / 2) * float(np.log(alone[i] / max(with_past[i], 1e-300)))
-        p_value = float(min(chi2.sf(statistic, count) * len(names), 1.0))
-        share = 1.0 - (with_past[i] / (N - b - 1)) / (alone[i] / (N - a - 1))
-        tests.append(FeedbackTest(name, max(float(share), 0.0), p_value, lags))
+        found = [_compare(rest[a, i], rest[a + n * len(w), i], a, n * len(w), factor.windows) for n in tried]
+        best = int(np.argmin([p for p, _ in found]))
+        p_value, share = found[best]
+        tests.append(FeedbackTest(name, share, min(p_value * len(tried) * len(names), 1.0), tried[best]))
     return tuple(tests)
+
+
+def _compare(alone: float, with_past: float, own: int, count: int, N: int) -> tuple[float, float]:
+    """Return the p-value of `count` more regressors beside `own`, and the part they explain beyond chance."""
+    # Bartlett: regressors already spent, and half of those tested, come off the samples
+    statistic = (N - own - 1 - count / 2) * float(np.log(alone / max(with_past, 1e-300)))
+    share = 1.0 - (with_past / (N - own - count - 1)) / (alone / (N - own - 1))
+    return float(chi2.sf(statistic, count)), max(float(share), 0.0)
