@@ -8,7 +8,8 @@ from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.filters import replay_filter
-from aeolid.identify.propagator import GROWTH_MAX, REGULARISATION, Propagator, SmallRls, choose_states
+from aeolid.identify.propagator import Propagator, choose_states
+from aeolid.identify.small_rls import GROWTH_MAX, REGULARISATION, SmallRls
 from aeolid.identify.varmax import identify_varmax
 from aeolid.identify.varx import identify_varx
 from aeolid.models.model_file import Signal

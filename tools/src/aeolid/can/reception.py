@@ -38,6 +38,9 @@ class Reception:
         self.assembly, self.clocks = Assembly(base), ClockKeeper(base)
         self.lock = threading.Lock()  # held while the state changes: the display reads it in a thread of its own
         recorder.clocks = self.clocks.runs
+        self.watch: Callable[[Assembly, bool], None] | None = (
+            None  # sees samples before they are written; at the end too
+        )
         self.frames = 0  # of anybody
         self.errors = 0  # error frames: the bus is disturbed, or a controller has gone off it
         self.busy_s = 0.0  # what they took on the bus at most
@@ -60,6 +63,8 @@ class Reception:
         with self.lock:
             self.ended = time.monotonic()
             self.assembly.close()
+            if self.watch is not None:
+                self.watch(self.assembly, True)
             if reason != "full":
                 try:
                     self.recorder.finish(self.assembly)
@@ -114,6 +119,8 @@ class Reception:
         due = now - self._looked >= LOOK_S
         if due:
             self._looked = now
+        if self.watch is not None:
+            self.watch(self.assembly, False)
         self.recorder.poll(self.assembly, due)
 
 

@@ -16,6 +16,7 @@ JUMP = 1000  # a larger hole may be a restart or a silence longer than the index
 SOON = 20_000  # after so few samples without a full index none of the 16 bits has been lost count of
 ANCHOR = 20_000  # a full index told within one batch lies no farther from the newest sample; below half of 65536
 VOTES = 16  # different full indices that a segment remembers; more are garbled or forged
+RECENT = 64  # samples before the one asked for that are looked at again
 SPARSE = 20  # rows per arrived value that a table may have
 TABLE_BYTES_FREE = 1 << 28  # tables below this size may be as sparse as they like
 
@@ -269,6 +270,22 @@ class SampleStore:
                 total += int(np.count_nonzero(piece.there))
                 last = int(piece.index[-1])
         return [table for run in runs if (table := self._table(run, max(every, 1))) is not None]
+
+    def newest(self, after: int | None, every: int) -> list[SampleTable]:
+        """Return what `tables` would, but where one run goes on only its rows about and after sample `after`."""
+        if after is None or len(self._segments) != 1:
+            return self.tables(every)
+        segment = self._segments[0]
+        turn, certain = self._turn(segment, self._before)
+        part = segment.joined()
+        recent = part.index >= after - turn * 65536 - RECENT * max(every, 1)
+        if not recent.any():
+            return self.tables(every)
+        view = SampleStore(self._channels, garbling=self._garbling, head=self._head)
+        view._before = self._before
+        piece = replace(segment, parts=[part.take(recent)], settled=turn, dated=certain)
+        view._segments = [piece]
+        return view.tables(every)
 
     def _pieces(self, segment: _Segment, every: int, last: int | None) -> list[_Piece]:
         """Judge a segment; rows with full indices, parted where the node began to count anew."""

@@ -16,6 +16,7 @@ from aeolid.errors import DataError, UsageError
 if TYPE_CHECKING:
     from aeolid.can import Node
     from aeolid.can.reception import Reception
+    from aeolid.cli.listen_modes import ModeFollower
 
 PATIENCE = 3  # requests to stop before the process is left to its fate
 
@@ -42,6 +43,21 @@ def run(
     ] = None,
     markov: Annotated[
         Path | None, typer.Option("--markov", help="Write the newest complete snapshot (markov.npz).")
+    ] = None,
+    modes: Annotated[
+        bool, typer.Option("--modes/--no-modes", help="Follow the modes of each node as samples arrive; default.")
+    ] = True,
+    poles: Annotated[
+        Path | None, typer.Option("--poles", help="Write the modes over time (.csv, .csv.gz, .parquet, .mf4).")
+    ] = None,
+    poles_every: Annotated[
+        float, typer.Option("--poles-every", help="Seconds of the controller between two rows of --poles.")
+    ] = 1.0,
+    order: Annotated[
+        int | None,
+        typer.Option(
+            "--order", help="Number of states behind the modes; default chosen, with twice the samples again."
+        ),
     ] = None,
     seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so long.")] = None,
     until_end: Annotated[bool, typer.Option("--until-end", help="Stop when every node has ended its stream.")] = False,
@@ -70,28 +86,66 @@ def run(
     from aeolid.can.reception import Reception
     from aeolid.cli.listen_view import shown
 
-    _check(record, log, markov, seconds, bus, min(bit_rate, data_bit_rate))
+    _check(record, log, markov, poles, seconds, bus, min(bit_rate, data_bit_rate))
+    _check_modes(modes, poles, poles_every, order)
     identifiers = read_base(base) if node_id is None else check_address(base, node_id)
     source = open_source(bus, reconnect=not until_end if reconnect is None else reconnect)
     raw = open_raw_log(log) if log else None
     recorder = RunRecorder(record, innovations=markov.parent if markov else None, only=node_id)
     rates = {"bit_rate": bit_rate, "data_bit_rate": data_bit_rate}
     reception = Reception(source, recorder, raw, **rates, base=identifiers)
+    follower = _follow(reception, poles, poles_every, order, node_id) if modes else None
     with _stop_requests() as requests:
         try:
-            with shown(reception, bit_rate):
+            with shown(reception, follower):
                 reason = reception.run(lambda: bool(requests), seconds, until_end)
         finally:
             source.close()
             if raw is not None:
                 _close(raw, reception)
+            if follower is not None:
+                follower.finish()
+                reception.fault = reception.fault or follower.fault
         nodes = [n for n in reception.assembly.nodes.values() if node_id is None or n.number == node_id]
-        _finish(reception, nodes, reason, markov, json, until_end)
+        _finish(reception, nodes, reason, (markov, follower, poles), json, until_end)
+
+
+def _follow(
+    reception: Reception, poles: Path | None, every_s: float, order: int | None, only: int | None
+) -> ModeFollower:
+    """Have the modes followed while frames are received."""
+    from aeolid.cli.listen_modes import COLUMNS, ModeFollower
+    from aeolid.formats.growing import growing_suffix, open_growing
+
+    table = None
+    if poles is not None:
+        names, units = zip(*COLUMNS, strict=True)
+        table = open_growing(poles, growing_suffix(poles) or "", names, units)
+    follower = ModeFollower(table, order, every_s=every_s, patient=reception.source.is_log, only=only)
+    reception.watch = follower.look
+    return follower
+
+
+def _check_modes(modes: bool, poles: Path | None, every_s: float, order: int | None) -> None:
+    """Refuse options of the modes that make no sense, and load what they need before there is a bus to listen to."""
+    from aeolid.formats.growing import GROWING_SUFFIXES, growing_suffix
+
+    if not modes and (poles is not None or order is not None):
+        raise UsageError(f"{'--poles' if poles is not None else '--order'} needs modes; leave --no-modes out")
+    if poles is not None and growing_suffix(poles) is None:
+        raise UsageError(f"--poles {poles}: the suffix is none of {', '.join(GROWING_SUFFIXES)}")
+    if not every_s > 0:
+        raise UsageError(f"--poles-every {every_s}: a time above 0 is needed")
+    if order is not None and order < 1:
+        raise UsageError(f"--order {order}: at least one state is needed")
+    if modes:
+        import aeolid.identify.live  # noqa: F401
 
 
 def _check(
-    record: Path | None, log: Path | None, markov: Path | None, seconds: float | None, bus: str, bit_rate: int
-) -> None:
+    record: Path | None, log: Path | None, markov: Path | None, poles: Path | None, seconds: float | None, bus: str,
+    bit_rate: int,
+) -> None:  # fmt: skip
     """Refuse before listening what could not be written afterwards."""
     from aeolid.can.raw_log import RAW_SUFFIXES
     from aeolid.formats.growing import GROWING_SUFFIXES, growing_suffix
@@ -100,7 +154,7 @@ def _check(
         raise UsageError(f"--record {record}: the suffix is none of {', '.join(GROWING_SUFFIXES)}")
     if log is not None and log.suffix.lower() not in RAW_SUFFIXES:
         raise UsageError(f"--log {log}: the suffix is none of {', '.join(RAW_SUFFIXES)}")
-    given = [p for p in (record, log, markov) if p is not None]
+    given = [p for p in (record, log, markov, poles) if p is not None]
     for target in given:
         if not target.parent.is_dir():
             raise UsageError(f"{target}: the folder {target.parent} does not exist")
@@ -142,13 +196,15 @@ def _close(raw: Any, reception: Reception) -> None:
 
 
 def _finish(
-    reception: Reception, nodes: list[Node], reason: str, markov: Path | None, json: str | None, until_end: bool
-) -> None:
-    """Complete the files, tell what there is, and judge it."""
+    reception: Reception, nodes: list[Node], reason: str, asked: tuple[Path | None, ModeFollower | None, Path | None],
+    json: str | None, until_end: bool,
+) -> None:  # fmt: skip
+    """Complete the files, tell what there is, and judge it. asked: --markov, the modes, --poles."""
     from aeolid.cli.listen_facts import facts_of, summary
 
+    markov, follower, poles = asked
     written = _write(reception, nodes, markov)
-    facts = facts_of(reception, nodes, reason, written)
+    facts = facts_of(reception, nodes, reason, written, follower) | {"poles": poles}
     emit_json(facts, json)
     if json != "-":
         for line in summary(facts):

@@ -7,16 +7,20 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+MOST_MODES = 8  # named on one line
+
 if TYPE_CHECKING:
     from aeolid.can import Node
     from aeolid.can.clock import ClockFit
     from aeolid.can.reception import Reception
     from aeolid.can.runs import Run
+    from aeolid.cli.listen_modes import ModeFollower
 
 
 def facts_of(
-    reception: Reception, nodes: list[Node], reason: str, written: dict[int, dict[str, Any]]
-) -> dict[str, Any]:
+    reception: Reception, nodes: list[Node], reason: str, written: dict[int, dict[str, Any]],
+    follower: ModeFollower | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """Collect what `--json` writes."""
     assembly, source, elapsed = reception.assembly, reception.source, max(reception.seconds, 1e-9)
     log = reception.log
@@ -34,7 +38,12 @@ def facts_of(
         "interruptions": source.interruptions,
         "seconds_without_bus": round(getattr(source, "away_s", 0.0), 3),
         "log": None if log is None else {"file": log.path, "frames": log.frames},
-        "nodes": [_node_facts(n) | _written_facts(written[n.number]) for n in nodes],
+        "nodes": [
+            _node_facts(n)
+            | _written_facts(written[n.number])
+            | {"modes": None if follower is None else follower.facts(n.number)}
+            for n in nodes
+        ],
     }
 
 
@@ -104,7 +113,34 @@ def summary(facts: dict[str, Any]) -> list[str]:
         clocks = [r["clock"] for r in n["runs"] if r["clock"]]
         if clocks:
             lines.append(f"  sample 0 at {clocks[-1]['utc_of_sample_0'][:23]} UTC; {drift_text(clocks[-1])}")
-    return lines
+        lines += _mode_lines(n["modes"])
+    return lines + ([f"modes over time → {facts['poles']}"] if facts.get("poles") else [])
+
+
+def _mode_lines(modes: dict[str, Any] | None) -> list[str]:
+    """Say in words which oscillating modes a node has now, or why none."""
+    if modes is None:
+        return []
+    if modes["waiting"]:
+        return [f"  no modes: {modes['waiting']}"]
+    found = [m for m in modes["modes"] if abs(m["damping"]) < 1][:MOST_MODES]
+    if not found:
+        return ["  no oscillating mode"]
+    told = ", ".join(
+        with_deviation(m["frequency_hz"], m["frequency_std_hz"]) + " Hz"
+        f" ({with_deviation(100 * m['damping'], None if m['damping_std'] is None else 100 * m['damping_std'])} %)"
+        for m in found
+    )
+    why = modes["no_deviations_because"]
+    return [f"  modes (damping): {told}" + (f"; deviations not known: {why}" if why else "")]
+
+
+def with_deviation(value: float, deviation: float | None) -> str:
+    """Write a number with its standard deviation, to two digits of it; four digits where that is not known."""
+    if deviation is None or not deviation > 0:
+        return f"{value:.4g}"
+    digits = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
+    return f"{value:.{digits}f} ± {deviation:.{digits}f}"
 
 
 def _troubles(facts: dict[str, Any]) -> str:

@@ -7,30 +7,31 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import progress_console
-from aeolid.cli.listen_facts import clock_facts, drift_text, times
+from aeolid.cli.listen_facts import MOST_MODES, clock_facts, drift_text, times, with_deviation
 
 if TYPE_CHECKING:
     from aeolid.can import Node
     from aeolid.can.reception import Reception
+    from aeolid.cli.listen_modes import ModeFollower
 
 FIT_S = 2.0  # how often drift is worked out anew
 
 
-def shown(reception: Reception, bit_rate: int) -> AbstractContextManager[object]:
+def shown(reception: Reception, follower: ModeFollower | None) -> AbstractContextManager[object]:
     """Keep the progress on the terminal up to date; nothing where standard error is a file."""
     from rich.live import Live
 
     if not progress_console.is_terminal:
         return nullcontext()
-    view = Progress(reception)
+    view = Progress(reception, follower)
     return Live(get_renderable=view.render, console=progress_console, refresh_per_second=4, transient=True)
 
 
 class Progress:
     """Show rates, losses, snapshots and clocks while frames arrive."""
 
-    def __init__(self, reception: Reception) -> None:
-        self._reception = reception
+    def __init__(self, reception: Reception, follower: ModeFollower | None = None) -> None:
+        self._reception, self._follower = reception, follower
         self._mark = (reception.began, 0, 0.0)  # time, frames and busy time at the last second
         self._rates = (0.0, 0.0)  # frames a second, bus load
         self._seen: dict[int, tuple[int, float]] = {}  # node -> snapshots, time of the newest
@@ -60,7 +61,30 @@ class Progress:
             table.add_column(heading, justify="right" if heading in ("samples", "lost", "snapshots", "age") else "left")
         for number, node in sorted(r.assembly.nodes.items()):
             table.add_row(*self._row(number, node, now))
-        return Group(Text(head), *(Text(line, style="yellow") for line in self._warnings()), table)
+        warnings = (Text(line, style="yellow") for line in self._warnings())
+        return Group(Text(head), *warnings, table, *self._modes())
+
+    def _modes(self) -> list[Any]:
+        """Return a table of the oscillating modes of each node, and a line for each that has none yet."""
+        from rich.table import Table
+        from rich.text import Text
+
+        view = {} if self._follower is None else self._follower.view()
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+        for heading in ("node", "mode", "frequency (Hz)", "damping (%)", "mostly in"):
+            table.add_column(heading, justify="right" if heading == "mode" else "left")
+        lines = []
+        for number, (why, modes) in view.items():
+            if why:
+                lines.append(Text(f"node {number}: no modes yet, {why}"))
+            for m in [m for m in modes if abs(m.mode.damping) < 1][:MOST_MODES]:
+                spread = None if m.mode.damping_std is None else 100 * m.mode.damping_std
+                where = max(m.mode.shares, key=lambda name: m.mode.shares[name])
+                table.add_row(
+                    str(number), str(m.number), with_deviation(m.mode.frequency_hz, m.mode.frequency_std_hz),
+                    with_deviation(100 * m.mode.damping, spread), where,
+                )  # fmt: skip
+        return ([table] if table.row_count else []) + lines
 
     def _warnings(self) -> list[str]:
         r = self._reception

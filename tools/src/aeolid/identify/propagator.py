@@ -14,8 +14,8 @@ both problems started from them. The result is then that of a refit with an SVD 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from math import ceil
-from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -23,55 +23,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import qr
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.identify.small_rls import SmallRls
 from aeolid.identify.subspace import gamma_k
 from aeolid.identify.windows import decompose, triangularise
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
-GROWTH_MAX = 10.0  # of a variance over its start 1/ρ, before forgetting stops
-REGULARISATION = 1e-4  # ρ: as if that part of a sample of unit size had been seen in each direction
 LONGEST_MEMORY = 5000  # samples kept; λ nearer to 1 forgets what lies further back with each snapshot
+BATCH = 64  # samples that step 3 takes at once
 INDEPENDENT = 1e-9  # least singular value of ΓK Z that is not rounding, beside the largest
-
-
-class SmallRls:
-    """Estimate Θ (t, k) of target = Θ φ recursively, with forgetting, in square-root form.
-
-    P = root rootᵀ is updated by an orthogonal transformation of [√λ, 0; φᵀ root, root] (Potter's form), so it stays
-    positive. A quiet spell cannot wind it up: forgetting stops while a variance is above GROWTH_MAX/ρ.
-    """
-
-    def __init__(
-        self, targets: int, regressors: int, forgetting: float, regularisation: float = REGULARISATION
-    ) -> None:
-        self.forgetting = forgetting
-        self.theta: Array = np.zeros((targets, regressors))
-        self.root: Array = np.eye(regressors) / np.sqrt(regularisation)
-        self._most = GROWTH_MAX / regularisation
-        self._least = regularisation
-
-    def update(self, regressor: Array, target: Array) -> Array:
-        """Take one sample; returns the residual target − Θ φ (t,) with the new Θ. Cost: 3 k² + 2 t k."""
-        f = self.root.T @ regressor
-        rest = float(f @ f)
-        lam = self.forgetting if (self.root**2).sum(axis=1).max() < self._most else 1.0
-        alpha = lam + rest
-        gain = self.root @ f
-        error = target - self.theta @ regressor
-        self.theta += np.outer(error, gain / alpha)
-        self.root = (self.root - np.outer(gain, f / (alpha + np.sqrt(lam * alpha)))) / np.sqrt(lam)
-        residual: Array = error * (lam / alpha)
-        return residual
-
-    def restart(self, regressors: Array, targets: Array) -> None:
-        """Start again as if these samples, (N, k) and (N, t), oldest first, had come one by one."""
-        N, k = regressors.shape
-        fade = np.sqrt(self.forgetting) ** np.arange(N)[::-1]
-        first = np.sqrt(self._least * self.forgetting**N) * np.eye(k)  # what is left of P = I/ρ
-        R = np.linalg.qr(np.vstack([first, regressors * fade[:, None]]), mode="r")
-        self.root = np.linalg.inv(R)
-        self.theta = (targets * (fade**2)[:, None]).T @ regressors @ self.root @ self.root.T
 
 
 class Propagator:
@@ -155,9 +116,7 @@ class Propagator:
             raise DataError(f"Markov parameters have shape {values.shape}, {expected} is needed")
         if not np.isfinite(values).all():
             raise DataError("Markov parameters hold a value that is not finite; the snapshot is incomplete")
-        r = self.inputs
-        sizes = np.concatenate([np.tile(self._block_scale, self.past), self._scale[:r][list(self.feedthrough)]])
-        self._theta = values * sizes / self._scale[r:, None]
+        self._theta = self.scaled(values)
         stacked = gamma_k(self._theta[:, : self.past * self.block], self.past, self.future, self.block)
         if self.selection is None:
             self.selection = choose_states(stacked, self._windows(self.past)[0], self.order, self.combined)
@@ -165,9 +124,20 @@ class Propagator:
         if self.memory:
             self._compute_again()
 
-    def _windows(self, length: int) -> tuple[Array, Array]:
-        """Return the windows of `length` good samples kept, (N, length · m), oldest first, and their last blocks."""
-        kept = self._blocks_kept[max(self._kept - self._span, 0) : self._kept]
+    def scaled(self, theta: Array) -> Array:
+        """Return Ξ (l, p m + d) in scaled units."""
+        r = self.inputs
+        sizes = np.concatenate([np.tile(self._block_scale, self.past), self._scale[:r][list(self.feedthrough)]])
+        out: Array = theta * sizes / self._scale[r:, None]
+        return out
+
+    def _windows(self, length: int, newest: int | None = None) -> tuple[Array, Array]:
+        """Return the windows of `length` good samples kept, (N, length · m), oldest first, and their last blocks.
+
+        newest: only those that end in the newest so many samples.
+        """
+        span = self._span if newest is None else min(newest + length - 1, self._span)
+        kept = self._blocks_kept[max(self._kept - span, 0) : self._kept]
         if len(kept) < length:
             return np.zeros((0, length * self.block)), np.zeros((0, self.block))
         rows = sliding_window_view(kept, length, axis=0).transpose(0, 2, 1).reshape(-1, length * self.block)
@@ -221,13 +191,65 @@ class Propagator:
         self.updates += 1
         return True
 
+    def update_many(self, u: ArrayLike, y: ArrayLike, e: ArrayLike | None = None) -> Array:
+        """Take samples u (N, r), y (N, l), oldest first; returns the windows (k, (p + 1) m) that are complete, scaled.
+
+        As `update` one by one, but e of step 3 is taken with the last C of each batch. Cost a sample of a long batch:
+        2 n p m + 2 (n + r + l)² operations without the interpreter's; VARMAX goes one by one.
+        """
+        us, ys = (np.asarray(v, np.float64).reshape(-1, k) for v, k in ((u, self.inputs), (y, self.outputs)))
+        if self.block != self.inputs + self.outputs:
+            windows = [self._follow(us[k], ys[k], None if e is None else np.asarray(e)[k]) for k in range(len(us))]
+            done = [w[None, :] for w in windows if len(w)]
+        else:
+            done = [self._take(us[i : i + BATCH], ys[i : i + BATCH]) for i in range(0, len(us), BATCH)]
+        return np.concatenate([np.zeros((0, (self.past + 1) * self.block)), *done])
+
+    def _follow(self, u: Array, y: Array, e: Array | None) -> Array:
+        """Take one sample; returns the window that it completes, nothing where one of its samples is missing."""
+        self.update(u, y, e)
+        window = self._blocks_kept[max(self._kept - self.past - 1, 0) : self._kept].ravel()
+        whole = len(window) == (self.past + 1) * self.block and bool(np.isfinite(window).all())
+        return window if whole else window[:0]
+
+    def _take(self, u: Array, y: Array) -> Array:
+        z = (np.hstack([u, y]) - self._offset) / self._scale
+        z[~np.isfinite(z).all(axis=1)] = np.nan
+        for block in z:
+            self._keep(block)
+        bad = np.flatnonzero(np.isnan(z[:, 0]))
+        self._filled = min(self._filled, len(z) - 1 - int(bad[-1])) if len(bad) else self._filled
+        rows, last = self._windows(self.past + 1, newest=len(z))
+        if self._map is None or not len(rows):
+            return rows
+        now, following = rows[:, : -self.block] @ self._map.T, rows[:, self.block :] @ self._map.T
+        inputs = last[:, : self.inputs]
+        regressors = np.hstack([now, inputs[:, list(self.feedthrough)]])
+        residual = self._outer.update_many(regressors, last[:, self.inputs :])
+        self._inner.update_many(np.hstack([now, inputs, residual]), following)
+        self.updates += len(rows)
+        return rows
+
+    def windows(self) -> Array:
+        """Return the complete windows kept (k, (p + 1) m), scaled, oldest first."""
+        return self._windows(self.past + 1)[0]
+
+    def with_order(self, order: int) -> Propagator:
+        """Return a tracker of another order with the samples of this one; its next snapshot chooses S."""
+        other = copy(self)
+        other.order, other.selection, other._map, other.updates = order, None, None, 0
+        other._blocks_kept = self._blocks_kept.copy()
+        forgetting, present = self._inner.forgetting, len(self.feedthrough)
+        other._outer = SmallRls(self.outputs, order + present, forgetting)
+        other._inner = SmallRls(order, order + self.inputs + self.outputs, forgetting)
+        return other
+
     def _keep(self, block: Array) -> None:
         if self._kept == len(self._blocks_kept):
             self._blocks_kept[: self._span] = self._blocks_kept[-self._span :]
             self._kept = self._span
         self._blocks_kept[self._kept] = block
-        self._kept += 1
-        self._filled = min(self._filled + 1, self.past)
+        self._kept, self._filled = self._kept + 1, min(self._filled + 1, self.past)
 
     def _innovation(self, z: Array, e: ArrayLike | None, window: Array) -> Array:
         """Return e scaled: the filter's where it is given and known, else y − Ξ z, zero before a window is full."""
@@ -253,6 +275,21 @@ class Propagator:
         return self._inner.theta[:, : self.order].copy()
 
     @property
+    def theta(self) -> Array:
+        """Return Ξ (l, p m + d) of the last snapshot, scaled; zeros before."""
+        width = self.past * self.block + len(self.feedthrough)
+        return np.zeros((self.outputs, width)) if self._theta is None else self._theta
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Return A, B, C, D, K in scaled units."""
+        n, r = self.order, self.inputs
+        D = np.zeros((self.outputs, r))
+        D[:, list(self.feedthrough)] = self._outer.theta[:, n:]
+        inner, outer = self._inner.theta, self._outer.theta
+        return inner[:, :n].copy(), inner[:, n : n + r], outer[:, :n], D, inner[:, n + r :]
+
+    @property
     def poles(self) -> NDArray[np.complex128]:
         """Return the poles (n,), largest magnitude first; NaN before `ready`."""
         if not self.ready:
@@ -268,19 +305,17 @@ class Propagator:
         if not self.ready:
             needed = self.order + self.inputs + self.outputs
             raise NotIdentifiable(f"{self.updates} samples have come with a full window, {needed} are needed")
-        n, r = self.order, self.inputs
+        r = self.inputs
         su, sy = self._scale[:r], self._scale[r:]
-        D = np.zeros((self.outputs, r))
-        D[:, list(self.feedthrough)] = self._outer.theta[:, n:]
-        inner: Any = self._inner.theta
+        A, B, C, D, K = self.matrices
 
         def named(signals: Sequence[Signal], offsets: Array) -> tuple[Signal, ...]:
             return tuple(Signal(s.name, s.unit, float(o)) for s, o in zip(signals, offsets, strict=True))
 
         return StateSpace(
-            self.A, inner[:, n : n + r] / su, sy[:, None] * self._outer.theta[:, :n], sy[:, None] * D / su,
-            inner[:, n + r :] / sy, np.zeros(n), None, sample_time_s, named(inputs, self._offset[:r]),
-            named(outputs, self._offset[r:]), tuple(Signal(f"x{i + 1}") for i in range(n)),
+            A, B / su, sy[:, None] * C, sy[:, None] * D / su, K / sy, np.zeros(len(A)), None, sample_time_s,
+            named(inputs, self._offset[:r]), named(outputs, self._offset[r:]),
+            tuple(Signal(f"x{i + 1}") for i in range(len(A))),
         )  # fmt: skip
 
 

@@ -1,0 +1,293 @@
+"""Follow the modes of each node while it is listened to, in a thread of its own: reception never waits for them."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import AeolidError
+from aeolid.formats.growing import GrowingTable
+
+if TYPE_CHECKING:
+    from aeolid.can import Node
+    from aeolid.can.node import Assembly, Configuration
+    from aeolid.can.samples import SampleTable
+    from aeolid.identify.live import LiveMode, LiveModes
+
+Array = NDArray[np.float64]
+LOOK_S = 0.25  # how often new samples are looked for
+LOOK_VALUES = 8192  # values of a node after which they are, whatever the time
+SETTLE = 16  # samples that an incomplete one may be late
+QUEUED = 512  # pieces of work that may wait
+BATCH = 256  # samples of one piece
+COLUMNS = (
+    ("time_s", "s"), ("node", ""), ("mode", ""), ("frequency_hz", "Hz"), ("frequency_std_hz", "Hz"), ("damping", ""),
+    ("damping_std", ""), ("pole_real", ""), ("pole_imag", ""), ("order", ""), ("samples", ""),
+)  # fmt: skip
+
+
+@dataclass(eq=False)
+class _Followed:
+    """Hold how far one node has been looked at (by the reception), and its modes (by the thread)."""
+
+    configuration: Configuration
+    live: LiveModes | None = None
+    problem: str = ""
+    used: int | None = None  # index of the last sample handed on
+    tables: int = 0  # runs that were in memory at the last look
+    arrived: int = 0
+    snapshot: object = None
+    restarts: int = 0
+    dropped: int = 0  # samples that found no room in the queue
+    shown: tuple[LiveMode, ...] = ()
+    told: float = -np.inf  # controller's time of the last row of the table
+
+
+@dataclass
+class _Work:
+    node: int
+    followed: _Followed
+    run: Callable[[LiveModes], None]
+
+
+class ModeFollower:
+    """Take what an assembly has received to the live modes of its nodes."""
+
+    def __init__(
+        self, table: GrowingTable | None, order: int | None, *, every_s: float, patient: bool, only: int | None = None
+    ) -> None:
+        """Prepare. table: of `COLUMNS`, None to write none; a row for each mode every `every_s` of the controller.
+
+        order: number of states, None to choose; patient: reception waits where the queue is full (a log), else samples
+        are left out; only: number of the one node to follow.
+        """
+        self.fault: str | None = None  # why the table could not be written
+        self._table, self._order, self._every_s, self._patient, self._only = table, order, every_s, patient, only
+        self._nodes: dict[int, _Followed] = {}
+        self._queue: queue.Queue[_Work | None] = queue.Queue(QUEUED)
+        self._lock = threading.Lock()
+        self._looked = 0.0
+        self._thread = threading.Thread(target=self._work, name="modes", daemon=True)
+        self._thread.start()
+
+    def look(self, assembly: Assembly, last: bool = False) -> None:
+        """Hand on what is new; called by the reception after each batch. last: nothing more will come."""
+        now = time.monotonic()
+        due = last or self._patient or now - self._looked >= LOOK_S
+        if due:
+            self._looked = now
+        for node in list(assembly.nodes.values()):
+            if node.now is None or (self._only is not None and node.number != self._only):
+                continue
+            followed = self._followed(node)
+            arrived = node.now.samples.arrived
+            if due or arrived - followed.arrived >= LOOK_VALUES:
+                followed.arrived = arrived
+                self._hand_on(node, followed, last)
+
+    def _followed(self, node: Node) -> _Followed:
+        followed = self._nodes.get(node.number)
+        assert node.now is not None
+        if followed is None or followed.configuration is not node.now:
+            followed = self._start(node, 0 if followed is None else followed.restarts + 1)
+        return followed
+
+    def _start(self, node: Node, restarts: int) -> _Followed:
+        """Begin anew: a node's first description, another one, or samples that count from the start again."""
+        assert node.now is not None
+        followed = _Followed(node.now, restarts=restarts, problem=_find_problem(node.now))
+        with self._lock:
+            self._nodes[node.number] = followed
+        return followed
+
+    def _hand_on(self, node: Node, followed: _Followed, last: bool) -> None:
+        configuration = followed.configuration
+        if followed.problem:
+            return
+        tables = configuration.samples.newest(followed.used, configuration.description.sample_every)
+        if tables:
+            if _starts_again(tables, followed):
+                if len(tables) > 1:
+                    self._put_samples(node.number, followed, tables[-2], last=True)
+                before = followed.snapshot  # of the run that is over
+                followed = self._start(node, followed.restarts + 1)
+                followed.snapshot = before
+            followed.tables = len(tables)
+            self._put_samples(node.number, followed, tables[-1], last)
+        snapshot = configuration.snapshots.complete
+        if snapshot is not None and snapshot is not followed.snapshot:
+            theta, index = snapshot.theta, snapshot.sample_index
+            if self._put(_Work(node.number, followed, lambda live: live.snapshot(theta, index))):
+                followed.snapshot = snapshot
+
+    def _put_samples(self, number: int, followed: _Followed, table: SampleTable, last: bool) -> None:
+        rows = _fresh(table, followed.used, last)
+        if not len(rows):
+            return
+        d = followed.configuration.description
+        r, m = d.inputs, d.inputs + d.outputs
+        innovations = self._innovations(followed, table.index[rows]) if d.model_set == "varmax" else None
+        for start in range(0, len(rows), BATCH):
+            part = rows[start : start + BATCH]
+            index, values = table.index[part], table.values[part]
+            e = None if innovations is None else innovations[start : start + BATCH]
+
+            def add(live: LiveModes, index: Any = index, values: Any = values, e: Any = e) -> None:
+                self._add(number, followed, live, index, (values[:, :r], values[:, r:m], e))
+
+            if not self._put(_Work(number, followed, add)):
+                followed.dropped += len(part)
+        followed.used = int(table.index[rows[-1]])
+
+    @staticmethod
+    def _innovations(followed: _Followed, index: NDArray[np.int64]) -> Array | None:
+        """Return the innovations (N, l) of these samples in the channels' units, NaN where the node sent none."""
+        d = followed.configuration.description
+        tables = followed.configuration.innovations.newest(int(index[0]), d.sample_every)
+        if not tables:
+            return None
+        e = np.full((len(index), d.outputs), np.nan)
+        at = index - tables[-1].index[0]
+        inside = (at >= 0) & (at < len(tables[-1].index))
+        e[inside] = tables[-1].values[at[inside]] * d.scale[d.inputs : d.inputs + d.outputs]
+        return e
+
+    def _put(self, work: _Work) -> bool:
+        try:
+            self._queue.put(work, block=self._patient)
+        except queue.Full:
+            return False
+        return True
+
+    def _add(self, number: int, followed: _Followed, live: LiveModes, index: Any, samples: Any) -> None:
+        """Take samples up to each time at which the table gets rows: what it holds does not hang on the batches."""
+        u, y, e = samples
+        step = followed.configuration.description.sample_time_s
+        while len(index):
+            due = np.flatnonzero(index * step >= followed.told + self._every_s)
+            stop = int(due[0]) + 1 if self._table is not None and len(due) else len(index)
+            live.add(index[:stop], u[:stop], y[:stop], None if e is None else e[:stop])
+            if self._table is not None and len(due):
+                followed.told = float(index[stop - 1] * step)
+                self._tell(number, followed, live)
+            index, u, y, e = index[stop:], u[stop:], y[stop:], None if e is None else e[stop:]
+
+    def _tell(self, number: int, followed: _Followed, live: LiveModes) -> None:
+        nan = np.nan
+        rows = [
+            [
+                followed.told, number, m.number, m.mode.frequency_hz, _or(m.mode.frequency_std_hz, nan), m.mode.damping,
+                _or(m.mode.damping_std, nan), m.mode.eigenvalue.real, m.mode.eigenvalue.imag, live.order, live.samples,
+            ]
+            for m in live.modes()
+        ]  # fmt: skip
+        if rows and self._table is not None and self.fault is None:
+            try:
+                self._table.write(np.array(rows, dtype=np.float64))
+            except OSError as error:
+                self.fault = f"{self._table.path}: nothing more can be written ({error.strerror or error})"
+
+    def _work(self) -> None:
+        while (work := self._queue.get()) is not None:
+            followed = work.followed
+            if followed.problem:
+                continue
+            try:
+                live = followed.live = followed.live or _live_of(followed.configuration, self._order)
+                work.run(live)
+                modes = live.modes()
+            except Exception as error:  # whatever modes come to, reception and recording go on
+                followed.problem = str(error) if isinstance(error, AeolidError) else f"{type(error).__name__}: {error}"
+                modes = ()
+            with self._lock:
+                followed.shown = modes
+
+    def finish(self) -> None:
+        """Do what is queued and complete the table."""
+        self._queue.put(None)
+        self._thread.join()
+        if self._table is not None:
+            try:
+                self._table.close()
+            except OSError as error:
+                self.fault = self.fault or f"{self._table.path}: cannot be completed ({error.strerror or error})"
+
+    def view(self) -> dict[int, tuple[str, tuple[LiveMode, ...]]]:
+        """Return for each node why it has no modes, and those it has."""
+        with self._lock:
+            return {number: (_why(f), f.shown) for number, f in sorted(self._nodes.items())}
+
+    def facts(self, number: int) -> dict[str, Any] | None:
+        """Return the facts of a node's modes for machines, None where it was not followed."""
+        followed = self._nodes.get(number)
+        if followed is None:
+            return None
+        live = followed.live
+        facts: dict[str, Any] = {"waiting": _why(followed) or None, "restarts": followed.restarts}
+        if live is None:
+            return facts | {"modes": []}
+        return facts | {
+            "time_s": None if live.last is None else live.last * followed.configuration.description.sample_time_s,
+            "order": live.order, "order_reason": live.order_reason, "samples": live.samples, "missing": live.missing,
+            "left_out": followed.dropped, "snapshots": live.snapshots,
+            "no_deviations_because": live.note or None,
+            "microseconds_a_sample": round(1e6 * live.seconds / max(live.samples, 1), 2),
+            "modes": [{"mode": m.number} | m.mode.to_json() for m in followed.shown],
+        }  # fmt: skip
+
+
+def _why(followed: _Followed) -> str:
+    return followed.problem or (followed.live.waiting if followed.live is not None else "waiting for samples")
+
+
+def _or(value: float | None, other: float) -> float:
+    return other if value is None else value
+
+
+def _find_problem(configuration: Configuration) -> str:
+    """Say why a node cannot have live modes, empty where it can."""
+    d = configuration.description
+    if d.sample_every != 1:
+        sent = f"one sample in {d.sample_every}" if d.sample_every else "no samples"
+        return f"the node sends {sent}; modes need every one"
+    return "" if d.inputs else "the node describes no input; modes need one"
+
+
+def _live_of(configuration: Configuration, order: int | None) -> LiveModes:
+    """Return live modes for what a node described; raises AeolidError where it cannot be."""
+    from aeolid.identify.live import LiveModes, LiveSettings
+
+    d = configuration.description
+    m = d.inputs + d.outputs
+    return LiveModes(
+        LiveSettings(
+            d.names[: d.inputs], d.names[d.inputs : m], d.past, d.sample_time_s, d.forgetting, d.regularisation,
+            d.feedthrough, d.model_set, np.asarray(d.offset[:m]), np.asarray(d.scale[:m]), order,
+        )
+    )  # fmt: skip
+
+
+def _starts_again(tables: list[SampleTable], followed: _Followed) -> bool:
+    """Tell whether the newest run is not the one that was followed: its index went back."""
+    newest, used = tables[-1].index, followed.used
+    if used is None:
+        return False
+    return int(newest[-1]) < used or (len(tables) > followed.tables and int(newest[0]) <= used)
+
+
+def _fresh(table: SampleTable, used: int | None, last: bool) -> NDArray[np.int64]:
+    """Return the rows of a table that are new and settled: complete, or older than a sample may come late."""
+    rows = np.flatnonzero(table.index > (-1 if used is None else used))
+    if last or not len(rows):
+        return rows
+    whole = np.isfinite(table.values[rows]).all(axis=1)
+    late = table.index[rows] > table.index[-1] - SETTLE
+    open_ones = np.flatnonzero(late & ~whole)
+    return rows[: open_ones[0]] if len(open_ones) else rows
