@@ -67,6 +67,26 @@ def test_identification_page_says_the_facts(tmp_path: Path) -> None:
         assert part in seen, part
 
 
+def test_bands_of_the_frequency_response_are_drawn_where_they_are_known(tmp_path: Path) -> None:
+    """Grey areas beside the lines, one for gain and one for phase a pair; an unknown phase leaves its own out."""
+    facts = report_examples.identification()
+    grid = np.geomspace(0.005, 4.9, 60)
+    g = response(facts["model"], grid)
+    pairs = [
+        {"input": source, "output": target, "gain": abs(g[:, i, j]).tolist(),
+         "gain_std": (0.1 * abs(g[:, i, j])).tolist(), "phase_deg": np.degrees(np.angle(g[:, i, j])).tolist(),
+         "phase_std_deg": [5.7 if known else None] * 60}
+        for i, target in enumerate(("generator_speed", "tower_fore_aft"))
+        for j, (source, known) in enumerate((("pitch", True), ("torque", False)))
+    ]  # fmt: skip
+    plain = page_of(lambda p: render_identification(facts, p), tmp_path)
+    facts["frequency_response"] = {"frequency_hz": grid.tolist(), "pairs": pairs}
+    page = page_of(lambda p: render_identification(facts, p), tmp_path)
+    assert "Grey: 95 % at each frequency" in Text(page).seen and "Grey" not in Text(plain).seen
+    shades = len(re.findall("opacity: 0.45", page)) - len(re.findall("opacity: 0.45", plain))
+    assert shades >= 2 * (2 + 1)  # two outputs: gain and phase from the pitch, gain alone from the torque
+
+
 def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
     diagnosis, evidence = report_examples.diagnosis(), report_examples.evidence()
     seen = Text(page_of(lambda p: render_diagnosis(diagnosis, evidence, p), tmp_path)).seen

@@ -4,7 +4,7 @@ G(z) = C (zI − A)⁻¹ B + D at z = exp(2πifh). A change of the matrices move
     ΔG = [C (zI − A)⁻¹, I] [ΔA ΔB; ΔC ΔD] [(zI − A)⁻¹ B; I],
 linear in the spread of the matrices and free of the states' basis. The covariance is that of real and imaginary part;
 gain and phase follow by linearisation, which holds while the 95 % ellipse is well off the origin: where it reaches it
-the phase is unknown and the gain may be zero.
+the phase is unknown and the gain may be zero, so that its interval begins there.
 """
 
 from __future__ import annotations

@@ -93,7 +93,7 @@ def _deviation(bands: Facts | None, source: str, target: str, grid: Array) -> tu
 def _shade(gain_axes: Any, phase_axes: Any, grid: Array, g: Any, relative: Array, turn: Array) -> None:
     """Draw both bands behind the lines; a gain that may be zero is shaded to the bottom, an unknown phase not."""
     size, bottom = np.abs(g), gain_axes.get_ylim()[0]
-    low = np.maximum(size * (1 - _NORMAL * relative), bottom)
+    low = np.where(np.isfinite(turn), np.maximum(size * (1 - _NORMAL * relative), bottom), bottom)
     style = {"color": charts.GREY, "alpha": 0.45, "linewidth": 0}
     gain_axes.fill_between(grid, low, size * (1 + _NORMAL * relative), label="95 %", **style)
     gain_axes.set_ylim(bottom=bottom)
