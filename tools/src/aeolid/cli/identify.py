@@ -43,6 +43,12 @@ def identify(
     ] = "varx",
     future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
+    order_criterion: Annotated[
+        str | None,
+        typer.Option(
+            "--order-criterion", help="varx, varmax: held-out (default), aic, bic or gap decides on the order."
+        ),
+    ] = None,
     markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
     feedthrough: Annotated[
         list[str] | None,
@@ -75,7 +81,10 @@ def identify(
         bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
     ] = None,
     refine: Annotated[
-        bool | None, typer.Option("--refine/--no-refine", help="lpv: prediction-error steps; default on.")
+        bool | None,
+        typer.Option(
+            "--refine/--no-refine", help="Prediction-error steps. lpv: default on; varx, varmax: default off."
+        ),
     ] = None,
     memory: Annotated[
         float | None, typer.Option("--memory", help="lpv: refuse what needs more gigabytes; default 4.")
@@ -108,9 +117,11 @@ def identify(
     _check_uncertainty(doubt, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
-        offsets=offsets, memory_gb=memory, refined=refine,
+        offsets=offsets, memory_gb=memory,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
+    finish = _given(order_criterion=order_criterion, refined=refine)
+    _check_finish(finish, method, order)
     joint = _given(joint_order=joint_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
     from aeolid.formats import read_record
@@ -126,7 +137,7 @@ def identify(
         }  # fmt: skip
         if method == "ort":
             common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint, markov, stable)
+        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -181,7 +192,7 @@ def _given(**options: Any) -> dict[str, Any]:
 def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
     """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
     if given and method not in SCHEDULED:
-        option = "--" + next(iter(given)).removesuffix("_gb").removesuffix("d").replace("_", "-")
+        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
         raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
     if method in SCHEDULED and (markov is not None or stable):
         option = "--stable" if stable else "--markov"
@@ -218,6 +229,18 @@ def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) 
         raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
     if chosen == "bootstrap" and markov is not None:
         raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
+
+
+def _check_finish(given: dict[str, Any], method: str, order: str) -> None:
+    """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
+    if "refined" in given and method not in METHODS[:4]:
+        raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
+    if "order_criterion" not in given:
+        return
+    if method not in METHODS[:2]:
+        raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
+    if order != "auto":
+        raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")
 
 
 def _order(text: str) -> int | None:

@@ -10,13 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
-from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.extended import collect
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
-from aeolid.identify.order import FIT_PART, OrderChoice, choose_order, held_out_stretches
+from aeolid.identify.order import (
+    FIT_PART,
+    OrderChoice,
+    choose_held_out,
+    decide,
+    held_out_stretches,
+    information_orders,
+    require_order,
+)
 from aeolid.identify.quantify import quantify
+from aeolid.identify.refine import Refinement, cut_stretches, refine
 from aeolid.identify.result import Identification, Settings
-from aeolid.identify.streamed import StreamedMarkov, theta_in_units
+from aeolid.identify.streamed import theta_in_units
 from aeolid.identify.subspace import (
     ScaledModel,
     StateBasis,
@@ -62,32 +71,6 @@ class Windows:
         return self.scaling.scale[first : first + len(self.scaling.outputs)]
 
 
-def make_settings(
-    method: str, records: Sequence[Record], past: int, future: int | None, order: int | None,
-    feedthrough: Sequence[str], regularization: str | float, markov: StreamedMarkov | None, decimation: int,
-    stable: bool,
-) -> Settings:  # fmt: skip
-    """Check what was asked for; raises UsageError that names the option, DataError where `markov` does not fit."""
-    if not records:
-        raise UsageError("at least one recording is needed")
-    if past < 1:
-        raise UsageError(f"past window {past} is not at least 1")
-    chosen = past if future is None else future
-    if not 1 <= chosen <= past:
-        raise UsageError(f"future window {chosen} is not within 1 … past window {past}")
-    largest = chosen * len(records[0].names("output"))
-    if order is not None and not 1 <= order <= max(largest, 1):
-        raise UsageError(f"order {order} is not within 1 … {largest} (future window times outputs)")
-    unknown = [n for n in feedthrough if n not in records[0].names("input")]
-    if unknown:
-        have = ", ".join(records[0].names("input"))
-        raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
-    if markov is not None:
-        markov.require_match(records, method, past, feedthrough, decimation)
-    source = None if markov is None else markov.source
-    return Settings(method, past, chosen, order, tuple(feedthrough), regularization, decimation, stable, source)
-
-
 def compress(records: Sequence[Record], scaling: Scaling, past: int) -> Windows:
     """Return the factor of the part that chooses the order from what is held out, and the factor of everything.
 
@@ -112,13 +95,17 @@ def assemble(
     scaling, factor = windows.scaling, windows.whole
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     basis = find_states(factor, estimate.theta, settings.future)
-    choice = _order(windows, settings, through, estimate)
-    _require_order(choice, basis, records[0].source)
+    streamed = estimate.theta if settings.markov else None
+    choice = _order(windows, settings, through, basis, streamed)
+    require_order(choice.order, largest_useful_order(basis), records[0].source)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
-    known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings)
-    model = with_start(model_in_units(scaled, equilibrium(factor, T, scaled), scaling, records[0]), records)
+    rest, done = equilibrium(factor, T, scaled), _refine(windows, settings, through, scaled)
+    if done is not None and done.steps:
+        scaled, rest = done.model, done.equilibrium()
+    known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings, done)
+    model = with_start(model_in_units(scaled, rest, scaling, records[0]), records)
     model, fit = with_innovations(model, records)
     return Identification(
         model=model,
@@ -134,21 +121,46 @@ def assemble(
         windows=factor.windows,
         skipped=factor.skipped,
         gain_method=scaled.gain_method,
-        notes=(*_notes(factor, estimate, model), *notes),
+        notes=(*_notes(factor, estimate, model), *notes, *([] if done is None else [done.text()])),
         version=aeolid.__version__,
-        extra=(extra or {}) | known.facts,
+        extra=(extra or {}) | known.facts | ({} if done is None else {"refinement": done.to_json()}),
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
     )
 
 
-def _order(windows: Windows, settings: Settings, through: tuple[bool, ...], estimate: MarkovEstimate) -> OrderChoice:
+def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...], given: Array | None) -> StateBasis:
+    """Return the states by the part that chooses the order alone; given: Ξ of a stream, where it is to be taken."""
+    # with few samples the fit part alone may not determine the predictor; its own estimate keeps the rest unseen
+    theta = estimate_markov(windows.fitted, through, settings.regularization).theta if given is None else given
+    return find_states(windows.fitted, theta, settings.future)
+
+
+def _order(
+    windows: Windows, settings: Settings, through: tuple[bool, ...], basis: StateBasis, streamed: Array | None
+) -> OrderChoice:
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
-    fitted, regularization = windows.fitted, settings.regularization
-    # with few samples the fit part alone may not determine the predictor; its own estimate keeps the rest unseen
-    theta = estimate.theta if settings.markov else estimate_markov(fitted, through, regularization).theta
-    held_out = held_out_stretches(windows.records, windows.scaling, settings.past)
-    return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, LARGEST_AUTO_ORDER)
+    head = _head_states(windows, settings, through, streamed)
+    records, scaling, past, most = windows.records, windows.scaling, settings.past, LARGEST_AUTO_ORDER
+    unseen = choose_held_out(windows.fitted, head, held_out_stretches(records, scaling, past), through, most)
+    everything = held_out_stretches(records, scaling, past, 0.0)
+    information = information_orders(windows.whole, basis, everything, through, most)
+    most = min(most, largest_useful_order(basis))
+    return decide(settings.order_criterion, unseen, information, basis.singular_values, most)
+
+
+def _refine(windows: Windows, settings: Settings, through: tuple[bool, ...], scaled: ScaledModel) -> Refinement | None:
+    """Refine the model where that was asked for; the model of the fit part, of the same order, says how far."""
+    if not settings.refined:
+        return None
+    head = _head_states(windows, settings, through, None)
+    order = min(len(scaled.A), largest_useful_order(head))
+    T = head.state_map(order)
+    first = system_matrices(windows.fitted, T, through)
+    if settings.stable:
+        first = stabilise(windows.fitted, first, T)
+    samples = collect(windows.records, windows.scaling.without_innovations(), settings.past)
+    return refine(cut_stretches(samples), scaled, first, through, settings.stable)
 
 
 def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:
@@ -158,15 +170,6 @@ def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[Stat
     if not np.isfinite(covariance).all():  # the one of the Riccati equation stays
         return model, fit
     return replace(model, innovation_covariance=covariance), fit
-
-
-def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
-    usable = largest_useful_order(basis)
-    if choice.order > usable:
-        raise NotIdentifiable(
-            f"{source}: order {choice.order} asked for, the data carry {usable} singular values above rounding; "
-            "lower the order or lengthen the windows"
-        )
 
 
 def find_modes(

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
-from aeolid.errors import NotIdentifiable
-from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, make_settings, model_in_units, with_start
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
 from aeolid.identify.decimate import decimate
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
-from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap
+from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
 from aeolid.identify.result import Identification, Settings
+from aeolid.identify.settings import make_settings
 from aeolid.identify.subspace import ScaledModel, StateBasis, equilibrium, find_states, largest_useful_order
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
 from aeolid.models.recursion import run_states
@@ -90,7 +90,7 @@ def identify_fir(
     require_excitation(estimate, source)
     basis = find_states(whole, estimate.theta, settings.future)
     choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through)
-    _require_order(choice, basis, source)
+    require_order(choice.order, largest_useful_order(basis), source)
     T = basis.state_map(choice.order)
     scaled = fit_matrices(whole, T, through)
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
@@ -123,15 +123,6 @@ def _order(
     theta = estimate_markov(fitted, through, settings.regularization).theta
     held_out = held_out_stretches(records, scaling, settings.past)
     return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through)
-
-
-def _require_order(choice: OrderChoice, basis: StateBasis, source: str) -> None:
-    usable = largest_useful_order(basis)
-    if choice.order > usable:
-        raise NotIdentifiable(
-            f"{source}: order {choice.order} asked for, the data carry {usable} singular values above rounding; "
-            "lower the order or lengthen the windows"
-        )
 
 
 def _poles(

@@ -1,13 +1,19 @@
-"""Choose the order of a model on data that were not used to fit it."""
+"""Choose the order of a model: on data that were not used to fit it, by information criteria or by a gap.
+
+The information criteria take the error powers of the predictor over everything it was fitted to, each output's by
+itself: N Σ log P + 2 k (AIC) or k log N (BIC), k = n (2 l + r) and what D and the constants have free. log det of the
+errors' covariance, the likelihood proper, is minus infinity where there are fewer noise sources than outputs.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.errors import NotIdentifiable
 from aeolid.identify.subspace import ScaledModel, StateBasis, largest_useful_order, system_matrices
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.prediction import complete_stretches
@@ -17,19 +23,32 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 FIT_PART = 0.7  # of each recording; the rest chooses the order
 TOLERANCE = 0.02  # a larger order must lower the held-out error power by more than this, per output
-LONGEST = 20_000  # held-out samples of each recording that are predicted; more change nothing
+LONGEST = 20_000  # samples of each recording that are predicted; more change nothing
+CRITERIA = ("held-out", "aic", "bic", "gap")
+EXACT = 1e-13  # error power in scaled units that is rounding: orders that reach it are equals
 
 
 @dataclass(frozen=True, eq=False)
 class OrderChoice:
     """Hold the chosen order, one sentence that says why, and the held-out losses (candidates,) behind it.
 
-    losses[i]: mean log error power of order i + 1 per output on the held-out part, NaN where not tried.
+    losses[i]: mean log error power of order i + 1 per output on the held-out part, NaN where not tried; answers: the
+    order that each criterion would take, where there was a choice.
     """
 
     order: int
     reason: str
     losses: tuple[float, ...]
+    answers: dict[str, int] = field(default_factory=dict)
+
+
+def require_order(order: int, usable: int, source: str) -> None:
+    """Refuse an order beyond what the data carry; usable: number of singular values above rounding."""
+    if order > usable:
+        raise NotIdentifiable(
+            f"{source}: order {order} asked for, the data carry {usable} singular values above rounding; "
+            "lower the order or lengthen the windows"
+        )
 
 
 def largest_gap(singular_values: Array, most: int) -> int:
@@ -73,7 +92,7 @@ def by_gap_alone(gap: int, text: str) -> OrderChoice:
 
 
 def held_out_stretches(records: Sequence[Record], scaling: Scaling, past: int, part: float = FIT_PART) -> list[Array]:
-    """Return the scaled complete stretches (N, m) of the last part of each recording, p samples of run-in included."""
+    """Return the scaled complete stretches (N, m) behind `part` of each recording, p samples of run-in included."""
     stretches = []
     for record in records:
         start = max(round(part * len(record)) - past, 0)
@@ -83,31 +102,87 @@ def held_out_stretches(records: Sequence[Record], scaling: Scaling, past: int, p
     return stretches
 
 
-def choose_order(
+def choose_held_out(
     fitted: WindowFactor, basis: StateBasis, held_out: Sequence[Array], feedthrough: tuple[bool, ...], most: int
-) -> OrderChoice:
+) -> OrderChoice | None:
     """Choose the smallest order whose held-out one-step error is within 2 % per output of the best.
 
     fitted, basis: of the fit part only; held_out: from `held_out_stretches`. Every order 1 … most is fitted and its
     stabilised predictor run over the held-out samples; the log of each output's error power is averaged over outputs,
-    so that outputs of any size count alike. Without held-out samples the largest gap decides.
+    so that outputs of any size count alike. None without held-out samples.
     """
+    if sum(len(z) for z in held_out) < 20 * fitted.channels:
+        return None
     most = min(most, largest_useful_order(basis))
-    gap, gap_text = say_gap(basis.singular_values, most)
-    samples = sum(len(z) for z in held_out)
-    if samples < 20 * fitted.channels:
-        return by_gap_alone(gap, gap_text)
-    losses = []
-    for order in range(1, most + 1):
-        T = basis.state_map(order)
-        losses.append(_held_out_loss(system_matrices(fitted, T, feedthrough), T, held_out, fitted.past, fitted.inputs))
-    return smallest_sufficient(losses, tail=f"; {gap_text}")
+    return smallest_sufficient([_log_powers(fitted, basis, n, held_out, feedthrough)[0] for n in range(1, most + 1)])
 
 
-def _held_out_loss(model: ScaledModel, T: Array, held_out: Sequence[Array], past: int, inputs: int) -> float:
-    """Return the mean log error power of the predictor, started from the window before each stretch."""
+def choose_order(
+    fitted: WindowFactor, basis: StateBasis, held_out: Sequence[Array], feedthrough: tuple[bool, ...], most: int
+) -> OrderChoice:
+    """Choose as `choose_held_out`; without held-out samples by the largest gap of the singular values."""
+    found = choose_held_out(fitted, basis, held_out, feedthrough, most)
+    return found or by_gap_alone(*say_gap(basis.singular_values, min(most, largest_useful_order(basis))))
+
+
+def information_orders(
+    whole: WindowFactor, basis: StateBasis, stretches: Sequence[Array], feedthrough: tuple[bool, ...], most: int
+) -> dict[str, int]:
+    """Return the orders of least AIC and BIC; whole, basis: of everything; stretches: all complete ones, scaled.
+
+    Empty where no stretch is long enough to be predicted.
+    """
+    if not stretches:
+        return {}
+    most, outputs = min(most, largest_useful_order(basis)), whole.outputs
+    found = [_log_powers(whole, basis, n, stretches, feedthrough) for n in range(1, most + 1)]
+    samples = found[0][1]
+    fixed = outputs * (1 + sum(feedthrough))
+    free = [n * (2 * outputs + whole.inputs) + fixed for n in range(1, most + 1)]
+    costs = {"aic": 2.0, "bic": float(np.log(max(samples, 2)))}
+    return {
+        name: int(np.argmin([samples * outputs * loss + cost * k for (loss, _), k in zip(found, free, strict=True)]))
+        + 1
+        for name, cost in costs.items()
+    }
+
+
+def decide(
+    criterion: str, held_out: OrderChoice | None, information: dict[str, int], singular_values: Array, most: int
+) -> OrderChoice:
+    """Take the order that a criterion says, and say what the others would have taken.
+
+    held_out: from `choose_held_out`, without which its place is taken by BIC, or by the gap where there is none either.
+    """
+    gap, gap_text = say_gap(singular_values, most)
+    answers = information | {"gap": gap} | ({} if held_out is None else {"held-out": held_out.order})
+    wanted = next(name for name in (criterion, "bic", "gap") if name in answers)
+    if wanted == "held-out" and held_out is not None:
+        reason = held_out.reason
+    elif wanted == "gap":
+        reason = f"order {gap}: {gap_text}"
+    else:
+        reason = f"order {answers[wanted]}: of least {wanted.upper()} among 1 to {most}"
+    if wanted != criterion:
+        reason += "; too few samples to hold some out"
+    names = {"held-out": "the held-out error", "aic": "AIC", "bic": "BIC"}
+    others = [f"{text} says {answers[name]}" for name, text in names.items() if name in answers and name != wanted]
+    texts = others + ([gap_text] if wanted != "gap" else [])
+    losses = () if held_out is None else held_out.losses
+    return OrderChoice(answers[wanted], "; ".join([reason, *texts]), losses, answers)
+
+
+def _log_powers(
+    factor: WindowFactor, basis: StateBasis, order: int, stretches: Sequence[Array], feedthrough: tuple[bool, ...]
+) -> tuple[float, int]:
+    """Return the mean log error power per output of the predictor of an order, and the samples it was taken over.
+
+    Each stretch starts from the window before its first sample.
+    """
+    T, past, inputs = basis.state_map(order), factor.past, factor.inputs
+    model: ScaledModel = system_matrices(factor, T, feedthrough)
     power, samples = np.zeros(model.C.shape[0]), 0
-    for z in held_out:
+    for z in stretches:
         x0 = T @ z[:past].ravel()
         u, y = z[past:, :inputs], z[past:, inputs : inputs + len(power)]
         forced = u @ (model.B - model.K @ model.D).T + y @ model.K.T
@@ -116,5 +191,5 @@ def _held_out_loss(model: ScaledModel, T: Array, held_out: Sequence[Array], past
             e = y - states @ model.C.T - u @ model.D.T
             power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
         samples += len(y)
-    mean = np.where(np.isfinite(power), power / samples, np.inf)
-    return float(np.mean(np.log(np.maximum(mean, 1e-30))))
+    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
+    return float(np.mean(np.log(np.maximum(mean, EXACT)))), samples

@@ -14,6 +14,7 @@ from aeolid.errors import UsageError
 from aeolid.identify.bands import Band, frequency_response, grid, on_circle, response_covariance
 from aeolid.identify.bootstrap import collect_scores, run_bootstrap
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
+from aeolid.identify.refine import Refinement
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis
 from aeolid.identify.uncertainty import covariance_of, matrix_spread, pole_covariance
@@ -60,11 +61,13 @@ def with_uncertainty(
 def quantify(
     records: Sequence[Record], scaling: Scaling, factor: WindowFactor, basis: StateBasis, fitted: ScaledModel,
     model: ScaledModel, markov: MarkovEstimate, through: tuple[bool, ...], settings: Settings,
+    refined: Refinement | None = None,
 ) -> Uncertainty:  # fmt: skip
     """Find the uncertainty as the settings ask.
 
     fitted: as the regressions gave it; model: the same, or with poles moved inside, whose response the band is around.
-    A bootstrap takes one more pass through the records. Raises NotIdentifiable where it led to no model too often.
+    refined: how the model was refined, whose information then says all. A bootstrap takes one more pass through the
+    records. Raises NotIdentifiable where it led to no model too often.
     """
     if settings.uncertainty == "none":
         return Uncertainty()
@@ -78,6 +81,12 @@ def quantify(
         draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed)
         poles, responses = _scatter(draws.poles), _scatter(draws.responses)
         facts["bootstrap"] = {"runs": runs, "failed": draws.failed, "mean_block": draws.block, "seed": seed}
+    elif refined is not None and refined.steps:
+        own = refined.spread()
+        if own is None:
+            return Uncertainty()
+        poles, responses = pole_covariance(model.A, own), response_covariance(model, own, z)
+        fitted = model
     else:
         spread = matrix_spread(factor, basis, fitted, markov, through)
         poles, responses = pole_covariance(fitted.A, spread), response_covariance(model, spread, z)

@@ -25,7 +25,8 @@ class Settings:
     """Hold what was asked for; the result carries it.
 
     passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
-    says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap.
+    says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
+    decides where order is None; refined: whether prediction-error steps follow.
     """
 
     method: str
@@ -42,6 +43,8 @@ class Settings:
     uncertainty: str = "asymptotic"
     bootstrap_runs: int | None = None
     bootstrap_seed: int | None = None
+    refined: bool = False
+    order_criterion: str = "held-out"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -91,6 +94,7 @@ class Identification:
         own: dict[str, Any] = {
             "rank": {"found": self.markov.rank, "of": self.markov.regressors, "condition": self.markov.condition},
             "penalty": self.markov.penalty.tolist(),
+            "order_criteria": self.order_choice.answers,
         }
         if self.band is not None:
             inputs, outputs = ([s.name for s in group] for group in (self.model.inputs, self.model.outputs))

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from aeolid.errors import UsageError
-from aeolid.identify.assemble import Windows, assemble, compress, make_settings
+from aeolid.identify.assemble import Windows, assemble, compress
 from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, require_excitation, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
+from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
@@ -38,6 +39,8 @@ def identify_varmax(
     uncertainty: str = "asymptotic",
     bootstrap_runs: int = BOOTSTRAP_RUNS,
     bootstrap_seed: int = 0,
+    order_criterion: str = "held-out",
+    refined: bool = False,
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by VARMAX-based PBSIDopt (paper 000), open or closed loop.
 
@@ -53,13 +56,14 @@ def identify_varmax(
     passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
     pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes. Default 1: less forgets the wrong e of
     the start sooner, but where data leave directions open (fewer noise sources than outputs) Ξ wanders there and
-    singular values grow tenfold. uncertainty, bootstrap_runs, bootstrap_seed: as in `identify_varx`, with e as found.
+    singular values grow tenfold. uncertainty … refined: as in `identify_varx`, with e as found.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
         "varmax", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
+    settings = with_choices(settings, refined, order_criterion)
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)

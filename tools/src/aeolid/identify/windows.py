@@ -48,6 +48,11 @@ class Scaling:
         """Return m = r + l, with innovations r + 2 l."""
         return len(self.names)
 
+    def without_innovations(self) -> Scaling:
+        """Return the scaling of the inputs and outputs alone."""
+        count = len(self.inputs) + len(self.outputs)
+        return replace(self, innovations=(), offset=self.offset[:count], scale=self.scale[:count])
+
     def apply(self, values: Array) -> Array:
         """Scale samples (N, m)."""
         scaled: Array = (values - self.offset) / self.scale

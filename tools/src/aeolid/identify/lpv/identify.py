@@ -22,7 +22,8 @@ from aeolid.identify.lpv.refine import Refinement, refine
 from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure, parse_varying
-from aeolid.identify.order import OrderChoice
+from aeolid.identify.order import OrderChoice, require_order
+from aeolid.identify.settings import check_feedthrough, check_windows, require_some
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
 from aeolid.models.model_file import Signal
@@ -117,22 +118,11 @@ def _check(
     memory_gb: float,
 ) -> tuple[str, ...]:  # fmt: skip
     """Check the options against the recordings; returns the scheduling channels."""
-    if not records:
-        raise UsageError("at least one recording is needed")
+    require_some(records)
     if method not in METHODS:
         raise UsageError(f"method {method!r} is none of {', '.join(METHODS)}")
-    if past < 1:
-        raise UsageError(f"past window {past} is not at least 1")
-    chosen = past if future is None else future
-    if not 1 <= chosen <= past:
-        raise UsageError(f"future window {chosen} is not within 1 … past window {past}")
-    largest = chosen * len(records[0].names("output"))
-    if order is not None and not 1 <= order <= max(largest, 1):
-        raise UsageError(f"order {order} is not within 1 … {largest} (future window times outputs)")
-    unknown = [n for n in feedthrough if n not in records[0].names("input")]
-    if unknown:
-        have = ", ".join(records[0].names("input"))
-        raise UsageError(f"feedthrough of {unknown[0]!r}: no such input; the inputs are {have}")
+    check_windows(records, past, future, order)
+    check_feedthrough(records, feedthrough)
     if not 0 < memory_gb < 1e6:
         raise UsageError(f"a memory of {memory_gb:g} GB is not above 0")
     if method == "lpv" and kernel_rows is not None:
@@ -196,11 +186,7 @@ def _order(
     if settings.order is None and usable:
         return choose_lpv_order(data, structure, head, estimate)
     order = settings.order or 1
-    if order > usable:
-        raise NotIdentifiable(
-            f"{source}: order {order} asked for, the data carry {usable} singular values above rounding; "
-            "lower the order or lengthen the windows"
-        )
+    require_order(order, usable, source)
     return OrderChoice(order, f"order {order}: as asked for", ())
 
 

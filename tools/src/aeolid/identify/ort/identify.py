@@ -21,6 +21,7 @@ from aeolid.identify.ort.joint import Layout, require_disturbance, require_own_n
 from aeolid.identify.ort.order import choose_joint_order, choose_plant_order
 from aeolid.identify.ort.plant import predictor_map
 from aeolid.identify.ort.result import OrtIdentification, OrtSettings
+from aeolid.identify.settings import check_feedthrough, require_some
 from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
 from aeolid.models.state_space import StateSpace
@@ -102,8 +103,7 @@ def _settings(
     feedthrough: Sequence[str] | None, response: str, decimation: int, stable: bool,
 ) -> OrtSettings:  # fmt: skip
     """Check what was asked for; raises UsageError that names the option, DataError where a role is missing."""
-    if not records:
-        raise UsageError("at least one recording is needed")
+    require_some(records)
     chosen = past if future is None else future
     if past < 1 or chosen < 2:
         raise UsageError(f"past window {past} and future window {chosen}: at least 1 and 2 are needed")
@@ -127,10 +127,7 @@ def _settings(
                 f"feedthrough of {name!r}: with ort an input under feedback acts in the next sample at the earliest; "
                 "use method varx"
             )
-        if name not in disturbances:
-            raise UsageError(
-                f"feedthrough of {name!r}: no such disturbance; the disturbances are {', '.join(disturbances)}"
-            )
+    check_feedthrough(records, through, "disturbance")
     return OrtSettings(past, chosen, order, joint_order, disturbances, through, response, decimation, stable)
 
 
