@@ -124,6 +124,16 @@ def _deadband(u: Array, values: Array, step: float) -> Array:
 
 
 @njit(cache=True)
+def _dead_zone(u: Array, values: Array, step: float) -> Array:
+    """Let nothing through within ±values[0], beyond it what exceeds that; blended in by values[1]."""
+    out = np.empty_like(u)
+    for k in range(len(u)):
+        x = math.copysign(max(abs(u[k]) - values[0], 0.0), u[k])
+        out[k] = u[k] + values[1] * (x - u[k])
+    return out
+
+
+@njit(cache=True)
 def _backlash(u: Array, values: Array, step: float) -> Array:
     """Follow with a play of full width values[0]; blended in by values[1]."""
     out = np.empty_like(u)
@@ -152,6 +162,11 @@ def _lead_lag(u: Array, values: Array, step: float) -> Array:
     return out
 
 
+def _scale(u: Array, values: Array, step: float) -> Array:
+    scaled: Array = u * values[0]
+    return scaled
+
+
 KINDS: dict[str, FilterKind] = {
     "actuator_lag": FilterKind(("tau_s",), _lag),
     "transport_delay": FilterKind(("delay_s",), _delay),
@@ -159,8 +174,10 @@ KINDS: dict[str, FilterKind] = {
     "rate_limit": FilterKind(("rate_per_s", "share"), _rate_limit),
     "input_saturation": FilterKind(("low", "high", "share"), _saturation),
     "deadband": FilterKind(("width", "share"), _deadband),
+    "dead_zone": FilterKind(("width", "share"), _dead_zone),
     "backlash": FilterKind(("width", "share"), _backlash),
     "input_quantisation": FilterKind(("spacing", "share"), _quantisation),
+    "input_scale": FilterKind(("factor",), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""

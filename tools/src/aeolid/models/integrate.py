@@ -71,13 +71,13 @@ def compile_equations(model: Equations) -> Compiled:
 
 
 def _renewals(model: Equations, variables: dict[str, str]) -> list[str]:
-    """Write the renewal of the memories, one after the other: a later one sees the new value of an earlier one."""
+    """Write the renewal of the memories: all settle first, then each is renewed; later ones see its new value."""
     trees = [tree for m in model.memories for tree in (m.next, m.settled)]
     lines = _intermediates(model, variables, trees)
     for m in model.memories:
         at = variables[m.name]
         lines += [f"    if {at} != {at}:", f"        {at} = {ex.to_source(m.settled, variables)}"]
-        lines += [f"    {at} = {ex.to_source(m.next, variables)}"]
+    lines += [f"    {variables[m.name]} = {ex.to_source(m.next, variables)}" for m in model.memories]
     return lines
 
 

@@ -1,0 +1,175 @@
+"""What lies before a plant: every kind of filter against an integration a thousand times finer, and its null."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import signal
+
+from aeolid.models import equations_file
+from aeolid.models.input_filters import KINDS
+from aeolid.models.integrate import apply_filters, compile_equations, simulate
+
+Array = NDArray[np.float64]
+FINE = 1000
+STEP = 0.05
+SMOOTH = np.convolve(np.random.default_rng(3).standard_normal(140), np.hanning(9) / 4, "same")[:120]
+JUMPS = np.repeat(np.random.default_rng(4).normal(0.2, 1.0, 24), 5)
+SIGNALS = {"smooth": SMOOTH, "jumps": JUMPS, "constant": np.full(50, 1.3)}
+
+
+def apply(kind: str, u: Array, *values: float) -> Array:
+    return KINDS[kind].rule(np.ascontiguousarray(u), np.array(values), STEP)
+
+
+def means(fine: Array) -> Array:
+    result: Array = fine.reshape(-1, FINE).mean(axis=1)
+    return result
+
+
+def held(u: Array) -> Array:
+    """Return the command at the middle of each fine step."""
+    return np.repeat(u, FINE)
+
+
+def second_order(u: Array, inverse: float, zeta: float) -> Array:
+    """Reference: the transfer function, held input, 1000 points a sample; trapezoidal mean."""
+    w = 1 / inverse
+    system = signal.cont2discrete(([w * w], [1, 2 * zeta * w, w * w]), STEP / FINE, method="zoh")
+    b, a = system[0].ravel(), system[1]
+    y = signal.lfilter(b, a, held(u) - u[0])
+    after = np.concatenate([y[1:], [y[-1]]])  # y[n] answers to the command up to n − 1: it stands at the start of n
+    return means(0.5 * (y + after)) + u[0]
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize(("omega", "zeta"), [(5.0, 0.5), (12.0, 0.9), (60.0, 0.25), (0.7, 0.7)])
+def test_a_second_order_drive_equals_its_transfer_function(name: str, omega: float, zeta: float) -> None:
+    """Tolerance: the last sample lacks one fine point (1e-3 of a step), the trapezoid (omega h/1000)²/12."""
+    u = SIGNALS[name]
+    found = apply("actuator_second_order", u, 1 / omega, zeta)
+    np.testing.assert_allclose(found[:-1], second_order(u, 1 / omega, zeta)[:-1], atol=2e-5)
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize("rate", [0.3, 2.0, 9.0, 80.0])
+def test_a_limited_rate_equals_a_small_stepped_follower(name: str, rate: float) -> None:
+    u = SIGNALS[name]
+    x, most = u[0], rate * STEP / FINE
+    path = np.empty(len(u) * FINE)
+    for k, command in enumerate(held(u)):
+        move = min(max(command - x, -most), most)
+        path[k] = x + 0.5 * move
+        x += move
+    np.testing.assert_allclose(apply("rate_limit", u, rate, 1.0), means(path), atol=2 * most)
+
+
+def play(u: Array, width: float) -> Array:
+    """Reference: a stop carried between two walls, told by cases."""
+    x, path = u[0], []
+    for command in u:
+        if command - x > width / 2:
+            x = command - width / 2
+        elif x - command > width / 2:
+            x = command + width / 2
+        path.append(x)
+    return np.array(path)
+
+
+def hold(u: Array, width: float) -> Array:
+    path = [u[0]]
+    for command in u[1:]:
+        path.append(command if abs(command - path[-1]) > width else path[-1])
+    return np.array(path)
+
+
+STATIC = {
+    "input_saturation": ((-0.4, 0.7), lambda u: np.clip(u, -0.4, 0.7)),
+    "dead_zone": ((0.5,), lambda u: np.where(u > 0.5, u - 0.5, np.where(u < -0.5, u + 0.5, 0.0))),
+    "backlash": ((0.6,), lambda u: play(u, 0.6)),
+    "deadband": ((0.6,), lambda u: hold(u, 0.6)),
+    "input_quantisation": ((0.25,), lambda u: np.rint(u / 0.25) * 0.25),
+}
+
+
+@pytest.mark.parametrize("name", SIGNALS)
+@pytest.mark.parametrize("kind", STATIC)
+def test_what_has_no_dynamics_equals_its_definition(kind: str, name: str) -> None:
+    values, reference = STATIC[kind]
+    u = SIGNALS[name]
+    np.testing.assert_allclose(apply(kind, u, *values, 1.0), reference(u), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", [*STATIC, "rate_limit"])
+def test_a_share_blends_in_a_straight_line(kind: str) -> None:
+    values = STATIC[kind][0] if kind in STATIC else (0.8,)
+    none, half, all_of_it = (apply(kind, SMOOTH, *values, s) for s in (0.0, 0.5, 1.0))
+    np.testing.assert_array_equal(none, SMOOTH)
+    np.testing.assert_allclose(half, 0.5 * (none + all_of_it), atol=1e-15)
+    assert np.max(np.abs(all_of_it - none)) > 0.05
+
+
+def test_a_lead_is_the_input_and_what_is_left_of_its_changes() -> None:
+    """u + g (u − lag): the lag by the exact recursion at 1000 points a sample."""
+    decay = np.exp(-STEP / FINE / 0.3)
+    slow = signal.lfilter([1 - decay], [1, -decay], held(SMOOTH), zi=[decay * SMOOTH[0]])[0]
+    before = np.concatenate([[SMOOTH[0]], slow[:-1]])
+    expected = SMOOTH + 0.7 * (SMOOTH - means(0.5 * (before + slow)))
+    np.testing.assert_allclose(apply("lead_lag", SMOOTH, 0.3, 0.7), expected, atol=1e-5)
+
+
+def test_a_factor_is_a_factor() -> None:
+    np.testing.assert_array_equal(apply("input_scale", SMOOTH, 1.0), SMOOTH)
+    np.testing.assert_array_equal(apply("input_scale", SMOOTH, -57.3), -57.3 * SMOOTH)
+
+
+@pytest.mark.parametrize("delay", [-3.7, -1.0, -0.25, 0.0, 0.4, 2.0])
+def test_a_shift_goes_either_way(delay: float) -> None:
+    """Samples before the first and after the last hold the end values."""
+    fine = held(SMOOTH)
+    where = np.clip(np.arange(len(fine)) - round(delay * FINE), 0, len(fine) - 1)
+    np.testing.assert_allclose(apply("transport_delay", SMOOTH, delay * STEP), means(fine[where]), atol=1e-9)
+
+
+def test_a_drive_at_rest_stays_at_rest() -> None:
+    """Every kind leaves a command that never moves alone, from the first sample on (dead zone and levels aside)."""
+    u = SIGNALS["constant"]
+    for kind, values in {"actuator_lag": (0.4,), "transport_delay": (0.4,), "actuator_second_order": (0.4, 0.5),
+                         "rate_limit": (0.1, 1.0), "deadband": (0.3, 1.0), "backlash": (0.5, 1.0),
+                         "lead_lag": (0.3, 2.0)}.items():  # fmt: skip
+        np.testing.assert_allclose(apply(kind, u, *values), u, rtol=1e-12, err_msg=kind)
+
+
+def test_infinitely_mild_is_no_change() -> None:
+    """Values at which each kind does nothing; a second-order drive tends to it like a delay of 2 zeta/omega."""
+    for kind, values in {"actuator_second_order": (0.0, 0.7), "rate_limit": (1e9, 1.0), "deadband": (0.0, 1.0),
+                         "dead_zone": (0.0, 1.0), "backlash": (0.0, 1.0), "input_quantisation": (0.0, 1.0),
+                         "input_saturation": (-9.0, 9.0, 1.0), "lead_lag": (0.3, 0.0)}.items():  # fmt: skip
+        np.testing.assert_allclose(apply(kind, JUMPS, *values), JUMPS, atol=1e-6, err_msg=kind)
+    fast = 1e-4 * STEP
+    slope = (apply("actuator_second_order", JUMPS, fast, 0.7) - JUMPS) / fast
+    expected = -2 * 0.7 * np.concatenate([[0.0], np.diff(JUMPS)]) / STEP
+    np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-6)
+
+
+def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:
+    """Written as model.toml and read again: the plant gets exactly what the rule gives; a run is made of the last."""
+    values = {"tau_s": 0.2, "delay_s": -0.1, "inverse_omega_s": 0.1, "damping": 0.6, "rate_per_s": 2.0, "share": 1.0,
+              "low": -0.5, "high": 0.6, "width": 0.3, "spacing": 0.2, "factor": 2.5, "gain": 0.5}  # fmt: skip
+    for kind, rule in KINDS.items():
+        lines = ["[parameters]", *(f"{s} = {values[s]}" for s in rule.slots)]
+        lines += ['[[output]]\nname = "y"\nequation = "u"', f'[[input_filter]]\ninput = "u"\nkind = "{kind}"']
+        lines += [f'{s} = "{s}"' for s in rule.slots]
+        (tmp_path / "model.toml").write_text("\n".join(lines))
+        model = equations_file.load(tmp_path / "model.toml")
+        (tmp_path / "again.toml").write_text(equations_file.to_toml(model))
+        again = equations_file.load(tmp_path / "again.toml")
+        u = SMOOTH[:, None]
+        expected = apply(kind, SMOOTH, *(values[s] for s in rule.slots))
+        for m in (model, again):
+            np.testing.assert_allclose(apply_filters(m, u, m.theta, STEP)[:, 0], expected, rtol=1e-12, atol=1e-12)
+    y = simulate(compile_equations(again), u, again.theta, again.x0, STEP)
+    np.testing.assert_allclose(y[:, 0], expected, rtol=1e-12, atol=1e-12)
