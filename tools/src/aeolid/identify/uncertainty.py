@@ -30,6 +30,7 @@ from aeolid.identify.windows import WindowFactor, triangularise
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 RANK = 1e-11  # of the regressions, as in `subspace`
+CHUNK_NUMBERS = 4_000_000  # held at a time where many entries are pushed through: 64 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +48,13 @@ class MatrixSpread:
     def reach(self, left: ComplexArray, right: ComplexArray) -> ComplexArray:
         """Return root · vec(leftᵀ [ΔA ΔB; ΔC ΔD] right) (k, …): left (…, n + l), right (…, n + r)."""
         rows, columns = left.shape[-1], right.shape[-1]
-        half = self.root.reshape(-1, rows, columns) @ np.moveaxis(right, -1, 0).reshape(columns, -1)
-        out: ComplexArray = np.einsum("kab,ba->kb", half, left.reshape(-1, rows)).reshape(-1, *left.shape[:-1])
-        return out
+        left_of, right_of = left.reshape(-1, rows), right.reshape(-1, columns)
+        out = np.empty((len(self.root), len(left_of)), dtype=np.complex128)
+        step = max(1, CHUNK_NUMBERS // (rows * len(left_of)))
+        for first in range(0, len(out), step):
+            half = self.root[first : first + step].reshape(-1, rows, columns) @ right_of.T
+            out[first : first + step] = np.einsum("kab,ba->kb", half, left_of)
+        return out.reshape(-1, *left.shape[:-1])
 
 
 def matrix_spread(
