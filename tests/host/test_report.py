@@ -18,7 +18,8 @@ from hypothesis import strategies as st
 
 from aeolid.errors import UsageError
 from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
-from aeolid.report.charts import smooth_spectrum, thin
+from aeolid.report.bode import _deviation, _shade
+from aeolid.report.charts import sketch, smooth_spectrum, thin
 from aeolid.report.diagnosis import verdict_sentence
 from aeolid.report.markup import Html, tag, write_page
 from aeolid.report.numbers import number, with_std
@@ -85,6 +86,25 @@ def test_bands_of_the_frequency_response_are_drawn_where_they_are_known(tmp_path
     assert "Grey: 95 % at each frequency" in Text(page).seen and "Grey" not in Text(plain).seen
     shades = len(re.findall("opacity: 0.45", page)) - len(re.findall("opacity: 0.45", plain))
     assert shades >= 2 * (2 + 1)  # two outputs: gain and phase from the pitch, gain alone from the torque
+
+
+def test_a_band_is_two_deviations_wide_and_reaches_down_where_the_phase_is_unknown() -> None:
+    grid, g = np.array([0.1, 1.0, 2.0]), np.array([2.0, 2j, -2.0])
+    bands = {"frequency_hz": [0.1, 1.0, 2.0],
+             "pairs": [{"input": "u", "output": "y", "gain": [2.0] * 3, "gain_std": [0.2, 0.4, 1.9],
+                        "phase_deg": [0.0, 90.0, 180.0], "phase_std_deg": [5.0, 10.0, None]}]}  # fmt: skip
+    with sketch((4.0, 3.0), 2, 1) as drawing:
+        gain, phase = drawing.axes[:, 0]
+        gain.set_ylim(0.5, 9.0)
+        _shade(gain, phase, grid, g, *_deviation(bands, "u", "y", grid))
+        corners = gain.collections[0].get_paths()[0].vertices
+        assert gain.get_ylim()[0] == 0.5
+        for f, low, high in ((0.1, 2 - 0.392, 2.392), (1.0, 2 - 0.784, 2.784), (2.0, 0.5, 2 + 1.96 * 1.9)):
+            there = corners[np.isclose(corners[:, 0], f), 1]
+            assert there.min() == pytest.approx(low) and there.max() == pytest.approx(high)
+        corners = phase.collections[0].get_paths()[0].vertices
+        assert corners[:, 0].max() == 1.0 and corners[:, 1].max() == pytest.approx(90 + 19.6)
+    assert _deviation(bands, "v", "y", grid) == (None, None) and _deviation(None, "u", "y", grid) == (None, None)
 
 
 def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
