@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
+from aeolid.diagnose.modal import ModalForm
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Output, Parameter, State
 from aeolid.models.state_space import StateSpace
@@ -24,12 +25,12 @@ def discretise(model: StateSpace, step: float) -> StateSpace:
     return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=step)
 
 
-def equations_of(model: StateSpace, *, shaped_noise: bool) -> Equations:
+def equations_of(model: StateSpace, *, shaped_noise: bool, modal: ModalForm | None = None) -> Equations:
     """Write x⁺ = A x + B (u − u₀ + b_u), y = C x + D (…) + y₀ + b_y + d as equations.
 
     The constant offsets b_u, b_y are free: a linear model knows its operating point only as far as it was told. Each
     output gets, with `shaped_noise`, a disturbance d⁺ = a d + (gain) e with a free pole: noise whose colour the plant's
-    poles lack.
+    poles lack. With `modal` the entries of A, B and C are free parameters.
     """
     shaped = [f"noise{j + 1}" for j in range(len(model.outputs))] if shaped_noise else []
     poles = [Parameter(f"noise_pole{j + 1}", 0.5, "1", 0.0, 0.9999, True) for j in range(len(shaped))]
@@ -40,13 +41,15 @@ def equations_of(model: StateSpace, *, shaped_noise: bool) -> Equations:
         Auxiliary(d, ex.parse(f"u{i + 1} - {s.offset!r} + bias_u{i + 1}", "input"))
         for i, (d, s) in enumerate(zip(drive, model.inputs, strict=True))
     ]
-    rows = [_row(model.A[i], states, model.B[i], drive) for i in range(model.order)]
-    reads = [_row(model.C[j], states, model.D[j], drive) for j in range(len(model.outputs))]
+    named = {} if modal is None else modal.names
+    rows = [_row((model.A[i], "A", states), (model.B[i], "B", drive), i, named) for i in range(model.order)]
+    reads = [_row((model.C[j], "C", states), (model.D[j], "D", drive), j, named) for j in range(len(model.outputs))]
     bias = [Parameter(f"bias_u{i + 1}", 0.0, s.unit, free=True) for i, s in enumerate(model.inputs)]
     bias += [Parameter(f"bias_y{j + 1}", 0.0, s.unit, free=True) for j, s in enumerate(model.outputs)]
+    entries = [] if modal is None else [Parameter(n, v, free=True) for n, v in modal.values.items()]
     added = [f" + {d}" for d in shaped] or [""] * len(model.outputs)
     return Equations(
-        "baseline", model.sample_time_s, (*bias, *poles),
+        "baseline", model.sample_time_s, (*bias, *poles, *entries),
         (
             *(
                 State(n, s.unit, r, float(x), True)
@@ -117,10 +120,16 @@ def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
     return replace(model, states=tuple(after if s.name == name else s for s in model.states), outputs=outputs)
 
 
-def _row(a: Array, states: list[str], b: Array, inputs: list[str]) -> ast.expr:
+_Part = tuple[Array, str, list[str]]  # coefficients, the matrix they stand in, the names they multiply
+
+
+def _row(own: _Part, driven: _Part, row: int, named: dict[tuple[str, int, int], str]) -> ast.expr:
     """Sum coefficient times name as a balanced tree, so that long rows stay shallow."""
-    terms = [ex.parse(f"{c!r}*{n}", "model row") for c, n in zip(a.tolist(), states, strict=True) if c]
-    terms += [ex.parse(f"{c!r}*{n}", "model row") for c, n in zip(b.tolist(), inputs, strict=True) if c]
+    terms = []
+    for coefficients, matrix, names in (own, driven):
+        for column, (value, name) in enumerate(zip(coefficients.tolist(), names, strict=True)):
+            text = named.get((matrix, row, column), repr(value) if value else "")
+            terms += [ex.parse(f"{text}*{name}", "model row")] if text else []
     if not terms:
         return ast.Constant(0.0)
     while len(terms) > 1:

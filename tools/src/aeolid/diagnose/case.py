@@ -15,7 +15,7 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Record, Roles, check_keys, file_sha256, load_toml, require_same_layout
 
 KINDS = ("state_space", "equations", "run", "fmu")
-_AVAILABLE = ("state_space", "equations")
+_AVAILABLE = ("state_space", "equations", "run")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Case:
     title: str
     records: tuple[Record, ...]
     kind: str
-    baseline: StateSpace | Equations
+    baseline: StateSpace | Equations | Record
     baseline_file: str
     baseline_sha256: str
     context: dict[str, Any]
@@ -56,8 +56,13 @@ def load_case(directory: str | Path) -> Case:
     records = tuple(read_record(folder / n, roles) for n in names)
     require_same_layout(records)
     path = folder / file
-    baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
-    _check_channels(baseline, records[0], str(path))
+    baseline: StateSpace | Equations | Record
+    if kind == "run":
+        baseline = read_record(path, roles)
+        require_same_layout((*records, baseline))
+    else:
+        baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
+        _check_channels(baseline, records[0], str(path))
     return Case(str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder)
 
 

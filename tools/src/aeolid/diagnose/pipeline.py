@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue import ENTRIES, entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
@@ -24,6 +24,7 @@ from aeolid.diagnose.scores import Bank, Row, score_bank
 Array = NDArray[np.float64]
 _SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
 _LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
+_TIED = 1.0  # nats: candidates this close are equally good
 
 Progress = Callable[[str, float], None]
 
@@ -59,7 +60,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
         return lambda: timing.__setitem__(name, round(time.perf_counter() - begun, 3))
 
     done = step("forensics", 0.0)
-    findings = examine(case.records)
+    findings = examine(case.records, _stated(case))
     done()
     done = step("baseline predictor", 0.02)
     prepared = prepare(case)
@@ -70,7 +71,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done = step("full fits", 0.3)
     candidates = fit_finalists(prepared, bank)
     accepted = [c for c in candidates if is_accepted(c)]
-    winner = max(accepted, key=lambda c: c.score, default=None)
+    winner = leading(accepted)
     done()
     done = step("second effect", 0.5)
     second, after_bank = (None, None) if winner is None else second_effect(prepared, winner, seed)
@@ -116,6 +117,17 @@ def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> li
     rows = finalists(bank)[:most]
     fitted = [refit(prepared, prepared.fit, [r], base_select) for r in rows]
     return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
+
+
+def leading(candidates: list[Candidate]) -> Candidate | None:
+    """Return the best; of those within a nat of it the one with the fewest parameters, then the first in the catalogue.
+
+    A dead time and a clock offset of one input are the same model: rounding must not choose.
+    """
+    best = max((c.score for c in candidates), default=0.0)
+    order = [e.id for e in ENTRIES]
+    tied = [c for c in candidates if best - c.score < _TIED]
+    return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
 
 
 def is_accepted(candidate: Candidate) -> bool:
@@ -185,7 +197,9 @@ def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]
         fit_part = imitate(prepared.predictor, prepared.fit, prepared.split.fit, prepared.fit.point, rng)
         select_part = imitate(select, prepared.fit, prepared.split.select, select_point, rng)
         tick(k + 1)
-        predictor: Predictor = prepared.predictor.on(fit_part)
+        predictor: Predictor = prepared.predictor.on(fit_part).informed(
+            prepared.predictor.scales.prior.redrawn(prepared.fit.point.theta, rng)
+        )
         start: Point = prepared.fit.point
         fit = predictor.fit(start, prepared.free, iterations=8)
         if fit is None:

@@ -76,6 +76,11 @@ class Prior:
         result: Array = self.root @ (self.mean - theta)
         return result
 
+    def redrawn(self, theta: Array, rng: np.random.Generator) -> Prior:
+        """Return the prior that another occasion of learning about this θ might have left."""
+        drawn = np.linalg.pinv(self.root) @ rng.standard_normal(len(self.root))
+        return Prior(theta + drawn, self.root)
+
 
 @dataclass(frozen=True, eq=False)
 class Scales:

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
+_STEPS = 6  # with one set of sensitivities
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,10 @@ class Predictor:
     def on(self, segments: Sequence[Segment]) -> Predictor:
         """Return the same predictor for other data."""
         return Predictor(self.compiled, segments, self.scales, self.var_order)
+
+    def informed(self, prior: Prior) -> Predictor:
+        """Return the same predictor with other knowledge of its parameters."""
+        return Predictor(self.compiled, self.segments, replace(self.scales, prior=prior), self.var_order)
 
     def with_order(self, order: int) -> Predictor:
         """Return the same predictor with another noise-model order."""
@@ -156,29 +161,41 @@ class Predictor:
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
         """Maximise the likelihood from `start` by damped Gauss–Newton; None where the start itself diverges.
 
-        Stops when an iteration gains less than `tolerance` nats. Cost: k + 1 filter passes an iteration.
+        Sensitivities serve several steps, as long as each still gains a fifth of the first one. Stops when one set of
+        them gains less than `tolerance` nats. Cost: k + 1 filter passes an iteration, a few for each further step.
         """
         value, point, damping = self.objective(start), start, 1e-3
         if value >= _HUGE:
             return None
         for _ in range(iterations):
-            innovations = self.innovations(point)
-            noise = self.noise_of(innovations)
-            assert noise is not None  # the objective was finite here
-            base = self.whitened(innovations, noise)
-            jacobian = sensitivity(self, point, noise, base, free)
-            before = value
-            normal = self._normal(jacobian, base, point, free)
-            for _ in range(8):
-                trial = self._move(point, free, _damped_step(*normal, damping))
-                trial_value = self.objective(trial)
-                if trial_value < value:
-                    point, value, damping = trial, trial_value, max(damping * 0.1, 1e-9)
+            begun, jacobian, first = value, None, 0.0
+            for _ in range(_STEPS):
+                before = value
+                jacobian, value, point, damping = self._step(value, point, free, damping, jacobian)
+                first = max(first, before - value)
+                if before - value < max(tolerance, 0.2 * first):
                     break
-                damping = min(damping * 10 + 1e-6, 1e6)
-            if before - value < tolerance:
+            if begun - value < tolerance:
                 break
         return self.at(point, free)
+
+    def _step(
+        self, value: float, point: Point, free: Free, damping: float, jacobian: Array | None
+    ) -> tuple[Array, float, Point, float]:
+        """Take one damped step with given or new sensitivities; returns them, the value, the point, the damping."""
+        innovations = self.innovations(point)
+        noise = self.noise_of(innovations)
+        assert noise is not None  # the objective was finite here
+        base = self.whitened(innovations, noise)
+        jacobian = sensitivity(self, point, noise, base, free) if jacobian is None else jacobian
+        normal = self._normal(jacobian, base, point, free)
+        for _ in range(8):
+            trial = self._move(point, free, _damped_step(*normal, damping))
+            trial_value = self.objective(trial)
+            if trial_value < value:
+                return jacobian, trial_value, trial, max(damping * 0.1, 1e-9)
+            damping = min(damping * 10 + 1e-6, 1e6)
+        return jacobian, value, point, damping
 
     def at(self, point: Point, free: Free) -> Fit:
         """Return residuals, sensitivities and likelihood at a point, noise model estimated there."""

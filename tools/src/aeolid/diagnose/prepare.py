@@ -8,26 +8,33 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose import modal
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import discretise, equations_of, mass_of, shape_forces
+from aeolid.diagnose.baseline import mass_of, shape_forces
+from aeolid.diagnose.baselines import baseline_of
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
-from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous, with_time
+from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
 from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.split import Split, split_records
-from aeolid.errors import DataError, NotIdentifiable
+from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
-NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_")  # free parameters that are not physics of the model
-_MOST_STATES = 40  # beyond that compiling and fitting take minutes
+NUISANCE = (
+    "bias_u",
+    "bias_y",
+    "noise_pole",
+    "unmeasured_rate_",
+    modal.PREFIX,
+)  # free parameters that are not physics of the model
 _FORCE_START = 1e-3  # amplitude of an unmeasured force a sample, in the size of what it acts against
 
 
@@ -51,14 +58,14 @@ class Prepared:
 
 def prepare(case: Case) -> Prepared:
     """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
-    declared, linear = _as_equations(case)
+    base = baseline_of(case)
+    declared, linear, records = base.equations, base.linear, base.records
     compiled = compile_equations(declared)
-    outputs = [o.name for o in declared.outputs]
-    step, records = case.records[0].sample_time_s, [with_time(r) for r in case.records]
+    outputs, step = [o.name for o in declared.outputs], records[0].sample_time_s
     exogenous = exogenous_channels(records, declared)
     names = [s.name for s in declared.inputs] + [c.name for c in exogenous]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
-    factor = factor_for(fastest, step, sum(len(r) for r in case.records)) if linear is None else 1
+    factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
     r = len(declared.inputs)
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
@@ -66,8 +73,7 @@ def prepare(case: Case) -> Prepared:
     rough, scales = _rough(compiled, split.fit, spreads, linear)
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
-    if linear is not None:  # what the corrected model is built on: the modes' coordinates, no noise states
-        declared = replace(equations_of(linear, shaped_noise=False), auxiliaries=working.auxiliaries)
+    declared = base.bare(working.auxiliaries)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols, exogenous, u[:, r:], case.context,
@@ -79,21 +85,11 @@ def prepare(case: Case) -> Prepared:
     predictor, free, start = _extend(
         compile_equations(extended), rough[1], attachments, split.fit, (sizes, spreads), forces
     )
+    predictor = predictor if base.surrogate is None else base.surrogate.inform(predictor)
     predictor, fit = _fit_baseline(predictor, free, start, case)
     return Prepared(
         declared, linear, extended, predictor, split, attachments, exogenous, motions, free, fit, settle, factor
     )  # fmt: skip
-
-
-def _as_equations(case: Case) -> tuple[Equations, StateSpace | None]:
-    if isinstance(case.baseline, Equations):
-        return case.baseline, None
-    linear = discretise(case.baseline, case.records[0].sample_time_s)
-    if linear.order > _MOST_STATES:
-        raise DataError(
-            f"{case.baseline_file}: {linear.order} states; reduce the model to at most {_MOST_STATES} for a diagnosis"
-        )
-    return equations_of(linear, shaped_noise=True), linear
 
 
 def _anatomy(

@@ -1,0 +1,69 @@
+"""Bring every kind of baseline and its recordings to what the later steps work on (S1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from aeolid.diagnose.baseline import discretise, equations_of
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.exogenous import with_time
+from aeolid.diagnose.rotor_frame import blade_sets, prepare_record, to_fixed_frame, worth_rate
+from aeolid.diagnose.simulated import Surrogate, surrogate, with_values
+from aeolid.errors import DataError
+from aeolid.models.equations import Auxiliary, Equations
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record
+
+_MOST_STATES = 40  # beyond that compiling and fitting take minutes
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """Hold a baseline as equations, noise states of a linear one included, and the recordings that go with it.
+
+    linear: the model behind the equations where it is one; surrogate: what a simulator's run knows of it.
+    """
+
+    equations: Equations
+    linear: StateSpace | None
+    surrogate: Surrogate | None
+    records: tuple[Record, ...]
+
+    def bare(self, auxiliaries: tuple[Auxiliary, ...]) -> Equations:
+        """Return the equations that a corrected model is built on: no noise states, these intermediates."""
+        if self.linear is None:
+            return self.equations
+        form = None if self.surrogate is None else self.surrogate.form
+        return replace(equations_of(self.linear, shaped_noise=False, modal=form), auxiliaries=auxiliaries)
+
+
+def baseline_of(case: Case) -> Baseline:
+    """Return the baseline of a case; raises DataError or NotIdentifiable with the reason where there is none."""
+    if isinstance(case.baseline, Record):
+        return _of_run(case, case.baseline)
+    records = tuple(with_time(r) for r in case.records)
+    if isinstance(case.baseline, Equations):
+        return Baseline(case.baseline, None, None, records)
+    linear = discretise(case.baseline, case.records[0].sample_time_s)
+    if linear.order > _MOST_STATES:
+        raise DataError(
+            f"{case.baseline_file}: {linear.order} states; reduce the model to at most {_MOST_STATES} for a diagnosis"
+        )
+    return Baseline(equations_of(linear, shaped_noise=True), linear, None, records)
+
+
+def _of_run(case: Case, run: Record) -> Baseline:
+    """Identify the simulator's run; recording and run go to the fixed frame and the same lower rate."""
+    sets = blade_sets(run, case.context)
+    factor = worth_rate(to_fixed_frame(run, sets))
+    records = tuple(with_time(prepare_record(r, sets, factor)) for r in case.records)
+    found = surrogate(prepare_record(run, sets, factor))
+    form = with_values(found.form, dict(zip(found.form.values, found.mean.tolist(), strict=True)))
+    linear = replace(form.model, K=found.fit.point.K[: form.model.order] if found.fit.point.K is not None else None)
+    found = replace(found, form=replace(form, model=linear))
+    levels = np.concatenate([r.columns([s.name for s in linear.inputs]) for r in records])
+    if not np.all(np.isfinite(levels).any(axis=0)):
+        raise DataError(f"{case.records[0].source}: an input of the simulation is never recorded")
+    return Baseline(equations_of(linear, shaped_noise=True, modal=found.form), linear, found, records)
