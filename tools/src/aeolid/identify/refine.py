@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,6 +166,7 @@ class Descent:
         covariance = run_model(start, self.stretches, np.eye(len(start.C))).covariance()
         least = FLOOR * float(np.linalg.eigvalsh(covariance)[-1])
         weight = _weight(covariance)
+        at = lru_cache(maxsize=1)(lambda model: Coordinates.at(model, self.feedthrough))  # one for all damped steps
 
         def loss(model: ScaledModel) -> float:
             return _log_det(run_model(model, self.stretches, weight).covariance(), least) if admitted(model) else np.inf
@@ -174,7 +176,7 @@ class Descent:
             return self.information(model, run, _weight(run.covariance(), least))
 
         def move(model: ScaledModel, delta: Array) -> ScaledModel:
-            moved = Coordinates.at(model, self.feedthrough).move(model, delta)
+            moved = at(model).move(model, delta)
             return replace(moved, A=move_inside(moved.A)) if self.stable else moved
 
         return list(descend(start, loss, factor, move, steps=steps, floor=np.log(RESOLVED) + 1e-9))
