@@ -17,6 +17,7 @@ from aeolid.models.state_space import StateSpace
 Array = NDArray[np.float64]
 VELOCITY_UNITS = {"m/s", "mm/s", "rad/s", "deg/s", "rpm", "1/min", "ticks/s"}
 ACCELERATION_UNITS = {"m/s^2", "m/s**2", "m/s2", "rad/s^2", "deg/s^2", "g"}
+_UNSEEN = 1e-9  # of an output's spread, by a mode of unit length
 _FORCE_OF_MASS = {
     "kg": ("force_N", "N"),
     "t": ("force_kN", "kN"),
@@ -98,6 +99,8 @@ def motions_of_state_space(
         lam = np.log(values[k]) / model.sample_time_s
         shape = model.C @ right[:, k]  # (l,): how each output sees the mode
         j = int(np.argmax(np.abs(shape) / spreads))
+        if abs(shape[j]) < _UNSEEN * spreads[j]:
+            continue  # no output shows this mode: a force on it would not either
         order = _derivative_order(model.outputs[j].unit)
         beta = 2j * shape[j] / lam**order
         q = np.imag(beta * left[k])

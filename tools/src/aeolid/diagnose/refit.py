@@ -174,7 +174,8 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
         if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
             return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"
         drives = [s for s in a.slots if s.local and not s.label and model.index(s.name) in fit.free.theta]
-        if a.gain_states and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
+        alone = a.gain_states and not a.noise_driven
+        if alone and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
             return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return True, ""
 

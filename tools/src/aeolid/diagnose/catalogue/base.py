@@ -89,6 +89,7 @@ class Attachment:
     its score at the null vanishes, fit it from finite steps whenever anything is found.
     share: name of a local slot that blends the effect in from 0 to 1 where its own parameters have no null to start
     from; its value is 1 when the effect is active (put it in `fixed`); grid is then ordered from mild to strong.
+    noise_driven: noise alone may drive the states it brings, for their frequency band is known from elsewhere.
     """
 
     entry: str
@@ -106,6 +107,7 @@ class Attachment:
     stepped: bool = False
     share: str | None = None
     weight: Callable[[Mapping[str, float]], float] | None = None
+    noise_driven: bool = False
 
 
 @dataclass(frozen=True, eq=False)

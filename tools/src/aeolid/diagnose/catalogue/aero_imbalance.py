@@ -1,0 +1,69 @@
+"""A blade that stands at another pitch angle than its neighbours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from aeolid.diagnose.catalogue import rotor
+from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, Parameter
+
+_RATIO = "aero_imbalance_ratio"
+_MOST = 3.0  # side force over fore-aft force: (1.5 N R by tangential) over axial lies at 0.3 … 1 above rated
+
+
+def _attach(site: Site) -> list[Attachment]:
+    axial = rotor.place(site, "fore_aft")
+    if not rotor.is_turbine(site) or axial is None:
+        return []
+    factor = rotor.wind_factor(site)
+    made = rotor.locked(
+        site, "aero_imbalance", [(axial, factor)], 1, "F_fore_aft = F*cos(azimuth + phase), F ~ V^2",
+        lambda size, unit, where: (
+            f"one blade stands at another pitch angle: once a turn {size:.3g} {unit} fore and aft at {where}"
+            " that the model leaves out"
+        ),
+    )  # fmt: skip
+    side = rotor.place(site, "side_side")
+    if not made or side is None or not (side.is_force and axial.is_force):
+        return made
+    return [_with_side(made[0], side, site, factor)]
+
+
+def _with_side(made: Attachment, side: rotor.Place, site: Site, factor: str) -> Attachment:
+    """Let the in-plane force of the same blade act a quarter turn later on the side-side motion."""
+    c, s = (slot.name for slot in made.slots)
+    phase = rotor.angle(site, 1)
+    force = ex.parse(f"{_RATIO}*({c}*sin({phase}) - {s}*cos({phase})){factor}", "aero imbalance")
+
+    def edit(model: Equations) -> Equations:
+        model = made.edit(model)
+        model = replace(model, parameters=(*model.parameters, Parameter(_RATIO, 0.0, "1", -_MOST, _MOST)))
+        return rotor.push(model, side.add, force, "aero_imbalance_side")
+
+    ratio = Slot(_RATIO, "side_over_fore_aft", "1", 0.0, -_MOST, _MOST, 0.3, local=False)
+    where = {**made.location, "outputs": [*made.location["outputs"], side.output]}
+    starts: tuple[dict[str, float], ...] = ({}, {_RATIO: 0.5}, {_RATIO: -0.5})
+    return replace(made, edit=edit, slots=(*made.slots, ratio), location=where, starts=starts)
+
+
+ENTRY = Entry(
+    id="aero_imbalance",
+    family="rotor_1p",
+    name="aerodynamic imbalance (pitch offset of a blade)",
+    equation="F_fore_aft = F*cos(azimuth + phase), F_side = ratio*F*sin(azimuth + phase), F ~ V^2",
+    source="Niebsch, Ramlau 2014, Renewable Energy 70; Burton et al., Wind Energy Handbook",
+    quantities=(
+        Quantity("force_N_cos", "N", -1e6, 1e6, 0.0, "force on the fore-aft motion by the tilting moment, cos part"),
+        Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
+        Quantity("side_over_fore_aft", "1", -_MOST, _MOST, 0.0, "in-plane force on side-side over that on fore-aft"),
+    ),
+    attaches_to="tower fore-aft (and side-side, in equations) of a wind turbine whose rotor angle is recorded",
+    signature="a line at the rotor's speed in the fore-aft motion, locked to the angle, growing with the wind squared",
+    confused_with=(
+        ("mass_imbalance", "the fore-aft motion: a pitched blade shakes it once a turn, a mass does not"),
+        ("wind_shear", "the mean over the blades of their root moments: shear loads every blade alike"),
+    ),
+    attach=_attach,
+)
