@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.fleet.modelling import choose_common_order, model_summary
+from aeolid.fleet.onset import find_onset, notable, say_change
 from aeolid.fleet.plan import Plan, find_recordings, parse_window
 from aeolid.fleet.summary import load, merge_all, save, summarise
 from aeolid.fleet.tracking import drift, mac, track
@@ -218,3 +219,38 @@ def test_recordings_are_found_once_and_results_never(tmp_path):
     assert [p.name for p in found] == ["y.parquet", "x.csv"]
     with pytest.raises(DataError, match="no recording there"):
         find_recordings([str(tmp_path / "nothing*")], tmp_path)
+
+
+def test_the_onset_of_a_change_is_found_with_its_interval():
+    """100 series that stay for 30 of 52 weeks and then fall: onset and change are covered by their intervals."""
+    rng, t, s = np.random.default_rng(4), np.arange(52.0), np.full(52, 0.02)
+    inside = changed = 0
+    for _ in range(100):
+        found = find_onset(t, 5 - 0.01 * np.maximum(t - 30, 0) + s * rng.standard_normal(52), s)
+        inside += found["since_low"] <= 30 <= found["since_high"]
+        changed += abs(found["change"] + 0.21) < 3 * found["change_std"]
+        assert not found["from_start"] and abs(found["before"] - 5) < 0.03
+    assert inside >= 85 and changed >= 90
+    line = find_onset(t, 5 - 0.01 * t + s * rng.standard_normal(52), s)
+    assert line["from_start"] and line["change"] == pytest.approx(-0.51, abs=0.05)
+    assert find_onset(t[:4], t[:4], s[:4]) is None and find_onset(t, t, [None, *s[1:]]) is None
+
+
+def test_changes_by_chance_are_not_named():
+    """Of 500 modes that stay next to none is named, though each onset is the best of fifty."""
+    rng, t, s = np.random.default_rng(5), np.arange(52.0), np.full(52, 0.02)
+    damping = {"first": 0.02, "last": 0.02}
+    tracks = [
+        {
+            "frequency_hz": {"onset": find_onset(t, 5 + s * rng.standard_normal(52), s)},
+            "damping": damping,
+            "periods": 52,
+        }
+        for _ in range(500)
+    ]
+    assert sum(notable(track, 52) for track in tracks) <= 2
+    moved = {"frequency_hz": {"onset": find_onset(t, 5 + 0.01 * t, s), "last": 5.51}, "damping": damping,
+             "periods": 52, "turbine": "T7", "track": 3, "per": "period"}  # fmt: skip
+    assert notable(moved, 52) and not notable(moved, 80)
+    assert not notable(moved | {"damping": {"first": 0.5, "last": 0.5}}, 52)
+    assert say_change(moved) == "T7, mode 3: rises from 5 Hz by 10.20 ± 0.19 % all along, 52 periods"

@@ -2,6 +2,9 @@
 
 import json
 import os
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pyarrow.parquet as parquet
@@ -13,6 +16,7 @@ from aeolid.fleet.plan import Plan, find_recordings
 from aeolid.fleet.run import run_fleet
 from aeolid.fleet.tables import SCHEMA, mode_rows
 from aeolid.formats import write_table
+from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
 from aeolid.record import Roles
 
@@ -120,6 +124,68 @@ def test_an_interrupted_run_loses_nothing_and_ends_as_a_fresh_one(folder, plan, 
     again = run(folder, plan, tmp_path)
     assert again["reused"] == 5
     assert values(again) == values(fresh)
+
+
+def test_a_killed_run_is_taken_up(folder, plan, fresh, tmp_path):
+    """SIGKILL while workers write: what is finished is used, what is half written is not, and is cleared in time."""
+    words = ["fleet", str(folder / "data"), "--roles", str(folder / "roles.toml"), "--past", "8", "--order", "4"]
+    words += ["--out", str(tmp_path), "--workers", "1"]
+    process = subprocess.Popen([sys.executable, "-m", "aeolid.cli.main", *words], stdout=subprocess.DEVNULL)
+    factors = tmp_path / "cache" / "factors"
+    while process.poll() is None and len(list(factors.glob("*.npz"))) < 3:
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+    kept = len(list(factors.glob("*.npz")))
+    assert kept >= 3
+    half, old = factors / "abc.npz.1.2.part", factors / "abd.npz.1.2.part"
+    for path in (half, old):
+        path.write_bytes(b"PK")
+    os.utime(old, (0, 0))
+    again = run(folder, plan, tmp_path)
+    assert again["reused"] == kept and values(again) == values(fresh)
+    assert half.exists() and not old.exists()
+
+
+def test_the_model_of_a_period_is_a_file_that_commands_take(folder, tmp_path, capsys):
+    assert command(folder, tmp_path, str(folder / "data"), "--order", "4", "--workers", "1", "--models") == 0
+    assert "models to its folder models" in " ".join(capsys.readouterr().out.split())
+    files = sorted(p.relative_to(tmp_path / "models").as_posix() for p in (tmp_path / "models").rglob("*.json"))
+    assert files == [f"T{t}/2022-01-{d:02d}.json" for t in (0, 1) for d in (8, 9, 10)]
+    recording = str(folder / "data" / "T0" / "r0.parquet")
+    where = ["--roles", str(folder / "roles.toml"), "--fail-above", "1.0"]
+    assert main(["validate", str(tmp_path / "models" / "T0" / "2022-01-08.json"), recording, *where]) == 0
+
+
+def test_a_mode_that_falls_is_named_with_size_and_time(tmp_path, capsys):
+    """One of two modes falls by 3 % from the sixth of twelve days on: that one, that much, since then."""
+    roles, days = tmp_path / "roles.toml", 12
+    roles.write_text(ROLES)
+    for day in range(days):
+        fall = 1 - 0.03 * max(day - 5, 0) / (days - 6)
+        poles = np.exp(0.1 * 2j * np.pi * np.array([0.5 * fall, 1.5]) * (1j * 0.02 + np.sqrt(1 - 0.02**2)))
+        A = np.zeros((4, 4))
+        for i, z in enumerate(poles):
+            A[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = [[z.real, -z.imag], [z.imag, z.real]]
+        rng = np.random.default_rng(day)
+        u, w = rng.standard_normal((6000, 2)), 0.1 * rng.standard_normal((6000, 4))
+        x = run_states(A, u @ np.array([[0.3, 0, 0.1, 0], [0.1, 0, 0.3, 0]]) + w, np.zeros(4))[:-1]
+        y = x[:, [0, 2]] + 0.2 * x[:, [2, 0]] + 0.05 * rng.standard_normal((6000, 2))
+        time_s = 19000 * DAY + day * DAY + 0.1 * np.arange(6000)
+        columns = {"time_s": time_s, "u1": u[:, 0], "u2": u[:, 1], "y1": y[:, 0], "y2": y[:, 1]}
+        path = tmp_path / "data" / "T0" / f"{day}.parquet"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_table(path, columns)
+    words = ["--roles", str(roles), "--past", "20", "--order", "4", "--out", str(tmp_path / "out"), "--workers", "1"]
+    assert main(["fleet", str(tmp_path / "data"), *words]) == 0
+    facts = json.loads((tmp_path / "out" / "fleet.json").read_text())
+    (told,) = facts["moved"]
+    assert told in " ".join(capsys.readouterr().out.split()) and "mode 0: falls from 0." in told and "since 2022-01-1" in told
+    (track,) = [t for t in facts["tracks"] if abs(t["frequency_hz"]["first"] - 0.5) < 0.05]
+    onset, first = track["frequency_hz"]["onset"], 19000.0
+    assert abs(onset["change"] / 0.5 + 0.03) < 3 * onset["change_std"] / 0.5 < 0.01
+    assert onset["since_low"] <= first + 5 <= onset["since_high"] and onset["since_high"] - onset["since_low"] <= 4
+    assert told in (tmp_path / "out" / "report.html").read_text()
 
 
 def test_a_second_run_does_only_what_is_new(folder, plan, tmp_path, monkeypatch):

@@ -44,6 +44,9 @@ def fleet(
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
     ] = None,
+    models: Annotated[
+        bool, typer.Option("--models", help="Write the model of each period, models/TURBINE/PERIOD.json.")
+    ] = False,
     workers: Annotated[
         int | None, typer.Option("--workers", help="Local processes; default one a core, 1 is this process.")
     ] = None,
@@ -57,7 +60,7 @@ def fleet(
         raise UsageError("--workers is 1 to 1024 local processes, and goes without --scheduler")
     from aeolid.fleet.plan import find_recordings
     from aeolid.fleet.run import run_fleet
-    from aeolid.fleet.tables import mode_rows, write_modes
+    from aeolid.fleet.tables import mode_rows, write_models, write_modes
     from aeolid.fleet.workers import open_pool
     from aeolid.report.fleet import render_fleet
 
@@ -71,10 +74,12 @@ def fleet(
         progress_console.print(f"stopped; what is finished is kept in {out / 'cache'}: the same command goes on there")
         raise
     write_modes(out / "modes.parquet", mode_rows(facts["periods"]))
+    if models:
+        write_models(out / "models", facts["periods"])
     emit_json(facts, str(out / "fleet.json"))
     render_fleet(facts, out / "report.html")
     if json_target != "-":
-        console.print(_text(facts, out), markup=False)
+        console.print(_text(facts, out, models), markup=False)
     emit_json(facts, json_target)
 
 
@@ -109,15 +114,19 @@ def _progress() -> Iterator[Any]:
         yield notice
 
 
-def _text(facts: dict[str, Any], out: Path) -> str:
+def _text(facts: dict[str, Any], out: Path, models: bool) -> str:
     lines = [
         f"{facts['usable']} of {facts['recordings']} recordings used ({facts['reused']} factors from an earlier run), "
         f"{facts['turbines']} turbines, {len(facts['periods'])} periods"
     ]
     lines += [f"  {turbine}: {reason}" for turbine, reason in facts["order_reasons"].items()]
+    lines += ["modes that moved:", *(f"  {text}" for text in facts["moved"])] if facts["moved"] else []
+    if not facts["moved"] and len(facts["periods"]) > facts["turbines"]:
+        lines.append("no mode moved by more than chance")
     if facts["skipped"]:
         lines.append(f"{len(facts['skipped'])} left out:")
         lines += [f"  {row['kind']} {row['name']}: {row['reason']}" for row in facts["skipped"][:20]]
     if len(facts["skipped"]) > 20:
         lines.append(f"  and {len(facts['skipped']) - 20} more, see {out / 'report.html'}")
-    return "\n".join([*lines, f"modes.parquet, fleet.json and report.html written to {out}"])
+    written = "modes.parquet, fleet.json and report.html"
+    return "\n".join([*lines, f"{written} written to {out}" + (", models to its folder models" if models else "")])

@@ -10,6 +10,7 @@ from typing import Any
 
 import aeolid
 from aeolid.errors import DataError, UsageError
+from aeolid.fleet.onset import find_onset, notable, say_change
 from aeolid.fleet.plan import Plan
 from aeolid.fleet.tasks import (
     FileDone,
@@ -62,11 +63,13 @@ def run_fleet(paths: Sequence[Path], plan: Plan, out: Path, pool: Pool, notice: 
     if not found:
         raise DataError(_nothing(len(paths), skipped))
     _mark_tracks(found)
-    reused = sum(f.reused for f in done)
+    reused, tracks = sum(f.reused for f in done), _tracks(found)
+    count = Counter(p["turbine"] for p in found)
     return {
         "version": aeolid.__version__, "settings": plan.to_json(), "recordings": len(paths), "usable": len(done),
         "reused": reused, "turbines": len({p["turbine"] for p in found}), "order_reasons": reasons,
-        "periods": found, "tracks": _tracks(found), "skipped": skipped.rows,
+        "periods": found, "tracks": tracks, "skipped": skipped.rows,
+        "moved": [say_change(t) for t in tracks if notable(t, count[t["turbine"]])],
     }  # fmt: skip
 
 
@@ -200,7 +203,9 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
         }
         for key, std in (("frequency_hz", "frequency_std_hz"), ("damping", "damping_std")):
             facts[key] = {"first": modes[0][key], "last": modes[-1][key]}
-            facts[key]["drift"] = drift(times, [m[key] for m in modes], [m[std] for m in modes])
+            series_of = [m[key] for m in modes], [m[std] for m in modes]
+            facts[key]["drift"] = drift(times, *series_of)
+            facts[key]["onset"] = find_onset(times, *series_of)
         facts["rotor_order"] = Counter(m["rotor_order"] for m in modes).most_common(1)[0][0]
         tracks.append(facts)
     return tracks

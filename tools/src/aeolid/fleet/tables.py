@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -42,6 +44,18 @@ def mode_rows(periods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             facts |= {"mostly_in": where, "share": mode["outputs"][where]}
             rows.append({name: facts[name] for name in SCHEMA})
     return rows
+
+
+def write_models(folder: Path, periods: Sequence[Mapping[str, Any]]) -> None:
+    """Write the model of each period as TURBINE/PERIOD.json, which all commands take. Raises UsageError."""
+    for period in periods:
+        turbine, label = (re.sub(r"[^\w.+-]", "_", str(period[key])) for key in ("turbine", "period"))
+        path = folder / turbine / f"{label}.json"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(json.dumps(period["model"], indent=1), encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
 
 
 def write_modes(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:

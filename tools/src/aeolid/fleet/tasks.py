@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import time
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ from aeolid.record import file_sha256
 
 BROKEN = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)  # what a damaged cache file may raise
 
+STALE_S = 3600.0  # age of a half-written file after which nobody writes it any more
 MOST_PERIODS = 24  # that choose the order of a turbine, spread evenly over time: bounds time and memory
 
 
@@ -57,9 +59,12 @@ class Period:
 
 
 def prepare_cache(cache: Path) -> None:
-    """Make the folders of the cache; raises OSError."""
+    """Make the folders of the cache and clear what a killed run left half written; raises OSError."""
     for name in ("factors", "periods"):
         (cache / name).mkdir(parents=True, exist_ok=True)
+        for left in (cache / name).glob("*.part"):
+            if time.time() - left.stat().st_mtime > STALE_S:  # a younger one may be another run's
+                left.unlink(missing_ok=True)
 
 
 def compress_file(path: str, plan: Plan, cache: str) -> FileDone:

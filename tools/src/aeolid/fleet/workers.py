@@ -104,7 +104,7 @@ def open_pool(workers: int, scheduler: str | None = None, *, threads: bool = Fal
             return
         with _deaf_to_interrupts():
             cluster = distributed.LocalCluster(
-                n_workers=workers, threads_per_worker=1, processes=not threads, dashboard_address=None,
+                n_workers=workers, threads_per_worker=1, processes=not threads, dashboard_address=":0",
                 silence_logs="ERROR",
             )  # fmt: skip
         with cluster, distributed.Client(cluster) as client:

@@ -35,8 +35,6 @@ def _summary(facts: Facts) -> str:
     parts = [f"{usable} of {count} recordings used, {len(facts['periods'])} periods modelled"]
     if facts["skipped"]:
         parts.append(f"{len(facts['skipped'])} entries left out, each with its reason below")
-    moved = sum(_significance(t, key) > 3 for t in facts["tracks"] for key in ("frequency_hz", "damping"))
-    parts.append(f"frequencies and dampings that drift by more than three standard deviations: {moved}")
     return "; ".join(parts) + "."
 
 
@@ -62,10 +60,12 @@ def _drifts(facts: Facts) -> Html:
             cells += [with_std(unit * drift["change"], unit * drift["change_std"]) if drift else "–"]
             cells += [number(_significance(track, key), 2) if drift else "–"]
         rows.append(cells)
+    moved = facts.get("moved", [])
+    told = [tag("p", text + ".") for text in moved] or [tag("p", "No mode moved by more than chance.")]
     head = ["turbine", "#mode", "harmonic", "#periods", "#frequency (Hz)", "#change (mHz)", "#|z|",
             "#damping (%)", "#change (points)", "#|z|"]  # fmt: skip
     note = "Change: of a weighted straight line from the first to the last period; |z|: its standard deviations."
-    return section("Drift of modes", tag("p", note, class_="soft"), table(head, rows))
+    return section("Drift of modes", *told, tag("p", note, class_="soft"), table(head, rows))
 
 
 def _turbine(facts: Facts, name: str) -> Html:
