@@ -180,7 +180,11 @@ def test_a_mode_that_falls_is_named_with_size_and_time(tmp_path, capsys):
     assert main(["fleet", str(tmp_path / "data"), *words]) == 0
     facts = json.loads((tmp_path / "out" / "fleet.json").read_text())
     (told,) = facts["moved"]
-    assert told in " ".join(capsys.readouterr().out.split()) and "mode 0: falls from 0." in told and "since 2022-01-1" in told
+    assert (
+        told in " ".join(capsys.readouterr().out.split())
+        and "mode 0: falls from 0." in told
+        and "since 2022-01-1" in told
+    )
     (track,) = [t for t in facts["tracks"] if abs(t["frequency_hz"]["first"] - 0.5) < 0.05]
     onset, first = track["frequency_hz"]["onset"], 19000.0
     assert abs(onset["change"] / 0.5 + 0.03) < 3 * onset["change_std"] / 0.5 < 0.01
