@@ -99,7 +99,6 @@ def test_a_coloured_disturbance_is_no_effect(tmp_path: Path, name: str) -> None:
     [
         "swinging spring",
         "hysteresis",
-        "backlash",
     ],
 )
 def test_no_name_is_forced_on_what_has_none(tmp_path: Path, name: str) -> None:

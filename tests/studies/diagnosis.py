@@ -200,8 +200,8 @@ def trials() -> list[Hidden]:
     for kind in both:
         found += [
             Hidden("lag, first order", kind, {"lag": 0.06}, lags[:1], ("tau_s", 0.06, 0.15)),
-            # 2ζ/ω is the lag's low-frequency equivalent; a drive of second order lies between a lag and a delay
-            Hidden("lag, second order", kind, {"drive_w": 25.0, "drive_zeta": 0.8}, lags, ("tau_s", 0.064, 0.4)),
+            Hidden("lag, second order", kind, {"drive_w": 25.0, "drive_zeta": 0.8}, ("actuator_second_order",),
+                   ("omega_rad_s", 25.0, 0.15)),
             Hidden("delay", kind, {"delay": 0.05}, lags[1:], ("delay_s", 0.05, 0.15)),
             # a bristle model slides at its full force for nearly the whole of each stroke
             Hidden("dry friction", kind, {"bristle_N": 1.5}, ("coulomb_friction",),
@@ -213,7 +213,7 @@ def trials() -> list[Hidden]:
             Hidden("bracket", kind, {"bracket_hz": 8.0, "bracket_zeta": 0.03}, ("structural_mode",),
                    ("frequency_hz", 8.0, 0.05), ("position",)),
             Hidden("wrong gain", kind, {}, ("parameter_error",), None, declared_gain=3.2),
-            Hidden("backlash", kind, {"backlash": 1.5}, outside=True),
+            Hidden("backlash", kind, {"backlash": 1.5}, ("backlash",), ("width", 3.0, 0.15)),
             Hidden("hysteresis", kind, {"hysteresis_N": 6.0}, outside=True),
             Hidden("swinging spring", kind, {"swing": 0.15}, outside=True),
         ]  # fmt: skip

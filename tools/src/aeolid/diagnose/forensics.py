@@ -2,17 +2,41 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.baseline import discretise
+from aeolid.errors import DataError
+from aeolid.models.equations import Equations
+from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
 _STUCK_SHARE = 0.2  # of the samples equal to their predecessor in one run: no live sensor does that
 _RAIL_SHARE = 0.005
+_PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
+_CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
+_FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
+_ALIKE = 0.8  # correlation with a free run from which channels are recognised
+_CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
+_SAME = "sample by sample the same as"
+RATIOS: tuple[tuple[float, str], ...] = (
+    (180 / np.pi, "degrees to a radian"),
+    (30 / np.pi, "rpm to a rad/s"),
+    (6.0, "deg/s to an rpm"),
+    (9.80665, "m/s^2 to a g"),
+    (10.0, "a decimal place"),
+    (60.0, "seconds to a minute"),
+    (3.6, "km/h to a m/s"),
+    (100.0, "centimetres to a metre"),
+    (1000.0, "a thousand"),
+    (1e6, "a million"),
+)
+_NEAR = 0.03  # relative distance at which a known ratio is said
 
 
 @dataclass(frozen=True)
@@ -29,13 +53,19 @@ class Finding:
         return {"check": self.check, "channel": self.channel, "finding": self.finding, "severity": self.severity}
 
 
-def examine(records: Sequence[Record]) -> tuple[Finding, ...]:
-    """Check every channel that takes part; cost O(N) a channel."""
+def examine(records: Sequence[Record], baseline: StateSpace | Equations | Record | None = None) -> tuple[Finding, ...]:
+    """Check every channel that takes part, alone, in pairs and against a free run of the baseline that is a model.
+
+    Cost O(N) a channel and pair, and one simulation.
+    """
     findings: list[Finding] = []
     for record in records:
         name = record.source.rsplit("/", 1)[-1]
         for channel in record.of("input", "output", "disturbance"):
             findings += _channel(channel, record.column(channel.name), name)
+        findings += _pairs(record, name)
+        if isinstance(baseline, StateSpace | Equations):
+            findings += _against_model(baseline, record, name)
     return tuple(findings)
 
 
@@ -54,10 +84,12 @@ def _channel(channel: Channel, values: Array, source: str) -> list[Finding]:
         if run > _STUCK_SHARE * len(v) and run > 50:
             found.append(Finding("stuck", where, f"the same value for {run} samples in a row", "fault"))
         found += _rails(v, where)
+        found += _held(v, where)
         folded = _folded(v)
         if folded:
             found.append(Finding("folded", where, folded, "warning"))
-    step = _spacing(v)
+    found += _unlikely(v, where) + _unit(channel, v, where)
+    step = spacing_of(v)
     if step is not None and step > 0.02 * float(np.std(v)):
         found.append(
             Finding("spacing", where, f"values are {step:.3g} apart ({step / np.std(v):.0%} of the spread)", "info")
@@ -71,15 +103,147 @@ def _longest_run(v: Array) -> int:
 
 
 def _rails(v: Array, where: str) -> list[Finding]:
+    words = {"high": "highest", "low": "lowest"}
     found = []
-    for side, rail in (("highest", v.max()), ("lowest", v.min())):
-        share = float(np.mean(v == rail))
-        runs = _longest_run(np.where(v == rail, 0.0, np.arange(1, len(v) + 1)))
-        if share > _RAIL_SHARE and runs >= 5:
-            found.append(
-                Finding("rail", where, f"{share:.1%} of the samples sit at the {side} value {rail:.4g}", "warning")
-            )
+    for side, rail in rails(v).items():
+        share = float(np.mean(np.abs(v - rail) <= _PILE * np.ptp(v)))
+        text = f"{share:.1%} of the samples sit at the {words[side]} value {rail:.4g}"
+        found.append(Finding("rail", where, text, "warning"))
     return found
+
+
+def rails(v: Array) -> dict[str, float]:
+    """Return the ends of the range ("low", "high") at which values pile up: exactly, or far more than next to them."""
+    found: dict[str, float] = {}
+    for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
+        at = v == rail
+        runs = _longest_run(np.where(at, 0.0, np.arange(1, len(v) + 1)))
+        if float(np.mean(at)) > _RAIL_SHARE and runs >= 5:
+            found[side] = rail
+            continue
+        depth = np.abs(v - rail) / np.ptp(v)
+        pile, next_to_it = float(np.mean(depth < 2 * _PILE)), float(np.mean((depth > 3 * _PILE) & (depth < 9 * _PILE)))
+        if pile > _PILE_SHARE and pile > next_to_it:
+            found[side] = float(np.median(v[depth < 2 * _PILE]))
+    return found
+
+
+def _held(v: Array, where: str) -> list[Finding]:
+    """Recognise a channel that a slower logger renews: most samples repeat the one before, at a steady pace."""
+    moves = np.flatnonzero(np.diff(v) != 0)
+    if len(moves) < 20 or len(np.unique(v)) < 0.5 * len(moves):
+        return []
+    pace = np.diff(moves)
+    usual = int(np.median(pace))
+    if usual < 2 or float(np.mean(pace == usual)) < 0.8:
+        return []
+    return [
+        Finding("held", where, f"renewed only every {usual} samples: its logger is slower than the others", "warning")
+    ]
+
+
+def _unlikely(v: Array, where: str) -> list[Finding]:
+    """Recognise codes for "no value" and single samples far outside everything else."""
+    centre = float(np.median(v))
+    size = float(np.median(np.abs(v - centre))) * 1.4826 or float(np.std(v))
+    away = np.abs(v - centre) > _FAR * size
+    coded = away & np.isin(v, _CODES)
+    found = []
+    if np.any(coded):
+        code = float(v[coded][0])
+        text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value: leave them empty"
+        found.append(Finding("code", where, text, "fault" if float(coded.mean()) > 0.5 else "warning"))
+    alone = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
+    if np.any(alone) and float(away.mean()) < 1e-3:
+        first = int(np.flatnonzero(alone)[0])
+        text = f"{int(alone.sum())} single samples lie more than {_FAR:g} spreads off, the first {v[first]:.4g}"
+        found.append(Finding("spike", where, text, "warning"))
+    return found
+
+
+def _unit(channel: Channel, v: Array, where: str) -> list[Finding]:
+    """Doubt an angle in radians that spans more than two turns without being a rotor angle."""
+    if channel.unit.strip() != "rad" or not any(w in channel.name.lower() for w in ("pitch", "yaw", "tilt", "angle")):
+        return []
+    if float(np.max(np.abs(v))) <= 4 * np.pi:
+        return []
+    return [Finding("unit", where, f"stated in rad, yet reaches {np.max(np.abs(v)):.4g}: these are degrees", "warning")]
+
+
+def _pairs(record: Record, name: str) -> list[Finding]:
+    """Compare channels of one role two by two: the same samples twice, mirrored, folded, or in another unit."""
+    found = []
+    for role in ("input", "output"):
+        for a, b in itertools.combinations(record.of(role), 2):
+            x, y = record.column(a.name), record.column(b.name)
+            both = np.isfinite(x) & np.isfinite(y)
+            if both.sum() < 50 or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
+                continue
+            text = _kinship(x[both], y[both])
+            if text:
+                severity = "fault" if role == "output" and text == _SAME else "info"
+                found.append(Finding("pair", f"{b.name} ({name})", f"{text} {a.name}", severity))
+    return found
+
+
+def _kinship(x: Array, y: Array) -> str | None:
+    if np.array_equal(x, y):
+        return _SAME
+    if np.array_equal(x, -y):
+        return "the mirror image of"
+    if np.array_equal(np.abs(x), y) or np.array_equal(x, np.abs(y)):
+        return "the absolute value of (or the other way round)"
+    ratio = float(x @ y) / float(x @ x)
+    if float(np.max(np.abs(y - ratio * x))) > 1e-4 * float(np.std(y)):
+        return None
+    return f"{ratio:.5g} times{ratio_text(ratio)}"
+
+
+def ratio_text(factor: float) -> str:
+    """Say which ratio of units a factor (or one over it) is, or nothing."""
+    for ratio, words in RATIOS:
+        if abs(abs(factor) / ratio - 1) < _NEAR or abs(abs(factor) * ratio - 1) < _NEAR:
+            return f" ({ratio:.4g}, {words}: check the unit)"
+    return ""
+
+
+def _against_model(baseline: StateSpace | Equations, record: Record, name: str) -> list[Finding]:
+    """Compare each output with every simulated one: swapped channels, reversed signs and other units show there."""
+    try:
+        if isinstance(baseline, Equations):
+            simulated = baseline.simulate(record)
+        else:
+            model = discretise(baseline, record.sample_time_s)
+            simulated = model.simulate(record.columns([s.name for s in model.inputs]))
+    except DataError:
+        return []
+    names = [o.name for o in baseline.outputs]
+    measured = record.columns(names)
+    rows = np.all(np.isfinite(measured), axis=1) & np.all(np.isfinite(simulated), axis=1)
+    spreads = [a[rows].std(axis=0) if rows.sum() > 50 else np.zeros(1) for a in (measured, simulated)]
+    if not all(np.all(np.isfinite(s) & (s > 0)) for s in spreads):
+        return []
+    y, m = ((a[rows] - a[rows].mean(axis=0)) / s for a, s in zip((measured, simulated), spreads, strict=True))
+    alike = y.T @ m / len(y)  # (l, l): recorded output against simulated output
+    found = [_swap(names, i, j, name) for i, j in itertools.combinations(range(len(names)), 2) if _crossed(alike, i, j)]
+    for i, output in enumerate(names):
+        where, ratio = f"{output} ({name})", float(spreads[0][i] / spreads[1][i] * alike[i, i])
+        if alike[i, i] < -_ALIKE:
+            found.append(Finding("sign", where, "moves against the model's output: is the sign reversed?", "warning"))
+        if abs(alike[i, i]) > _ALIKE and not 1 / 3 < abs(ratio) < 3 and ratio_text(ratio):
+            text = f"is {ratio:.4g} times the model's output{ratio_text(ratio)}"
+            found.append(Finding("unit", where, text, "warning"))
+    return found
+
+
+def _crossed(alike: Array, i: int, j: int) -> bool:
+    own = max(abs(float(alike[i, i])), abs(float(alike[j, j])))
+    return min(float(alike[i, j]), float(alike[j, i])) > max(_ALIKE, own + _CLEARLY)
+
+
+def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
+    text = f"looks like {names[j]}, and {names[j]} like {names[i]}: the two channels are swapped"
+    return Finding("swapped", f"{names[i]} ({source})", text, "fault")
 
 
 def _folded(v: Array) -> str | None:
@@ -95,7 +259,8 @@ def _folded(v: Array) -> str | None:
     return None
 
 
-def _spacing(v: Array) -> float | None:
+def spacing_of(v: Array) -> float | None:
+    """Return the distance of neighbouring values where there are few distinct ones; None elsewhere."""
     distinct = np.unique(v)
     if len(distinct) > 0.2 * len(v) or len(distinct) < 2:
         return None

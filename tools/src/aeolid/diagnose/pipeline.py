@@ -60,7 +60,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
         return lambda: timing.__setitem__(name, round(time.perf_counter() - begun, 3))
 
     done = step("forensics", 0.0)
-    findings = examine(case.records, _stated(case))
+    findings = examine(case.records, case.baseline)
     done()
     done = step("baseline predictor", 0.02)
     prepared = prepare(case)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.sensitivity import gain_column, noise_column, theta_column
@@ -235,10 +235,16 @@ def minimum_detectable(row: Row, threshold: float) -> dict[str, dict[str, Any]]:
         slots = [s for s in row.attachment.slots if s.label and seen is not None and s.name in seen]
         return {str(s.label): {"value": s.show(dict(seen or {})[s.name]), "unit": s.unit} for s in slots}
     return {
-        s.label: {"value": float(s.show(s.null + factor * row.std[s.name]) - s.show(s.null)), "unit": s.unit}
+        s.label: {"value": _change(s, s.null + factor * row.std[s.name]), "unit": s.unit}
         for s in row.attachment.slots
         if s.label and s.name in row.std
     }
+
+
+def _change(slot: Slot, value: float) -> float:
+    """Return how far the reported value moves from none; itself where none is infinitely far (an immediate drive)."""
+    none = slot.show(slot.null)
+    return float(slot.show(value) - (none if np.isfinite(none) else 0.0))
 
 
 def _row_json(row: Row, threshold: float) -> dict[str, Any]:
@@ -254,8 +260,12 @@ def _row_json(row: Row, threshold: float) -> dict[str, Any]:
         "statistic": row.z if np.isfinite(row.z) else None,
         "threshold": threshold if np.isfinite(threshold) else None,
         "p_value": row.p_value,
-        "estimate": shown.show(row.estimate[shown.name]) if shown else None,
+        "estimate": _finite(shown.show(row.estimate[shown.name])) if shown else None,
         "unit": shown.unit if shown else "",
         "minimum_detectable": value["value"] if value else None,
         "frequency_hz": next((v for k, v in row.grid.items() if k.endswith("_frequency_hz")), None),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if np.isfinite(value) else None

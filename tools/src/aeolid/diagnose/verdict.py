@@ -26,7 +26,8 @@ _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all t
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 _SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
-_EVEN = 2.0  # |Vuong z| below which two models are not told apart
+_EVEN = 2.0  # |Vuong z| below which two models are not told apart …
+_TIED = 1.0  # … and nats over all data
 
 
 def diagnose(study: Study) -> dict[str, Any]:
@@ -118,7 +119,7 @@ def rivals_of(study: Study, winner: Candidate) -> list[Candidate]:
         length = max(1, int(np.sqrt(len(difference))))
         blocks = np.add.reduceat(difference, np.arange(0, len(difference), length))
         z = blocks.sum() / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12)
-        if z < _EVEN:
+        if z < _EVEN or abs(difference.sum()) < _TIED:  # equal models differ by rounding, always to one side
             result.append(other)
     return result
 

@@ -1,0 +1,88 @@
+"""A sensor, or the filter before its logger, that answers as a damped second-order system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
+from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.catalogue.wiring import with_reading
+from aeolid.models.equations import STEP, Equations, Parameter
+
+_STARTS = tuple((period, zeta) for period in (0.7, 1.5, 3.0, 6.0, 12.0) for zeta in (0.5, 0.85))  # rows, 1
+
+
+def _statement(name: str, v: Mapping[str, float]) -> str:
+    return (
+        f"the {name} sensor (or its filter) answers with {v['omega_rad_s']:.3g} rad/s and damping {v['damping']:.2g};"
+        " the model takes it to be immediate"
+    )
+
+
+def _attach(site: Site) -> list[Attachment]:
+    longest = len(site.y) * site.row_step / 20
+    return [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+
+
+def _memories(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
+    """Follow T² m'' + 2 zeta T m' + m = y exactly for y straight between rows, T = 1/omega, w = T m'.
+
+    The steady answer to a ramp of slope s is y − 2 zeta T s; what m and T m' lack of it turns and decays.
+    """
+    now, before, rate, rate_before = f"{tag}_now", f"{tag}_before", f"{tag}_rate", f"{tag}_rate_before"
+    slope = f"{inverse}*({now} - {before})/{STEP}"  # T s
+    turn = f"{STEP}/max({inverse}, 1e-9*{STEP})"
+    root = f"sqrt(1 - {zeta}**2)"
+    decay, c, s = f"exp(-{zeta}*{turn})", f"cos({turn}*{root})", f"sin({turn}*{root})"
+    d = f"({tag} - {before} + 2*{zeta}*{slope})"
+    return (
+        (rate_before, rate, "0"),
+        (before, now, "reading"),
+        (now, "reading", "reading"),
+        (rate, f"{slope} + {decay}*(({rate} - {slope})*({c} - {zeta}/{root}*{s}) - {d}/{root}*{s})", "0"),
+        (tag, f"{now} - 2*{zeta}*{slope} + {decay}*({d}*({c} + {zeta}/{root}*{s})"
+              f" + ({rate_before} - {slope})/{root}*{s})", now),
+    )  # fmt: skip
+
+
+def _on(j: int, name: str, longest: float, step: float) -> Attachment:
+    tag = f"sensor_order2_{j + 1}"
+    inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
+    parameters = (
+        Parameter(inverse, 0.0, "s", 0.0, longest),
+        Parameter(zeta, 0.7, "1", LOWEST_DAMPING, HIGHEST_DAMPING),
+    )
+
+    def edit(model: Equations) -> Equations:
+        return with_reading(model, name, tag, parameters, memories=_memories(tag, inverse, zeta))
+
+    return Attachment(
+        "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,
+        (Slot(inverse, "omega_rad_s", "rad/s", 0.0, 0.0, longest, 0.3 * step, show=rate_of),
+         Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
+        stepped=True,
+        starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
+        equation=f"m'' = omega_rad_s^2*({name} - m) - 2*damping*omega_rad_s*m', m is measured in place of {name}",
+        statement=partial(_statement, name),
+    )  # fmt: skip
+
+
+ENTRY = Entry(
+    id="sensor_second_order",
+    family="sensor_dynamics",
+    name="second-order sensor or filter",
+    equation="m'' = omega_rad_s^2*(y - m) - 2*damping*omega_rad_s*m'",
+    source="Gaertner et al. 2020 (IEA 15 MW: speed filter 1.008 rad/s, damping 0.7); Doebelin 2004, chapter 3",
+    quantities=(
+        Quantity("omega_rad_s", "rad/s", 0.1, 1000.0, float("inf"), "natural frequency"),
+        Quantity("damping", "1", LOWEST_DAMPING, HIGHEST_DAMPING, 0.7, "damping ratio"),
+    ),
+    attaches_to="every output",
+    signature="phase and, above omega, gain fall in one output, alike for every input and disturbance",
+    confused_with=(
+        ("actuator_second_order", "one input to all outputs (actuator) against all inputs to one output (sensor)"),
+        ("sensor_lag", "excitation above omega: the gain falls by 12 dB an octave, behind a lag by 6 dB"),
+    ),
+    attach=_attach,
+)

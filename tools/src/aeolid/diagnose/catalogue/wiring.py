@@ -1,0 +1,139 @@
+"""Wire effects of drives and sensors into a model: what several entries share."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, InputFilter, Memory, Output, Parameter
+from aeolid.models.integrate import compile_equations, numeric_jacobian, output_jacobian
+
+Array = NDArray[np.float64]
+SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
+_SMALL = 0.1  # of an output's own direction: what lies outside the reach of forces must be more to count
+
+
+def with_filter(model: Equations, channel: str, kind: str, parameters: Sequence[Parameter]) -> Equations:
+    """Return the model with one more filter on an input, and the parameters the filter takes."""
+    return replace(
+        model,
+        parameters=(*model.parameters, *parameters),
+        filters=(*model.filters, InputFilter(channel, kind, tuple(p.name for p in parameters))),
+    )
+
+
+def with_reading(
+    model: Equations, output: str, form: str, parameters: Sequence[Parameter], *,
+    slope: str | None = None, memories: Sequence[tuple[str, str, str]] = (),
+    others: Mapping[str, ast.expr] | None = None,
+) -> Equations:  # fmt: skip
+    """Return the model with one output read through `form`, an expression in `reading`, what the output was before.
+
+    slope: factor on the sensor's sign of action, same language; memories: (name, next, settled), same language;
+    others: further words of the language.
+    """
+    old = next(o for o in model.outputs if o.name == output)
+    words = {"reading": old.equation, **(others or {})}
+
+    def filled(text: str) -> ast.expr:
+        return ex.substitute(ex.parse(text, "sensor"), words)
+
+    action = old.slope
+    if slope is not None:
+        action = filled(slope) if action is None else ex.combine("*", action, filled(slope))
+    new = Output(old.name, old.unit, filled(form), action)
+    added = tuple(Memory(n, old.unit, filled(a), filled(b)) for n, a, b in memories)
+    return replace(
+        model,
+        outputs=tuple(new if o.name == output else o for o in model.outputs),
+        parameters=(*model.parameters, *parameters),
+        memories=(*model.memories, *added),
+    )
+
+
+def blended_filter(
+    site: Site, number: int, kind: str, slots: Sequence[Slot], *,
+    entry: str, grid: Sequence[Mapping[str, float]], starts: Sequence[Mapping[str, float]], equation: str,
+    statement: Callable[[Mapping[str, float]], str], form: str = "",
+) -> Attachment:  # fmt: skip
+    """Return a hypothesis that blends a filter on one input in by a share; slots are the filter's own parameters."""
+    name = site.input_names[number]
+    share = f"{kind}_share_{number + 1}"
+    own = [Parameter(s.name, dict(grid[0])[s.name], s.unit, s.low, s.high) for s in slots]
+
+    def edit(model: Equations) -> Equations:
+        return with_filter(model, name, kind, (*own, Parameter(share, 0.0, "", 0.0, 1.0)))
+
+    return Attachment(
+        entry, f"{entry} input:{name}{form}", location(f"input:{name}", inputs=(name,)), edit,
+        (*slots, Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
+        fixed={share: 1.0}, grid=tuple(grid), starts=tuple(starts), share=share,
+        equation=equation, statement=statement,
+    )  # fmt: skip
+
+
+def unit_of_input(site: Site, number: int) -> str:
+    """Return the unit of an input of the model, empty where it has none."""
+    return site.model.inputs[number].unit
+
+
+def unit_of_output(site: Site, name: str) -> str:
+    """Return the unit of an output of the model, empty where it has none."""
+    return next(o.unit for o in site.model.outputs if o.name == name)
+
+
+def spread_of(values: Array) -> float:
+    """Return the standard deviation of what was measured; 0 where nothing was, or nothing moves."""
+    finite = values[np.isfinite(values)]
+    return float(np.std(finite)) if len(finite) else 0.0
+
+
+def is_continuous(values: Array) -> bool:
+    """Tell whether a signal takes many values: two-level test signals and counters do not."""
+    return len(np.unique(values)) > 0.1 * len(values)
+
+
+@lru_cache(maxsize=4)
+def imitated_by_forces(site: Site) -> tuple[bool, ...]:
+    """Tell for each output whether steady forces that nobody measured could move it alone.
+
+    The responses to a slow force on every state that noise drives (an offset of every input, for a linear model) span
+    what disturbances do; a direction that lies in this span, but for a tenth, says nothing about a sensor.
+    """
+    turn = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
+    if site.linear is not None:
+        gap = np.exp(1j * turn * site.step) * np.eye(site.linear.order) - site.linear.A
+        responses = site.linear.C @ np.linalg.solve(gap, site.linear.B.astype(complex)) + site.linear.D
+    else:
+        responses = _responses(site, turn)
+    if not responses.size or not np.all(np.isfinite(responses)):
+        return (False,) * len(site.output_names)
+    sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
+    scaled = responses / sizes[:, None]
+    U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
+    inside = np.linalg.norm(U[:, s > _SMALL * s[0]], axis=1)
+    return tuple(bool(1 - x * x < _SMALL**2) for x in inside)
+
+
+def _responses(site: Site, turn: float) -> Array:
+    """Return the outputs' response (l, f) to the unmeasured forces of the model at rest, each slow and of size one."""
+    model = site.model
+    compiled = compile_equations(replace(model, filters=()))
+    u = np.median(site.u, axis=0)
+    J = numeric_jacobian(compiled, model.x0, u, model.theta)
+    C = output_jacobian(compiled, model.x0, u, model.theta)
+    forces = np.array([s.name.startswith("unmeasured_") for s in model.states])
+    if not np.any(forces) or not np.all(np.isfinite(J)):
+        return np.zeros((len(model.outputs), 0))
+    own = ~forces
+    s = np.exp(1j * turn * model.sample_time_s) if model.sample_time_s else 1j * turn
+    moved = np.linalg.solve(s * np.eye(int(own.sum())) - J[np.ix_(own, own)], J[np.ix_(own, forces)].astype(complex))
+    result: Array = C[:, own] @ moved + C[:, forces]
+    return result
