@@ -125,9 +125,8 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
         point = shifted(fit.point, model, grid)
         steps = [{model.index(s.name): s.size} for s in local]
         columns = [theta_column(predictor, point, fit.noise, fit.residual, step) for step in steps]
-        gains: list[tuple[str, int]] = (
-            [(g, j) for g in attachment.gain_states for j in range(outputs)] if point.K is not None else []
-        )
+        stirred = () if point.K is None else attachment.gain_states
+        gains = [(g, j) for g in stirred for j in range(outputs)]
         columns += [gain_column(predictor, point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
         if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
             gains = [(attachment.gain_states[-1], -1)]
