@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline import mass_of, with_force
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Auxiliary, Equations, State
+from aeolid.models.equations import Auxiliary, Equations, Parameter, State
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -31,7 +31,8 @@ class Motion:
     """Hold one velocity of the model, its position if it has one, and how an extra force enters.
 
     inject(model, force, name) adds the force, called `name`, to the equation of motion; force_unit is its unit (an
-    acceleration where the model shows no mass). Sizes are typical magnitudes from the baseline's own run.
+    acceleration where the model shows no mass). forces is what the model has there already, in that unit; mass the
+    parameter it is divided by. Sizes are typical magnitudes from the baseline's own run.
     """
 
     location: str
@@ -44,6 +45,9 @@ class Motion:
     position_size: float
     force_size: float
     frequency_hz: float | None
+    forces: ast.expr
+    mass: Parameter | None
+    position_unit: str
 
 
 def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[Motion]:
@@ -70,10 +74,16 @@ def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[M
                 f"state:{state.name}", ast.Name(id=state.name), ast.Name(id=position) if position else None,
                 _force_on(state.name), label, unit, float(sizes[i]),
                 float(sizes[names.index(position)]) if position else 0.0,
-                float(rates[i]) * (abs(mass.value) if mass else 1.0), None,
+                float(rates[i]) * (abs(mass.value) if mass else 1.0), None, _forces(state, mass), mass,
+                model.states[names.index(position)].unit if position else _base_unit(state.unit),
             )
         )  # fmt: skip
     return found
+
+
+def _forces(state: State, mass: Parameter | None) -> ast.expr:
+    whole = state.derivative
+    return whole.left if mass is not None and isinstance(whole, ast.BinOp) else whole
 
 
 def _force_on(name: str) -> Callable[[Equations, ast.expr, str], Equations]:
@@ -111,6 +121,7 @@ def motions_of_state_space(
         shared += [
             Auxiliary(f"{tag}_position", _linear(q, converted)),
             Auxiliary(f"{tag}_velocity", _linear(v, converted)),
+            Auxiliary(f"{tag}_acceleration", _mean_rate(v, model, converted)),
         ]
         span = np.abs(q) @ sizes[: len(q)], np.abs(v) @ sizes[: len(v)]
         found.append(
@@ -119,6 +130,7 @@ def motions_of_state_space(
                 _force_on_mode(push * model.sample_time_s, feels, converted), "acceleration",
                 f"{_base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
+                ast.Name(id=f"{tag}_acceleration"), None, _base_unit(model.outputs[j].unit),
             )
         )  # fmt: skip
     return found, replace(converted, auxiliaries=(*converted.auxiliaries, *shared))
@@ -142,6 +154,14 @@ def _felt(shape: Array, model: StateSpace) -> dict[str, float]:
     """Return what each accelerometer feels at once of a unit push on a mode; shape (l,): the velocity it implies."""
     felt = zip(model.outputs, (2 * np.real(shape)).tolist(), strict=True)
     return {s.name: c for s, c in felt if _derivative_order(s.unit) == 2 and c}
+
+
+def _mean_rate(v: Array, model: StateSpace, converted: Equations) -> ast.expr:
+    """Write the mean rate of v·x over a sample, (v·x⁺ − v·x)/step, from the model's own A and B."""
+    a, b = v @ (model.A - np.eye(len(v))) / model.sample_time_s, v @ model.B / model.sample_time_s
+    terms = [f"{c!r}*{s.name}" for c, s in zip(a.tolist(), converted.states, strict=False) if c]
+    terms += [f"{c!r}*drive{i + 1}" for i, c in enumerate(b.tolist()) if c]
+    return ex.parse(" + ".join(terms) or "0", "mode acceleration")
 
 
 def _force_on_mode(
