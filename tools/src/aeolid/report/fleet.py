@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.fleet.onset import LIGHT
 from aeolid.report import charts
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
@@ -64,7 +65,7 @@ def _drifts(facts: Facts) -> Html:
     told = [tag("p", text + ".") for text in moved] or [tag("p", "No mode moved by more than chance.")]
     head = ["turbine", "#mode", "harmonic", "#periods", "#frequency (Hz)", "#change (mHz)", "#|z|",
             "#damping (%)", "#change (points)", "#|z|"]  # fmt: skip
-    note = "Change: of a weighted straight line from the first to the last period; |z|: its standard deviations."
+    note = "Change in the table: of a weighted straight line over all periods; |z|: its standard deviations."
     return section("Drift of modes", *told, tag("p", note, class_="soft"), table(head, rows))
 
 
@@ -84,7 +85,35 @@ def _turbine(facts: Facts, name: str) -> Html:
         if drawing.axes[0, 0].get_legend_handles_labels()[1]:
             drawing.axes[0, 0].legend(fontsize=8, ncols=2)
     caption = "Oscillating modes found in each period, with bands of two standard deviations."
-    return section(f"Turbine {name}", tag("p", reason, class_="soft") if reason else None, figure(drawing.svg, caption))
+    told = tag("p", reason, class_="soft") if reason else None
+    label = f"days since {periods[0]['period']}" if clocked else "period"
+    return section(f"Turbine {name}", told, figure(drawing.svg, caption), _changes(periods, times, label))
+
+
+def _changes(periods: list[Facts], times: Any, label: str) -> Html | None:
+    """Draw how far the frequency of each lasting, lightly damped mode is from its mean: 3 % is nothing in Hz."""
+    tracks: dict[int, list[tuple[float, float, float]]] = {}
+    for time, period in zip(times, periods, strict=True):
+        for mode in period["modes"]:
+            if abs(mode["damping"]) < LIGHT:
+                point = (float(time), mode["frequency_hz"], mode["frequency_std_hz"] or 0.0)
+                tracks.setdefault(mode["track"], []).append(point)
+    lasting = {number: np.array(points).T for number, points in tracks.items() if 2 * len(points) > len(periods) > 2}
+    if not lasting:
+        return None
+    with charts.sketch(charts.WIDE) as drawing:
+        axes = drawing.axes[0, 0]
+        for place, (number, (t, y, s)) in enumerate(sorted(lasting.items())):
+            colour, mean = _COLOURS[place % len(_COLOURS)], float(y.mean())
+            change, band = 100 * (y / mean - 1), 200 * s / mean
+            marker = _MARKERS[place % len(_MARKERS)]
+            label_of = f"mode {number}, {mean:.4g} Hz"
+            axes.plot(t, change, color=colour, marker=marker, markersize=3, label=label_of)
+            axes.fill_between(t, change - band, change + band, color=colour, alpha=0.2, linewidth=0)
+        axes.set_ylabel("frequency, from its mean (%)")
+        axes.set_xlabel(label)
+        axes.legend(fontsize=8, ncols=3)
+    return figure(drawing.svg, "Modes found in most periods with less than 20 % damping, about their own means.")
 
 
 def _lines(axes: Any, periods: list[Facts], times: Any, key: str, unit: float) -> None:
