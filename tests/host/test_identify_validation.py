@@ -13,7 +13,7 @@ from aeolid.identify.validation import validate_model
 from aeolid.identify.varx import identify_varx
 from aeolid.models.load import LinearModel
 from aeolid.models.prediction import predict
-from aeolid.plants.disturbed_loop import simulate_disturbed_loop
+from aeolid.plants.disturbed_loop import disturbed_plant, simulate_disturbed_loop
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
 
 NAMES = ("y1", "y2"), ("u1", "u2")
@@ -75,18 +75,16 @@ def test_identified_model_passes_on_fresh_data():
 
 
 def test_advice_tells_a_wrong_gain_from_missing_dynamics():
-    """ORT's K at p = 20 keeps (A − K C)^20 = 0.10: the test is right to fail, and a longer window passes it."""
-    fresh = simulate_disturbed_loop(4000, 100)
-    record = simulate_disturbed_loop(20000, 1)
-    short, long = (
-        validate_model(LinearModel(identify_ort([record], past=p, order=2, joint_order=3).model), fresh)
-        for p in (20, 50)
-    )
-    assert short.residuals.verdict == "fail" and len(short.advice) == 1
-    assert "The gain K does not fit the noise of y: " in short.advice[0] and "longer past window" in short.summary()
-    assert short.advice[0].endswith("A free run predicts better here than K does.")
-    assert short.to_json()["advice"] == list(short.advice)
-    assert long.residuals.verdict == "pass" and long.advice == ()
+    """The same plant with five times its K, an identified one, one with too few states, one that has changed."""
+    fresh, true = simulate_disturbed_loop(4000, 100), disturbed_plant()
+    wrong = validate_model(LinearModel(replace(true, K=5 * true.K)), fresh)
+    assert wrong.residuals.verdict == "fail" and len(wrong.advice) == 1
+    assert "The gain K does not fit the noise of y: " in wrong.advice[0] and "longer past window" in wrong.summary()
+    assert wrong.advice[0].endswith("A free run predicts better here than K does.")
+    assert wrong.to_json()["advice"] == list(wrong.advice)
+    found = identify_ort([simulate_disturbed_loop(20000, 1)], past=20, order=2, joint_order=3)
+    right = validate_model(LinearModel(found.model), fresh)
+    assert right.residuals.verdict == "pass" and right.advice == ()
     slow = identify_varx([simulate_fourth_order(8000, 5)], past=10, order=2)
     missing = validate_model(LinearModel(slow.model), simulate_fourth_order(4000, 6))
     assert any("dynamics are missing or have changed" in a for a in missing.advice)

@@ -51,9 +51,8 @@ class Validation:
             found.append(
                 f"The gain K does not fit the noise of {noise.output}: {noise.predictable:.1%} of its innovations "
                 "follow from past outputs. Poles and free run do not hang on K, predictions and their deviations do. "
-                "Identify with a longer past window (method ort needs the longest), or a higher order; if the noise "
-                "has changed since, identify from this recording too."
-                + (" A free run predicts better here than K does." if one > free else "")
+                "Identify with a longer past window or a higher order; if the noise has changed since, identify from "
+                "this recording too." + (" A free run predicts better here than K does." if one > free else "")
             )
         dynamics = _worst([t for t in failed if t.kind == "input"])
         if dynamics is not None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.identify.markov import estimate_markov
 from aeolid.identify.ort.joint import Layout, Lq, decompose_windows
-from aeolid.identify.ort.plant import connect, fit_response, join, reduce
+from aeolid.identify.ort.plant import connect, fit_response, join, reduce, with_better_gain
 from aeolid.identify.ort.subsystems import (
     Deterministic,
     Spectra,
@@ -17,7 +19,7 @@ from aeolid.identify.ort.subsystems import (
     realise_deterministic,
     realise_stochastic,
 )
-from aeolid.identify.subspace import ScaledModel
+from aeolid.identify.subspace import ScaledModel, StateBasis, find_states
 from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
@@ -51,6 +53,12 @@ class Loop:
         """Return the largest order of the plant that the future window allows."""
         return min(self.most, (self.layout.future - 1) * len(self.layout.outputs))
 
+    @cached_property
+    def predictor(self) -> StateBasis:
+        """Return the decomposition of PBSIDopt over the whole window, disturbances as inputs."""
+        theta = estimate_markov(self.factor, self.layout.block_through, "gcv").theta
+        return find_states(self.factor, theta, self.layout.future)
+
     def subsystems(self, order: int) -> tuple[Deterministic, Stochastic]:
         """Return the deterministic and the stochastic subsystem of this order."""
         stochastic = realise_stochastic(self.spectra, self.factor, self.lq, self.layout, order)
@@ -59,10 +67,12 @@ class Loop:
     def plant(self, joint: tuple[Deterministic, Stochastic], order: int, response: str) -> tuple[ScaledModel, Array]:
         """Return the plant of this order, scaled, and the values (n_s,) by which states were kept.
 
-        response: "fit" fits B and D of the disturbances again, "theorem" keeps those of Theorem 5.
+        response: "fit" fits B and D of the disturbances again, "theorem" keeps those of Theorem 5. K is the better one
+        of the stochastic subsystem and of PBSIDopt.
         """
         model, values = reduce(join(*joint, self.layout), self.factor, order)
-        return (fit_response(model, self.lq, self.layout) if response == "fit" else model), values
+        model = fit_response(model, self.lq, self.layout) if response == "fit" else model
+        return with_better_gain(model, self.predictor, self.factor, self.layout), values
 
 
 def compatibility(deterministic: Deterministic, stochastic: Stochastic) -> float:

@@ -47,6 +47,12 @@ class Layout:
         """Return the number of channels of a block."""
         return len(self.joint) + len(self.disturbances)
 
+    @property
+    def block_through(self) -> tuple[bool, ...]:
+        """Return for each input of a block whether it acts within the sample: some disturbances do, u never."""
+        acting = {place for place, through in zip(self.disturbances, self.through, strict=True) if through}
+        return tuple(place in acting for place in range(len(self.disturbances) + len(self.controls)))
+
     def columns(self, places: tuple[int, ...], start: int, stop: int) -> list[int]:
         """Return the columns of these channels in samples start … stop − 1 of a window, sample by sample."""
         return [sample * self.block + place for sample in range(start, stop) for place in places]

@@ -10,7 +10,13 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.identify.ort.joint import Layout, Lq
 from aeolid.identify.ort.subsystems import Deterministic, Stochastic, solve_toeplitz
-from aeolid.identify.subspace import ScaledModel, spectral_radius
+from aeolid.identify.subspace import (
+    ScaledModel,
+    StateBasis,
+    largest_useful_order,
+    spectral_radius,
+    system_matrices,
+)
 from aeolid.identify.windows import WindowFactor, decompose
 
 Array = NDArray[np.float64]
@@ -78,6 +84,45 @@ def reduce(model: ScaledModel, factor: WindowFactor, order: int) -> tuple[Scaled
     return replace(model, A=into @ closed @ out + K @ C, B=into @ model.B, C=C, K=K), size
 
 
+def with_better_gain(model: ScaledModel, basis: StateBasis, factor: WindowFactor, layout: Layout) -> ScaledModel:
+    """Return the plant with the K of PBSIDopt over the whole window of p + f samples, where that predicts better.
+
+    The stochastic component is what r of the window leaves: what r did before it is still in there, so that K comes out
+    too large while the loop remembers more than p samples (the paper's example at k = 21 and without sampling error:
+    C K = 0.242 for 0.070). PBSIDopt of the same windows with r as an input has no such remainder; its noise response
+    C A^i K, brought to the states of this plant by least squares, gives K alone. Poles and responses stay.
+
+    basis: singular value decomposition of PBSIDopt. K stays where A − K C would not be stable.
+    """
+    if largest_useful_order(basis) < len(model.A):
+        return model
+    rival = system_matrices(factor, basis.state_map(len(model.A)), layout.block_through)
+    own, other = (observability(m, layout.future) for m in (model, rival))
+    K: Array = np.asarray(np.linalg.lstsq(own, other @ rival.K, rcond=None)[0], np.float64)
+    better = replace(model, K=K, gain_method="PBSIDopt of past and future window")
+    if spectral_radius(model.A - K @ model.C) >= 1 or not np.isfinite(K).all():
+        return model
+    left = [prediction_error(m, factor) for m in (model, better)]
+    return better if np.log(np.diag(left[1])).sum() < np.log(np.diag(left[0])).sum() else model
+
+
+def prediction_error(model: ScaledModel, factor: WindowFactor) -> Array:
+    """Return the covariance (l, l) of the one-step error over the windows, predicted from all but the last sample."""
+    width = factor.past * factor.channels
+    x = factor.R[:, :width] @ predictor_map(model, factor.past).T
+    e = factor.y_now - x @ model.C.T - factor.u_now @ model.D.T
+    out: Array = e.T @ e / factor.windows
+    return out
+
+
+def observability(model: ScaledModel, samples: int) -> Array:
+    """Return [C; C A; …] of this many samples."""
+    rows = [model.C]
+    for _ in range(samples - 1):
+        rows.append(rows[-1] @ model.A)
+    return np.vstack(rows)
+
+
 def _finite_gramian(A: Array, C: Array, samples: int) -> Array:
     Q = np.zeros_like(A)
     row = C
@@ -95,10 +140,8 @@ def fit_response(model: ScaledModel, lq: Lq, layout: Layout) -> ScaledModel:
     controller's states, feedforward included, drop out.
     """
     f, l = layout.future, len(layout.outputs)  # noqa: E741
-    gamma = [model.C]
-    for _ in range(f - 1):
-        gamma.append(gamma[-1] @ model.A)
-    basis = np.linalg.qr(np.vstack(gamma), mode="complete")[0][:, len(model.A) :]
+    gamma = observability(model, f)
+    basis = np.linalg.qr(gamma, mode="complete")[0][:, len(model.A) :]
     rows = lq.L41.reshape(f, len(layout.joint), -1)
     y_rows, u_rows = rows[:, :l], rows[:, l:]
     forced = np.zeros_like(y_rows)
@@ -107,7 +150,7 @@ def fit_response(model: ScaledModel, lq: Lq, layout: Layout) -> ScaledModel:
         forced[i] = model.C @ x
         x = model.A @ x + model.B[:, list(layout.controls)] @ u_rows[i]
     free = np.tile(np.array(layout.through), (l, 1))
-    D, B = solve_toeplitz(basis, np.vstack(gamma), (y_rows - forced).reshape(f * l, -1), lq.L11, free)
+    D, B = solve_toeplitz(basis, gamma, (y_rows - forced).reshape(f * l, -1), lq.L11, free)
     new_B, new_D = model.B.copy(), model.D.copy()
     new_B[:, list(layout.disturbances)], new_D[:, list(layout.disturbances)] = B, D
     return replace(model, B=new_B, D=new_D)
