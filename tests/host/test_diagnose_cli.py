@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import math
 import shutil
@@ -230,26 +231,22 @@ BAD: dict[str, tuple[Callable[[Path], None], int, list[str]]] = {
     "no baseline": (edit("case.toml", '[baseline]\nkind = "equations"\nfile = "model.toml"\n', ""), 3, ["[baseline]"]),
     "no kind": (edit("case.toml", 'kind = "equations"\n', ""), 3, ["kind"]),
     "unknown kind": (edit("case.toml", '"equations"', '"guess"'), 3, ["'guess'"]),
-    "kind run": (edit("case.toml", '"equations"', '"run"'), 2, ["'run'", "state_space"]),
-    "kind fmu": (edit("case.toml", '"equations"', '"fmu"'), 2, ["'fmu'", "state_space"]),
+    "a model as a run": (edit("case.toml", '"equations"', '"run"'), 3, ["model.toml"]),
+    "a model as a unit": (edit("case.toml", '"equations"', '"fmu"'), 3, ["model.toml", "mock-up unit"]),
+    "same_inputs a text": (edit("case.toml", "kind =", 'same_inputs = "yes"\nkind ='), 3, ["same_inputs"]),
     "equations as state space": (edit("case.toml", '"equations"', '"state_space"'), 3, ["model.toml"]),
     "title a number": (edit("case.toml", 'title = "rig"', "title = [1]"), 3, ["title"]),
-    "output in another unit": (edit("model.toml", 'equation = "q"\nunit = "m"', 'equation = "q"\nunit = "mm"'), 3,
-                               ["position", "'mm'", "'m'"]),
     "output nobody recorded": (edit("model.toml", 'name = "position"', 'name = "height"'), 3, ["'height'"]),
     "input nobody recorded": (edit("model.toml", "g*drive", "g*force"), 3, ["'force'", "recording"]),
     "output with another role": (edit("roles.toml", '"m"\nrole = "output"', '"m"\nrole = "disturbance"'), 3,
                                  ["position", "'disturbance'"]),
     "missing column": (edit("roles.toml", 'name = "speed"', 'name = "pace"'), 3, ["pace"]),
     "two rates": (edit("case.toml", '["recording.csv"]', '["recording.csv", "other.csv"]'), 3, ["other.csv"]),
-    "constant output": (column(2, "0.25"), 4, ["position", "never changes"]),
     "output never measured": (column(2, ""), 3, ["position", "no value"]),
     "input never measured": (column(1, ""), 3, ["drive", "no value"]),
-    "30 samples": (rows(lambda t: t[:31]), 4, ["30 samples"]),
     "no samples": (rows(lambda t: t[:1]), 3, ["recording.csv"]),
     "infinite": (column(2, "inf", 50, 51), 3, ["position", "sample 50"]),
     "text": (column(2, "high", 50, 51), 3, ["position", "sample 50"]),
-    "diverging model": (edit("model.toml", "- c*v", "+ 1e6*M*v + 0*c"), 4, ["diverges"]),
 }  # fmt: skip
 
 
@@ -270,6 +267,32 @@ def test_a_bad_case_is_one_sentence(case: Path, tmp_path: Path, bad: str, capsys
     for word in words:
         assert word in message, message
     assert not (tmp_path / "out" / "diagnosis.json").exists()
+
+
+ENDED: dict[str, tuple[Callable[[Path], None], str, list[str]]] = {
+    "output in another unit": (edit("model.toml", 'equation = "q"\nunit = "m"', 'equation = "q"\nunit = "mm"'),
+                               "data_fault", ["position", "'mm'", "'m'"]),
+    "constant output": (column(2, "0.25"), "data_fault", ["position", "never changes"]),
+    "30 samples": (rows(lambda t: t[:31]), "not_testable", ["30 samples"]),
+    "sealed part too short": (rows(lambda t: t[:150]), "not_testable", ["149 samples", "are needed"]),
+    "diverging model": (edit("model.toml", "- c*v", "+ 1e6*M*v + 0*c"), "not_testable", ["diverges"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ending", ENDED)
+def test_what_cannot_be_tested_ends_in_a_verdict(case: Path, tmp_path: Path, ending: str) -> None:
+    """Readable files end in a diagnosis that says why; the page shows it."""
+    spoil, verdict, words = ENDED[ending]
+    copy = tmp_path / "case"
+    shutil.copytree(case, copy)
+    spoil(copy)
+    assert diagnose(copy, tmp_path / "out") == 0
+    d = facts(tmp_path / "out")
+    check_schema(d)
+    assert d["verdict"] == verdict and d["effects"] == []
+    page = (tmp_path / "out" / "report.html").read_text()
+    for word in words:
+        assert word in d["statement"] and html.escape(word) in page, d["statement"]
 
 
 def test_wrong_options_are_usage_errors(case: Path, tmp_path: Path) -> None:

@@ -19,6 +19,10 @@ class DataError(AeolidError):
     exit_code = 3
 
 
+class Contradiction(DataError):
+    """Two files say different things of one channel; the text names the channel, both statements and the remedy."""
+
+
 class NotIdentifiable(AeolidError):
     """The data do not carry the answer; the text says which condition failed, what was found, what is needed."""
 

@@ -34,23 +34,21 @@ def run(
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from aeolid.diagnose.case import load_case
-    from aeolid.diagnose.export import write_all
-    from aeolid.diagnose.pipeline import study
-    from aeolid.diagnose.verdict import diagnose
+    from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.errors import Contradiction
     from aeolid.report.diagnosis import render_diagnosis
 
-    loaded = load_case(case)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=progress_console, transient=True) as bar:
-        task = bar.add_task("diagnosis", total=1.0)
-        result = study(
-            loaded,
-            sham=sham,
-            seed=seed,
-            progress=lambda text, share: bar.update(task, description=text, completed=share),
-        )
-    diagnosis = diagnose(result)
-    evidence = write_all(result, diagnosis, out)
+        task = bar.add_task("reading", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            bar.update(task, description=text, completed=share)
+
+        try:
+            diagnosis, evidence = conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
+        except Contradiction as error:  # the files themselves disagree about the recording
+            diagnosis, evidence = ended("data_fault", case.name, str(error), out)
     render_diagnosis(diagnosis, evidence, out / "report.html")
     _print_verdict(diagnosis)
     console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)

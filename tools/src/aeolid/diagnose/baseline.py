@@ -42,8 +42,10 @@ def equations_of(model: StateSpace, *, shaped_noise: bool, modal: ModalForm | No
         for i, (d, s) in enumerate(zip(drive, model.inputs, strict=True))
     ]
     named = {} if modal is None else modal.names
-    rows = [_row((model.A[i], "A", states), (model.B[i], "B", drive), i, named) for i in range(model.order)]
-    reads = [_row((model.C[j], "C", states), (model.D[j], "D", drive), j, named) for j in range(len(model.outputs))]
+    rows = [linear_row((model.A[i], "A", states), (model.B[i], "B", drive), i, named) for i in range(model.order)]
+    reads = [
+        linear_row((model.C[j], "C", states), (model.D[j], "D", drive), j, named) for j in range(len(model.outputs))
+    ]
     bias = [Parameter(f"bias_u{i + 1}", 0.0, s.unit, free=True) for i, s in enumerate(model.inputs)]
     bias += [Parameter(f"bias_y{j + 1}", 0.0, s.unit, free=True) for j, s in enumerate(model.outputs)]
     entries = [] if modal is None else [Parameter(n, v, free=True) for n, v in modal.values.items()]
@@ -123,7 +125,7 @@ def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
 _Part = tuple[Array, str, list[str]]  # coefficients, the matrix they stand in, the names they multiply
 
 
-def _row(own: _Part, driven: _Part, row: int, named: dict[tuple[str, int, int], str]) -> ast.expr:
+def linear_row(own: _Part, driven: _Part, row: int, named: dict[tuple[str, int, int], str]) -> ast.expr:
     """Sum coefficient times name as a balanced tree, so that long rows stay shallow."""
     terms = []
     for coefficients, matrix, names in (own, driven):

@@ -6,13 +6,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aeolid.diagnose.alongside import alongside, with_run
 from aeolid.diagnose.baseline import discretise, equations_of
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.exogenous import with_time
-from aeolid.diagnose.rotor_frame import blade_sets, prepare_record, to_fixed_frame, worth_rate
+from aeolid.diagnose.rotor_frame import blade_sets, to_fixed_frame, worth_rate
+from aeolid.diagnose.sampled import sample_fmu
 from aeolid.diagnose.simulated import Surrogate, surrogate, with_values
 from aeolid.errors import DataError
+from aeolid.identify.decimate import decimate
 from aeolid.models.equations import Auxiliary, Equations
+from aeolid.models.exchange.fmu import Fmu
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
@@ -23,13 +27,15 @@ _MOST_STATES = 40  # beyond that compiling and fitting take minutes
 class Baseline:
     """Hold a baseline as equations, noise states of a linear one included, and the recordings that go with it.
 
-    linear: the model behind the equations where it is one; surrogate: what a simulator's run knows of it.
+    linear: the model behind the equations where it is one; surrogate: what a simulator's run knows of it; inputs: how
+    many of the equations' inputs act on the plant (the others are what a simulation said).
     """
 
     equations: Equations
     linear: StateSpace | None
     surrogate: Surrogate | None
     records: tuple[Record, ...]
+    inputs: int
 
     def bare(self, auxiliaries: tuple[Auxiliary, ...]) -> Equations:
         """Return the equations that a corrected model is built on: no noise states, these intermediates."""
@@ -43,27 +49,34 @@ def baseline_of(case: Case) -> Baseline:
     """Return the baseline of a case; raises DataError or NotIdentifiable with the reason where there is none."""
     if isinstance(case.baseline, Record):
         return _of_run(case, case.baseline)
+    if isinstance(case.baseline, Fmu):
+        return _of_run(replace(case, same_inputs=False), sample_fmu(case.baseline, case.records[0]))
     records = tuple(with_time(r) for r in case.records)
     if isinstance(case.baseline, Equations):
-        return Baseline(case.baseline, None, None, records)
+        return Baseline(case.baseline, None, None, records, len(case.baseline.inputs))
     linear = discretise(case.baseline, case.records[0].sample_time_s)
     if linear.order > _MOST_STATES:
         raise DataError(
             f"{case.baseline_file}: {linear.order} states; reduce the model to at most {_MOST_STATES} for a diagnosis"
         )
-    return Baseline(equations_of(linear, shaped_noise=True), linear, None, records)
+    return Baseline(equations_of(linear, shaped_noise=True), linear, None, records, len(linear.inputs))
 
 
 def _of_run(case: Case, run: Record) -> Baseline:
     """Identify the simulator's run; recording and run go to the fixed frame and the same lower rate."""
-    sets = blade_sets(run, case.context)
+    sets = blade_sets(run, case.context)  # none of a unit that does not turn the rotor
     factor = worth_rate(to_fixed_frame(run, sets))
-    records = tuple(with_time(prepare_record(r, sets, factor)) for r in case.records)
-    found = surrogate(prepare_record(run, sets, factor))
+    turned = [to_fixed_frame(r, sets) for r in case.records]
+    if case.same_inputs:
+        turned = [with_run(r, to_fixed_frame(run, sets)) for r in turned]
+    records = tuple(with_time(decimate(r, factor)) for r in turned)
+    found = surrogate(decimate(to_fixed_frame(run, sets), factor))
     form = with_values(found.form, dict(zip(found.form.values, found.mean.tolist(), strict=True)))
     linear = replace(form.model, K=found.fit.point.K[: form.model.order] if found.fit.point.K is not None else None)
     found = replace(found, form=replace(form, model=linear))
     levels = np.concatenate([r.columns([s.name for s in linear.inputs]) for r in records])
     if not np.all(np.isfinite(levels).any(axis=0)):
         raise DataError(f"{case.records[0].source}: an input of the simulation is never recorded")
-    return Baseline(equations_of(linear, shaped_noise=True, modal=found.form), linear, found, records)
+    equations = equations_of(linear, shaped_noise=True, modal=found.form)
+    equations = alongside(equations, found.form) if case.same_inputs else equations
+    return Baseline(equations, linear, found, records, len(linear.inputs))

@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aeolid.errors import DataError, UsageError
+from aeolid.errors import Contradiction, DataError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.exchange.files import read_state_space
+from aeolid.models.exchange.fmu import Fmu, open_fmu
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record, Roles, check_keys, file_sha256, load_toml, require_same_layout
 
 KINDS = ("state_space", "equations", "run", "fmu")
-_AVAILABLE = ("state_space", "equations", "run")
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +25,12 @@ class Case:
     title: str
     records: tuple[Record, ...]
     kind: str
-    baseline: StateSpace | Equations | Record
+    baseline: StateSpace | Equations | Record | Fmu
     baseline_file: str
     baseline_sha256: str
     context: dict[str, Any]
     directory: Path
+    same_inputs: bool = False
 
 
 def load_case(directory: str | Path) -> Case:
@@ -56,14 +57,20 @@ def load_case(directory: str | Path) -> Case:
     records = tuple(read_record(folder / n, roles) for n in names)
     require_same_layout(records)
     path = folder / file
-    baseline: StateSpace | Equations | Record
+    baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
         baseline = read_record(path, roles)
         require_same_layout((*records, baseline))
+    elif kind == "fmu":
+        baseline = open_fmu(path)
+        _check_unit(baseline, records[0])
     else:
         baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
         _check_channels(baseline, records[0], str(path))
-    return Case(str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder)
+    same = data["baseline"].get("same_inputs", False)
+    return Case(
+        str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
+    )  # fmt: skip
 
 
 def _baseline(table: Any, source: str) -> tuple[str, str]:
@@ -74,14 +81,17 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
     kind = table.get("kind")
     if kind not in KINDS:
         raise DataError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
-    if kind not in _AVAILABLE:
-        raise UsageError(
-            f"{where}: baselines of kind {kind!r} are not diagnosed by this version; identify a model from the"
-            f" simulation (aeolid identify … --out model.json) and give it as kind = 'state_space'"
-        )
+    if not isinstance(table.get("same_inputs", False), bool):
+        raise DataError(f"{where}: same_inputs is true or false")
     if not isinstance(table.get("file"), str):
         raise DataError(f"{where}: file is missing")
     return kind, table["file"]
+
+
+def _check_unit(unit: Fmu, record: Record) -> None:
+    units = {c.name: c.unit for c in record.channels}
+    unit.require(record.names("input"), "input", units)
+    unit.require(record.names("output"), "output", units)
 
 
 def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:
@@ -92,7 +102,7 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 raise DataError(f"{source}: {what} {signal.name!r} is no channel of {record.source}")
             unit, role = units[signal.name]
             if signal.unit and unit and signal.unit.replace(" ", "") != unit.replace(" ", ""):
-                raise DataError(
+                raise Contradiction(
                     f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
                 )
             if what == "output" and role != "output":

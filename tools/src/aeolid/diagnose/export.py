@@ -35,7 +35,7 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
     for a in attachments:
         values.update(a.fixed)
     names = [s.name for s in prepared.extended.states]
-    start = dict(zip(names, fit.point.x0[0].tolist(), strict=True))
+    start = dict(zip(names, fit.point.x0[0][: len(names)].tolist(), strict=True))  # memories start settled
     switches = {k for a in attachments for k in a.fixed}
     parameters = tuple(
         replace(p, value=float(np.clip(values[p.name], p.minimum, p.maximum)), free=p.free or p.name not in switches)
@@ -63,6 +63,15 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
     (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
     return facts
+
+
+def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Write diagnosis.json, an empty sealed_before_after.csv and evidence.json; returns the evidence."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    write_series({}, folder / "sealed_before_after.csv")
+    (folder / "evidence.json").write_text(json.dumps(evidence) + "\n", encoding="utf-8")
+    return evidence
 
 
 def write_series(series: dict[str, Any], path: Path) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline import discretise
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
+from aeolid.models.exchange.fmu import Fmu
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
@@ -53,7 +54,7 @@ class Finding:
         return {"check": self.check, "channel": self.channel, "finding": self.finding, "severity": self.severity}
 
 
-def examine(records: Sequence[Record], baseline: StateSpace | Equations | Record | None = None) -> tuple[Finding, ...]:
+def examine(records: Sequence[Record], baseline: StateSpace | Equations | Record | Fmu | None = None) -> tuple[Finding, ...]:
     """Check every channel that takes part, alone, in pairs and against a free run of the baseline that is a model.
 
     Cost O(N) a channel and pair, and one simulation.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose import modal
+from aeolid.diagnose import alongside, modal
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
 from aeolid.diagnose.baseline import mass_of, shape_forces
 from aeolid.diagnose.baselines import baseline_of
@@ -21,6 +21,7 @@ from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
+from aeolid.diagnose.simulated import Surrogate
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
@@ -54,6 +55,7 @@ class Prepared:
     fit: Fit
     settle_s: float
     decimation: int
+    surrogate: Surrogate | None = None
 
 
 def prepare(case: Case) -> Prepared:
@@ -66,7 +68,7 @@ def prepare(case: Case) -> Prepared:
     names = [s.name for s in declared.inputs] + [c.name for c in exogenous]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
     factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
-    r = len(declared.inputs)
+    r, d = base.inputs, len(declared.inputs)
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
@@ -76,7 +78,7 @@ def prepare(case: Case) -> Prepared:
     declared = base.bare(working.auxiliaries)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
-        working.symbols, exogenous, u[:, r:], case.context,
+        working.symbols[:r], exogenous, u[:, d:], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
     extended = with_exogenous(working, exogenous)
@@ -88,7 +90,8 @@ def prepare(case: Case) -> Prepared:
     predictor = predictor if base.surrogate is None else base.surrogate.inform(predictor)
     predictor, fit = _fit_baseline(predictor, free, start, case)
     return Prepared(
-        declared, linear, extended, predictor, split, attachments, exogenous, motions, free, fit, settle, factor
+        declared, linear, extended, predictor, split, attachments, exogenous, motions, free, fit, settle, factor,
+        base.surrogate,
     )  # fmt: skip
 
 
@@ -248,11 +251,12 @@ def _extend(
     K = None if point.K is None else np.vstack([point.K, np.zeros((extra, m))])
     blank = np.full(len(model.memories), np.nan)
     x0 = tuple(np.concatenate([x[:n], np.zeros(extra), blank]) for x in point.x0)
+    own = [i for i in range(n) if not names[i].startswith(alongside.PREFIX)]
     sensors = range(n + extra + 1, n + extra + m)  # the first sensor's noise sets the scale
     free = Free(
         tuple(i for i, p in enumerate(model.parameters) if p.free),
         (*[i for i in noisy_states(model) if i < n or names[i] in forces], *sensors) if K is None else (),
-        () if K is None else tuple((i, j) for i in range(n) for j in range(m)),
-        tuple(range(n)),
+        () if K is None else tuple((i, j) for i in own for j in range(m)),
+        tuple(own),
     )
     return Predictor(compiled, segments, replace(new, theta=theta_size), 0), free, Point(model.theta, noise, K, x0)

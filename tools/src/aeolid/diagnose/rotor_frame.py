@@ -1,4 +1,4 @@
-"""Bring what is measured on the blades into the frame that does not turn, and recordings to a rate worth fitting."""
+"""Bring what is measured on the blades into the frame that does not turn, and say what rate is worth fitting."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from aeolid.identify.decimate import decimate
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
@@ -64,8 +63,3 @@ def worth_rate(record: Record) -> int:
             fastest = max(fastest, float(f[1:][np.searchsorted(share, _CONTENT * share[-1])]))
     factor = int(1 / (record.sample_time_s * _PER_PERIOD * fastest)) if fastest > 0 else 1
     return max(1, min(factor, len(record) // _FEWEST))
-
-
-def prepare_record(record: Record, sets: Sequence[tuple[str, tuple[str, ...]]], factor: int) -> Record:
-    """Return the recording in the fixed frame at the lower rate."""
-    return decimate(to_fixed_frame(record, sets), factor)

@@ -29,14 +29,14 @@ _BLOCK = 100  # samples a block of the sandwich covariance: longer than the inno
 class Surrogate:
     """Hold the linear model of a run, its parameters' names, and what the run knows of them.
 
-    mean (k,), root (k, k) of the precision, in the order of `form.values`; fit: of the predictor on the run itself.
+    mean (k,), root (k, k) of the precision, in the order of `form.values`; predictor, fit: on the run itself.
     """
 
     form: ModalForm
     mean: Array
     root: Array
+    predictor: Predictor
     fit: Fit
-    equations: Equations
 
     def inform(self, predictor: Predictor) -> Predictor:
         """Return the predictor of an extended model with this knowledge as its prior, and the parameters' sizes."""
@@ -79,7 +79,7 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     names = [p.name for p in model.parameters]
     places = [names.index(n) for n in form.values]
     columns = [fit.free.theta.index(i) for i in places]
-    return Surrogate(form, fit.point.theta[places], _information_root(fit, columns, len(spreads)), fit, model)
+    return Surrogate(form, fit.point.theta[places], _information_root(fit, columns, len(spreads)), predictor, fit)
 
 
 def _whole(run: Record, form: ModalForm) -> Sequence[Segment]:

@@ -1,0 +1,48 @@
+"""Take a case to its verdict, whatever happens on the way: every recording that can be read ends in a diagnosis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.export import write_all, write_ended
+from aeolid.diagnose.forensics import examine
+from aeolid.diagnose.pipeline import Progress, study
+from aeolid.diagnose.verdict import diagnose
+from aeolid.errors import NotIdentifiable
+
+
+def conclude(case: Case, folder: Path, *, sham: int, seed: int, progress: Progress) -> tuple[dict[str, Any], Any]:
+    """Diagnose a case and write what it leaves behind; returns diagnosis.json's content and the evidence.
+
+    A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
+    where that shows (`not_testable`), with the reason as the statement.
+    """
+    faults = [f for f in examine(case.records, case.baseline) if f.severity == "fault"]
+    if faults:
+        text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
+        location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}
+        evidence = {"title": case.title, "forensics": [f.to_json() for f in faults]}
+        return ended("data_fault", case.title, text, folder, location, evidence)
+    try:
+        result = study(case, sham=sham, seed=seed, progress=progress)
+    except NotIdentifiable as error:
+        return ended("not_testable", case.title, str(error), folder)
+    diagnosis = diagnose(result)
+    return diagnosis, write_all(result, diagnosis, folder)
+
+
+def ended(
+    verdict: str, title: str, reason: str, folder: Path,
+    location: dict[str, Any] | None = None, evidence: dict[str, Any] | None = None,
+) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
+    """Write a diagnosis that ended before any effect could be tested; nothing is excluded by it."""
+    diagnosis = {
+        "schema": 1, "title": title, "verdict": verdict, "statement": reason, "effects": [], "location": location,
+        "sealed": {"data": "none was used", "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
+                   "nrmse_after": {}, "recovered_fraction": 0.0},
+        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": None},
+        "not_excluded": [], "next_experiment": None,
+    }  # fmt: skip
+    return diagnosis, write_ended(diagnosis, evidence or {"title": title}, folder)
