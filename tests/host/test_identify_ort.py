@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import linear_sum_assignment
-from scipy.stats import binom, chi2, ncx2
 from scipy.stats import t as student
 
 from aeolid.cli.main import main
@@ -16,7 +15,6 @@ from aeolid.identify.jackknife import leave_one_out, merged
 from aeolid.identify.order import held_out_stretches
 from aeolid.identify.ort import identify_ort
 from aeolid.identify.ort.estimate import Loop, compatibility
-from aeolid.identify.ort.feedback import LAGS, LEVEL, check_feedback
 from aeolid.identify.ort.joint import Layout, decompose_windows, stochastic_rows
 from aeolid.identify.ort.order import joint_loss
 from aeolid.identify.ort.plant import join, reduce
@@ -309,47 +307,6 @@ def test_feedthrough_is_a_mask_over_disturbances(record):
     result = identify_ort([record], past=15, order=2, feedthrough=())
     assert np.all(result.model.D == 0) and result.settings.feedthrough == ()
     assert identify_ort([record], past=15, order=2).model.D[0] == pytest.approx([0.0, 1.0], abs=0.1)
-
-
-def feedback_test(samples, seed, back=0.0):
-    record = simulate_disturbed_loop(samples, seed, back=back)
-    joint = replace(record, channels=tuple(replace(c, role="input") if c.name == "r" else c for c in record.channels))
-    return check_feedback(factorise([joint], UNIT, 22), LAYOUT, ("r",))[0]
-
-
-def test_level_of_the_feedback_test():
-    """No feedback: as many p-values below 5 % and 30 % as chance and the correction for the lags allow, at the most."""
-    p = np.array([feedback_test(1000, seed).p_value for seed in range(60)])
-    for level in (0.05, 0.3):
-        assert np.count_nonzero(p < level) <= binom.ppf(0.999, len(p), level), level
-
-
-@pytest.mark.parametrize("samples, back", [(1000, 0.05), (1000, 0.03), (4000, 0.02)])
-def test_power_of_the_feedback_test(samples, back):
-    """5, 3 or 2 % of y in r: found as often as the noncentral χ² of the best number of lags alone would, at least.
-
-    The noncentrality of each number of lags follows from one recording of 100,000 samples.
-    """
-    record = simulate_disturbed_loop(100_000, 1000, back=back)
-    r, w = record.column("r"), record.columns(["y", "u"])
-    own = np.column_stack([r[12 - i : -i] for i in range(1, 13)])
-    power = []
-    for lags in sorted({min(n, 12) for n in LAGS}):
-        past = np.column_stack([w[12 - i : -i] for i in range(1, lags + 1)])
-        left = [np.linalg.lstsq(X, r[12:], rcond=None)[1][0] for X in (own, np.hstack([own, past]))]
-        limit = chi2.isf(LEVEL / len(LAGS), 2 * lags)
-        power.append(ncx2.sf(limit, 2 * lags, samples * np.log(left[0] / left[1])))
-    found = sum(feedback_test(samples, seed, back).p_value < LEVEL for seed in range(40))
-    assert found >= binom.ppf(0.001, 40, max(power)), (found, power)
-
-
-def test_feedback_is_said_with_its_remedy():
-    result = identify_ort([simulate_disturbed_loop(8000, 1, back=0.05)], past=15, order=2)
-    assert (
-        result.feedback[0].alarms and "'r' is not free of feedback: past inputs and outputs explain" in result.notes[0]
-    )
-    assert "give it the role input and use method varx" in result.notes[0]
-    assert not any(t.alarms for t in identify_ort([simulate_disturbed_loop(1000, 1)], past=15, order=2).feedback)
 
 
 def test_deviations_of_the_poles_match_the_scatter():
