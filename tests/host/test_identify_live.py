@@ -97,6 +97,29 @@ def test_told_deviations_are_those_of_trials(samples, forgetting):
     np.testing.assert_allclose(errors.std(axis=0) / told.mean(axis=0), 1.0, atol=0.25)
 
 
+def test_varmax_is_followed_with_and_without_the_residuals_of_the_filter():
+    errors, told = [], []
+    for seed in range(15):
+        record = simulate_fourth_order(1200, seed, feedback=0.25, noise_variance=0.49)
+        s = settings(record, past=4, model_set="varmax")
+        u, y = record.matrix("input"), record.matrix("output")
+        found = replay_filter(u, y, past=4, method="els", offset=s.offset, scale=s.scale, precision="f64")
+        for e in (found.innovation, None):
+            live = LiveModes(s)
+            early = replay_filter(u[:400], y[:400], past=4, method="els", offset=s.offset, scale=s.scale).theta
+            for part, theta_then in ((slice(0, 400), early), (slice(400, 1200), found.theta)):
+                live.add(np.arange(part.start, part.stop), u[part], y[part], None if e is None else e[part])
+                live.snapshot(theta_then, part.stop - 1)
+            for true in TRUE:
+                mode = min((m.mode for m in live.modes()), key=lambda m: abs(m.frequency_hz - true.frequency_hz))
+                errors.append((mode.frequency_hz - true.frequency_hz, mode.damping - true.damping))
+                told.append((mode.frequency_std_hz or np.nan, mode.damping_std or np.nan))
+    errors, told = np.array(errors), np.array(told, dtype=float)
+    known = np.isfinite(told).all(axis=1)
+    assert known.any() and abs(errors).max() < 0.02
+    assert np.all((abs(errors[known]) < 3 * told[known]).mean(axis=0) > 0.85)
+
+
 def test_a_hole_is_bridged_and_counts_as_missing():
     """Samples 600 … 699 never come, nor does one value of 900: deviations widen a little, modes stay."""
     record = simulate_fourth_order(1500, 5, feedback=0.25, noise_variance=0.49)
