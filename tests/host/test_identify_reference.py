@@ -11,7 +11,11 @@ import pytest
 from scipy.stats import t as student
 from study_modules import STUDIES, load_study
 
-from aeolid.plants.lti import simulate_fourth_order
+from aeolid.plants import moving_poles
+from aeolid.plants.disturbed_loop import disturbed_plant
+from aeolid.plants.hawt import build_turbine
+from aeolid.plants.lpv import benchmark, bilinear_system, flapping_blade
+from aeolid.plants.lti import fourth_order, simulate_fourth_order
 
 study = load_study("reference")
 needs_reference = pytest.mark.skipif(not study.REFERENCE.exists(), reason="../shared/reference is absent")
@@ -40,6 +44,28 @@ def test_every_stored_answer_is_used(found):
     answers = {p.name for p in (study.REFERENCE / "toolbox").glob("*.npz")}
     data = {p.name for p in (study.REFERENCE / "data").glob("*.npz") if not p.name.startswith("true_")}
     assert answers and answers | data <= found[1]
+
+
+@needs_reference
+def test_the_true_systems_are_those_of_the_models_file():
+    """Each built-in plant that judges an answer, and the one of the propagator's study, against models.json."""
+    models = json.loads((study.REFERENCE.parent / "models" / "models.json").read_text())
+    wts, turbine, loop = models["wts"], build_turbine().model(), disturbed_plant()
+    tustin = {k: np.array(v) for k, v in wts["tustin"].items()}
+    rows, columns = wts["id_outputs"], wts["id_inputs"]
+    same = [(turbine.A, tustin["A"]), (turbine.B, tustin["B"][:, columns]), (turbine.C, tustin["C"][rows]),
+            (turbine.D, tustin["D"][np.ix_(rows, columns)]), (loop.D[:, 1:], models["katayama"]["Dr"])]  # fmt: skip
+    same += [(loop.B, np.hstack([models["katayama"]["Bu"], models["katayama"]["Br"]]))]
+    same += [(getattr(loop, k), models["katayama"][k]) for k in "ACK"]
+    same += [(getattr(fourth_order(), k), models["four"][k]) for k in "ABCDK"]
+    for model, name in ((benchmark(), "lpv4"), (flapping_blade(False), "flap"), (bilinear_system(), "bilinear")):
+        for k in "ABCD":
+            told, built = np.array(models[name][k], float), getattr(model, k)
+            same.append((built if told.ndim == 3 else built[0], told))
+            assert told.ndim == 3 or not built[1:].any()
+    same += [(getattr(moving_poles, k), models["rls3"][k]) for k in "ABC"]
+    for built, told in same:
+        np.testing.assert_allclose(built, told, rtol=0, atol=1e-12 * np.max(np.abs(told)))
 
 
 @needs_reference
