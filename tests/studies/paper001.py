@@ -11,6 +11,13 @@ Readings of what the paper leaves open. Table 2: white inputs, no innovation noi
 70.8/67.5/56.8 at p = 5. With 40 dB every entry would be above 95. Figs. 1 and 2: both states measured, white excitation
 of variance one added to the periodic regulator's input (weights one), process noise of variance 0.1. Fig. 3: B does
 not depend on the scheduling, output noise at 15 dB.
+
+Where ours differ from the printed ones. Table 2 with noise: the scheduling is taken about its mean and scaled, so that
+penalty and smallest solution spare products of many factors. At p = 5, N = 1000 and without regularisation six runs
+gave 88, 86, 83 % with it and 68, 64, 57 % with the scheduling as recorded (printed 17, 19, 21; the authors' toolbox 45,
+42, 38 on data like these); with Tikhonov 99.8 and 99.7 (printed 95): the rest there is the cross-validation, which
+scores the filter that is applied. Exact data at p = 5: 99.98 for 100.0, the smallest solution is not unique there.
+Fig. 1: the best number of rows is 60 here and 100 there.
 """
 
 from __future__ import annotations
