@@ -131,6 +131,9 @@ def test_a_hole_is_bridged_and_counts_as_missing():
     broken = type(record)(record.time_s, values, record.channels, 1.0, "", "")
     feed(holed, broken, start=700)
     assert (holed.missing, whole.missing, holed.last) == (101, 0, 1499)
+    k = np.arange(1500)
+    good = ((k >= 6) & (k < 600)) | ((k >= 706) & ((k < 900) | (k > 906)))  # the window is full and spans no hole
+    assert holed._moments.weight == pytest.approx(float((0.995 ** (1499.0 - k[good])).sum()))
     for live in (whole, holed):
         live.snapshot(theta(record, live.settings, 1500), 1499)
     for a, b in zip(whole.modes(), holed.modes(), strict=True):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
 LIKELY = 3.84  # rise of χ² within which the onset lies in 95 %
+STEPS = 8  # places of an onset between two periods
 NOTABLE = 4.0  # deviations a change must have to be named: a page of a hundred modes has none by chance
 SHARE = 0.8  # of a turbine's periods a mode must be found in
 LIGHT = 0.2  # damping above which a pole is not followed by name: such poles wander with the order
@@ -32,7 +33,8 @@ def find_onset(times: Sequence[float], values: Sequence[float], deviations: Sequ
     if len(t) < 5 or np.ptp(t) == 0 or len(known) < len(t):
         return None
     weight = 1 / np.asarray(known) ** 2
-    starts = np.unique(t)[:-2]
+    places = np.unique(t)[:-1]
+    starts = np.interp(np.arange((len(places) - 1) * STEPS + 1) / STEPS, np.arange(len(places)), places)
     fits = [_hinge(t, y, weight, start) for start in starts]
     loss = np.array([fit[0] for fit in fits])
     best = int(np.argmin(loss))

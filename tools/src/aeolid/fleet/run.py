@@ -116,7 +116,13 @@ def _group(files: Sequence[FileDone], plan: Plan, skipped: Skipped) -> list[Peri
             (done.factor, start)
         )
     periods = [
-        Period(turbine, label, min(start for _, start in found), tuple(sorted(factor for factor, _ in found)))
+        Period(
+            turbine,
+            label,
+            min(start for _, start in found),
+            tuple(sorted(factor for factor, _ in found)),
+            middle_s=sum(sorted(start for _, start in found)) / len(found),
+        )
         for (turbine, label), found in members.items()
     ]
     return sorted(periods, key=lambda p: (p.turbine, p.start_s, p.label))
@@ -156,7 +162,8 @@ def _model(periods: list[Period], plan: Plan, cache: str, pool: Pool, tell: Noti
         if isinstance(result, str):
             skipped.add("period", f"{period.turbine}, {period.label}", result)
         else:
-            found.append({"turbine": period.turbine, "period": period.label, "start_s": period.start_s} | result)
+            when = {"start_s": period.start_s, "middle_s": period.middle_s}
+            found.append({"turbine": period.turbine, "period": period.label} | when | result)
     return found
 
 
@@ -188,7 +195,7 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
     series: dict[tuple[str, int], list[tuple[float, Facts]]] = {}
     place: Counter[str] = Counter()
     for period in periods:
-        time = period["start_s"] / TIME_UNIT_S if clocks else float(place[period["turbine"]])
+        time = period["middle_s"] / TIME_UNIT_S if clocks else float(place[period["turbine"]])
         place[period["turbine"]] += 1
         for mode in period["modes"]:
             series.setdefault((period["turbine"], mode["track"]), []).append((time, mode))

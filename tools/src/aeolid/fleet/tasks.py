@@ -51,6 +51,7 @@ class Period:
     start_s: float
     factors: tuple[str, ...]
     order: int | None = None
+    middle_s: float = 0.0  # mean start of its recordings
 
     @property
     def merged(self) -> str:
