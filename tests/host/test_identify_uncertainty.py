@@ -150,12 +150,13 @@ def frequency_response_of(model, frequency_hz):
 
 
 def test_unknown_phase_is_said_and_gain_is_a_distance():
-    covariance = np.broadcast_to(np.diag([1.0, 4.0]), (3, 1, 1, 2, 2))
-    band = Band(np.array([0.1, 0.2, 0.3]), np.array([10.0, 10j, 1 + 1j])[:, None, None], covariance)
-    np.testing.assert_allclose(band.gain_std.ravel(), [1.0, 2.0, np.sqrt(2.5)])
-    np.testing.assert_allclose(band.phase_std.ravel(), [0.2, 0.1, np.nan])
+    """2 at a deviation of 1 is 4 off in the squared distance: within the 5.99 of the ellipse, the phase is unknown."""
+    covariance = np.broadcast_to(np.diag([1.0, 4.0]), (4, 1, 1, 2, 2))
+    band = Band(np.array([0.1, 0.2, 0.3, 0.4]), np.array([10.0, 10j, 1 + 1j, 2.0])[:, None, None], covariance)
+    np.testing.assert_allclose(band.gain_std.ravel(), [1.0, 2.0, np.sqrt(2.5), 1.0])
+    np.testing.assert_allclose(band.phase_std.ravel(), [0.2, 0.1, np.nan, np.nan])
     facts = band.to_json(["u"], ["y"])
-    assert facts["pairs"][0]["phase_std_deg"][2] is None and facts["pairs"][0]["gain"] == [10.0, 10.0, 1.4142]
+    assert facts["pairs"][0]["phase_std_deg"][2] is None and facts["pairs"][0]["gain"] == [10.0, 10.0, 1.4142, 2.0]
 
 
 def test_grid_is_closer_at_light_modes():

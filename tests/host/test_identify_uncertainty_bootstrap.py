@@ -101,9 +101,17 @@ def test_a_perturbation_is_another_regression_with_the_same_windows(parts):
     assert abs(found.A - same.A).max() > 1e-3 and scaling.channels == 4
 
 
-def test_perturbations_scatter_as_the_sandwich_says(parts):
-    """Blocks of one window: the covariance of ΔΞ is G (Σ s sᵀ) G N/(N − rank) with the scores s, G = (Ψ Ψᵀ)⁻¹."""
-    _, factor, estimate, scores = parts
+@pytest.mark.parametrize("samples", [900, 130])
+def test_perturbations_scatter_as_the_sandwich_says(records, samples):
+    """Blocks of one window: the covariance of ΔΞ is G (Σ s sᵀ) G N/(N − rank), scores s, G = (Ψ Ψᵀ)⁻¹.
+
+    Of 124 windows 25 regressors take 12 % of a deviation away, which the factor gives back.
+    """
+    record = records[0].slice(0, samples)
+    scaling = find_scaling([record])
+    factor = factorise([record], scaling, PAST)
+    estimate = estimate_markov(factor, THROUGH, "none")
+    scores = collect_scores([record], scaling, factor, estimate.theta, KEEP)
     drawn = signs(scores, 1.0, 4000, 1)
     deltas = np.array([d[0, KEEP] for d in perturbations(factor, estimate, scores, KEEP, drawn)])
     inverse = np.linalg.inv(factor.R[:, KEEP].T @ factor.R[:, KEEP])
@@ -111,7 +119,8 @@ def test_perturbations_scatter_as_the_sandwich_says(parts):
     expected = inverse @ (s.T @ s) @ inverse * factor.windows / (factor.windows - 25)
     np.testing.assert_allclose(deltas.std(axis=0), np.sqrt(np.diag(expected)), rtol=0.05)
     asymptotic = estimate.residual_covariance[0, 0] * (estimate.spread @ estimate.spread.T)[KEEP][:, KEEP]
-    np.testing.assert_allclose(np.diag(expected), np.diag(asymptotic), rtol=0.3)
+    ratio = np.diag(expected) / np.diag(asymptotic)
+    assert ratio.mean() == pytest.approx(1, abs=0.15) and np.all((ratio > 0.5) & (ratio < 1.6))
 
 
 @pytest.mark.parametrize("identify", [identify_varx, identify_varmax])

@@ -286,16 +286,21 @@ def draw(path: Path, facts: dict[str, Any]) -> None:
         if "band" in row:
             over = row["band"]["over_frequency"]
             frequency = np.array(over["frequency_hz"])
-            axes[1].semilogx(frequency / frequency[-1], 100 * np.array(over["ellipse"]),
-                             label=f"{row['system']}, {row['method']}")  # fmt: skip
+            style = {
+                "color": f"C{list(SYSTEMS).index(row['system'])}",
+                "linestyle": "--" if "bootstrap" in row["method"] else "-",
+                "linewidth": 2.2 if "varmax" in row["method"] else 1,
+                "label": f"{row['system']}, {row['method']}",
+            }
+            axes[1].semilogx(frequency / frequency[-1], 100 * np.array(over["ellipse"]), **style)
     axes[0].set_xticks(range(len(facts["rows"])), [f"{r['system']}\n{r['method']}" for r in facts["rows"]], rotation=90)
-    axes[1].set(xlabel="frequency over the highest", title="95 % ellipses of the frequency response", ylim=(60, 100))
+    axes[1].set(xlabel="frequency over the highest", title="95 % ellipses of the frequency response", ylim=(50, 100))
     axes[0].set(title="95 % intervals of the modes", ylabel="coverage (%)", ylim=(80, 100))
     for axis in axes:
         axis.axhspan(92, 98, color="0.9")
         axis.axhline(95, color="0.5", linewidth=1)
         if axis.get_legend_handles_labels()[0]:
-            axis.legend(fontsize=7, loc="lower right")
+            axis.legend(fontsize=7, loc="lower right", ncols=2)
     figure.tight_layout()
     figure.savefig(path, dpi=75)
     plt.close(figure)
