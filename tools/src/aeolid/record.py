@@ -159,19 +159,43 @@ def file_sha256(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def require_same_layout(records: Sequence[Record]) -> None:
-    """Refuse an experiment set whose recordings differ in channels, units or sample time."""
+def require_same_layout(records: Sequence[Record], *, ordered: bool = True) -> None:
+    """Refuse an experiment set whose recordings differ in channels, units, roles or sample time; names the channel.
+
+    ordered: whether the channels must stand in the same order too.
+    """
     if not records:
         raise UsageError("at least one recording is needed")
     first = records[0]
     for other in records[1:]:
-        if [(c.name, c.unit, c.role) for c in other.channels] != [(c.name, c.unit, c.role) for c in first.channels]:
-            raise DataError(f"{other.source}: channels, units or roles differ from {first.source}")
+        difference = _difference(first, other) or _order_difference(first, other, ordered)
+        if difference:
+            raise DataError(f"{other.source}: channels, units or roles differ from {first.source}: {difference}")
         if abs(other.sample_time_s - first.sample_time_s) > 1e-6 * first.sample_time_s:
             raise DataError(
                 f"{other.source}: sample time {other.sample_time_s} s differs from {first.sample_time_s} s"
                 f" in {first.source}; resample one of them"
             )
+
+
+def _difference(first: Record, other: Record) -> str:
+    """Say by which channel two recordings differ, whatever the order; empty where they do not."""
+    there, here = ({c.name: c for c in r.channels} for r in (first, other))
+    for name in [*there, *here]:
+        if name not in here or name not in there:
+            return f"channel {name!r} is {'missing' if name in there else 'not in the other'}; leave it out of both"
+        for what in ("unit", "role"):
+            mine, others = getattr(here[name], what), getattr(there[name], what)
+            if mine != others:
+                return f"channel {name!r} has the {what} {mine!r}, there {others!r}; bring both to the same"
+    return ""
+
+
+def _order_difference(first: Record, other: Record, ordered: bool) -> str:
+    for there, here in zip(first.channels, other.channels, strict=True) if ordered else ():
+        if here.name != there.name:
+            return f"channel {here.name!r} stands where {there.name!r} does there; bring both to the same order"
+    return ""
 
 
 def _read_channel(entry: Any, index: int, source: str) -> Channel:

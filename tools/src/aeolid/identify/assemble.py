@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
+from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.extended import collect
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
@@ -98,6 +99,7 @@ def assemble(
     streamed = estimate.theta if settings.markov else None
     choice = _order(windows, settings, through, basis, streamed)
     require_order(choice.order, largest_useful_order(basis), records[0].source)
+    require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
@@ -140,12 +142,13 @@ def _order(
 ) -> OrderChoice:
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
+    records, scaling, past = windows.records, windows.scaling, settings.past
+    most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
+    require_order(1, most, records[0].source)
     head = _head_states(windows, settings, through, streamed)
-    records, scaling, past, most = windows.records, windows.scaling, settings.past, LARGEST_AUTO_ORDER
     unseen = choose_held_out(windows.fitted, head, held_out_stretches(records, scaling, past), through, most)
     everything = held_out_stretches(records, scaling, past, 0.0)
     information = information_orders(windows.whole, basis, everything, through, most)
-    most = min(most, largest_useful_order(basis))
     return decide(settings.order_criterion, unseen, information, basis.singular_values, most)
 
 

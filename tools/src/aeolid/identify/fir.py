@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
 from aeolid.identify.decimate import decimate
+from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
@@ -91,6 +92,7 @@ def identify_fir(
     basis = find_states(whole, estimate.theta, settings.future)
     choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through)
     require_order(choice.order, largest_useful_order(basis), source)
+    require_own_excitation(whole, scaling.inputs, choice.order, through, source)
     T = basis.state_map(choice.order)
     scaled = fit_matrices(whole, T, through)
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))

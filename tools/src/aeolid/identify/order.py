@@ -44,6 +44,11 @@ class OrderChoice:
 
 def require_order(order: int, usable: int, source: str) -> None:
     """Refuse an order beyond what the data carry; usable: number of singular values above rounding."""
+    if usable == 0:
+        raise NotIdentifiable(
+            f"{source}: no state: nothing of the outputs follows from the past, 0 singular values above rounding, "
+            "1 is needed; look at the roles, or lengthen the past window"
+        )
     if order > usable:
         raise NotIdentifiable(
             f"{source}: order {order} asked for, the data carry {usable} singular values above rounding; "
@@ -111,9 +116,9 @@ def choose_held_out(
     stabilised predictor run over the held-out samples; the log of each output's error power is averaged over outputs,
     so that outputs of any size count alike. None without held-out samples.
     """
-    if sum(len(z) for z in held_out) < 20 * fitted.channels:
-        return None
     most = min(most, largest_useful_order(basis))
+    if most == 0 or sum(len(z) for z in held_out) < 20 * fitted.channels:
+        return None
     return smallest_sufficient([_log_powers(fitted, basis, n, held_out, feedthrough)[0] for n in range(1, most + 1)])
 
 

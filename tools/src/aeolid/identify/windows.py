@@ -133,14 +133,14 @@ def find_scaling(records: Sequence[Record]) -> Scaling:
 
     Raises NotIdentifiable on a constant channel, DataError on a channel without samples or none of a role.
     """
-    require_same_layout(records)
+    require_same_layout(records, ordered=False)
     inputs, outputs = records[0].names("input"), records[0].names("output")
     if not inputs or not outputs:
         role = "input" if not inputs else "output"
         raise DataError(f"{records[0].source}: no channel has the role {role!r}; name one in the roles file")
-    columns = _columns(records[0], inputs + outputs)
-    count, mean, square = np.zeros(len(columns)), np.zeros(len(columns)), np.zeros(len(columns))
+    count, mean, square = (np.zeros(len(inputs + outputs)) for _ in range(3))
     for record in records:
+        columns = _columns(record, inputs + outputs)
         for start in range(0, len(record), 1 << 16):
             chunk = record.values[start : start + (1 << 16), columns]
             if np.isinf(chunk).any():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.windows import CONSTANT, Scaling, find_scaling
-from aeolid.record import Record, require_same_layout
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -104,7 +104,6 @@ def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, ce
 
     Raises NotIdentifiable on a constant input, output or scheduling channel and on collinear scheduling channels.
     """
-    require_same_layout(records)
     signals = find_scaling(records)
     if centre is None:
         centre = bool((abs(signals.offset) > MEAN_MATTERS * signals.scale).any())

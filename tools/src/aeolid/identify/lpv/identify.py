@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.decimate import decimate
+from aeolid.identify.excitation import require_told_apart
 from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
 from aeolid.identify.lpv.dual import SELECTIONS, require_kernel, solve_dual
@@ -153,9 +154,10 @@ def _require_data(
             f"{structure.parameters} scheduling entries needs at least {needed}; record longer or use a shorter past "
             "window"
         )
+    lagged = np.stack([data.u[data.targets - j] for j in range(data.past, -1, -1)], axis=1)  # (N, p + 1, r)
+    lagged = lagged - lagged.mean(axis=0)
     for i, name in enumerate(names):
-        lagged = np.column_stack([data.u[data.targets - j, i] for j in range(data.past + 1)])
-        s = np.linalg.svd(lagged - lagged.mean(axis=0), compute_uv=False)
+        s = np.linalg.svd(lagged[:, :, i], compute_uv=False)
         rank = int(np.count_nonzero(s > EXCITED * s[0]))
         if 2 * rank < data.past + 1:
             raise NotIdentifiable(
@@ -163,6 +165,7 @@ def _require_data(
                 f"of {data.past + 1} directions, half of them are needed; excite it over the frequencies of interest, "
                 "or use a shorter past window"
             )
+    require_told_apart(lagged, names, source)
     if settings.method == "lpv":
         require_primal(data, structure, source, settings.memory_gb * 1e9)
     else:
