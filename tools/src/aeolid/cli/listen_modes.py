@@ -90,7 +90,10 @@ class ModeFollower:
             arrived = node.now.samples.arrived
             if due or arrived - followed.arrived >= LOOK_VALUES:
                 followed.arrived = arrived
-                self._hand_on(node, followed, last)
+                try:
+                    self._hand_on(node, followed, last)
+                except Exception as error:  # whatever modes come to, reception and recording go on
+                    followed.problem = f"{type(error).__name__}: {error}"
 
     def _followed(self, node: Node) -> _Followed:
         followed = self._nodes.get(node.number)
@@ -203,7 +206,7 @@ class ModeFollower:
                 live = followed.live = followed.live or _live_of(followed.configuration, self._order)
                 work.run(live)
                 modes = live.modes()
-            except Exception as error:  # whatever modes come to, reception and recording go on
+            except Exception as error:
                 followed.problem = str(error) if isinstance(error, AeolidError) else f"{type(error).__name__}: {error}"
                 modes = ()
             with self._lock:
