@@ -68,51 +68,57 @@ class Effect(NamedTuple):
     lag: float = 0.0  # s, of the pitch drive
     wind: float = 1.0  # m/s standard deviation
     wind_s: float = 8.0  # its memory
-    flap: float = 0.0  # N m, flap noise
+    noise: float = 1.0  # factor on sensor noise and side wind
     coarse: float = 1.0  # factor on the injected pitch steps
     dwell: float = 10.0  # samples between pitch steps
     gusts: float = 0.0  # m/s, of a measured wind from a mast upstream: acts in full
 
 
 NOTHING = Effect()
+(
+    MASS, PITCH_OFFSET, WEIGHT, SHEAR, SKEW, SHADOW, SAMPLING, WAKE, WAKE_S,
+    WAGNER, WAGNER_S, BEND, REGION, CP, DENSITY, LOSS, SEA_M, SEA_S,
+    SEA_FORCE, HIDDEN, HIDDEN_S, LAG, WIND, WIND_S, NOISE, COARSE, DWELL,
+    GUSTS,
+) = range(28)  # fmt: skip
 
 
 @njit(cache=True)
-def _blade_winds(e: Effect, v: float, psi: float, out: np.ndarray) -> None:
+def _blade_winds(e: np.ndarray, v: float, psi: float, out: np.ndarray) -> None:
     """Return the wind (3,) each blade meets."""
     for b in range(3):
         angle = psi + 2 * math.pi / 3 * b
         up, side = math.cos(angle), math.sin(angle)
         w = v
-        if e.shear:
-            w += V0 * ((1 + ARM / HUB * up) ** e.shear - 1)
-        if e.skew:  # the advancing blade, and the skewed wake at an induction of 0.1
-            turn = e.skew * math.pi / 180
+        if e[SHEAR]:
+            w += V0 * ((1 + ARM / HUB * up) ** e[SHEAR] - 1)
+        if e[SKEW]:  # the advancing blade, and the skewed wake at an induction of 0.1
+            turn = e[SKEW] * math.pi / 180
             w += -V0 * V0 * math.sin(turn) * 0.3 / (SPEED0 * ARM) * up
             w += 0.1 * V0 * 15 * math.pi / 32 * math.tan(0.53 * turn) * ARM / RADIUS * side * 4
-        if e.shadow and up < 0:
+        if e[SHADOW] and up < 0:
             y, x = ARM * side, 5.0
-            w += V0 * e.shadow**2 * (y * y - x * x) / (x * x + y * y) ** 2
+            w += V0 * e[SHADOW] ** 2 * (y * y - x * x) / (x * x + y * y) ** 2
         out[b] = w
 
 
 @njit(cache=True)
-def _loads(e: Effect, s: np.ndarray, pitch: float, v: float, w: np.ndarray) -> tuple:
+def _loads(e: np.ndarray, s: np.ndarray, pitch: float, v: float, w: np.ndarray) -> tuple:
     """Return aerodynamic torque, thrust, tilting moment, in-plane force and the flap moment of blade 1."""
     _blade_winds(e, v - s[3], s[1], w)
     acting = pitch - PITCH0
-    if e.wake:
-        acting = (1 + e.wake) * acting - e.wake * s[7]
-    if e.wagner:
-        acting = (1 - e.wagner) * acting + e.wagner * (2 * s[6] + s[7]) / 3
-    gain = math.exp(e.bend * (v - V0)) * (1 + (e.region if v > V0 else 0.0))
+    if e[WAKE]:
+        acting = (1 + e[WAKE]) * acting - e[WAKE] * s[7]
+    if e[WAGNER]:
+        acting = (1 - e[WAGNER]) * acting + e[WAGNER] * (2 * s[6] + s[7]) / 3
+    gain = math.exp(e[BEND] * (v - V0)) * (1 + (e[REGION] if v > V0 else 0.0))
     torque = thrust = tilt = plane = flap = 0.0
     for b in range(3):
         angle = s[1] + 2 * math.pi / 3 * b
-        d = gain * acting + (e.pitch_offset if b == 0 else 0.0)
+        d = gain * acting + (e[PITCH_OFFSET] if b == 0 else 0.0)
         push = (T0 + T_V * (w[b] - V0) + T_B * d + T_W * (s[0] - SPEED0)) / 3
         turn = (TORQUE0 + Q_V * (w[b] - V0) + Q_B * d + Q_W * (s[0] - SPEED0)) / 3
-        push, turn = push * (1 + e.density), turn * (1 + e.density) * (1 + e.cp)
+        push, turn = push * (1 + e[DENSITY]), turn * (1 + e[DENSITY]) * (1 + e[CP])
         torque, thrust = torque + turn, thrust + push
         tilt += push * ARM * math.cos(angle)
         plane += turn / ARM * math.sin(angle)
@@ -122,42 +128,42 @@ def _loads(e: Effect, s: np.ndarray, pitch: float, v: float, w: np.ndarray) -> t
 
 
 @njit(cache=True)
-def _flow(e: Effect, s: np.ndarray, pitch: float, generator: float, v: float, side: float, sea: float,
+def _flow(e: np.ndarray, s: np.ndarray, pitch: float, generator: float, v: float, side: float, sea: float,
           d: np.ndarray, w: np.ndarray) -> float:  # fmt: skip
     """Write ds/dt: speed, azimuth, fore-aft, side-side, three hidden states; returns the flap moment."""
-    acting = s[8] if e.lag else pitch
-    if e.hidden:
+    acting = s[8] if e[LAG] else pitch
+    if e[HIDDEN]:
         acting += s[6]
     torque, thrust, tilt, plane, flap = _loads(e, s, acting, v, w)
     swing = math.sin(s[1] + 0.7)
-    d[0] = (torque - generator + (9.81 * e.mass + e.weight) * swing) / J
+    d[0] = (torque - generator + (9.81 * e[MASS] + e[WEIGHT]) * swing) / J
     d[1] = s[0]
-    push = thrust - T0 + sea + (1.5 / HUB * tilt if e.pitch_offset else 0.0)
+    push = thrust - T0 + sea + (1.5 / HUB * tilt if e[PITCH_OFFSET] else 0.0)
     d[2], d[3] = s[3], (push - C_FA * s[3] - K_FA * s[2]) / M
-    pull = ROLL * (generator - TORQUE0) + side + 0.6 * sea + e.mass * s[0] ** 2 * swing
-    pull += plane if e.pitch_offset else 0.0
+    pull = ROLL * (generator - TORQUE0) + side + 0.6 * sea + e[MASS] * s[0] ** 2 * swing
+    pull += plane if e[PITCH_OFFSET] else 0.0
     d[4], d[5] = s[5], (pull - C_SS * s[5] - K_SS * s[4]) / M
     d[6] = d[7] = d[8] = 0.0
-    if e.hidden:
-        d[6] = e.hidden * (pitch - PITCH0) - s[6] / e.hidden_s
-    elif e.wake:  # Øye: k = 0.6, the second stage a quarter as slow
-        d[6] = (pitch - PITCH0 - s[6]) / e.wake_s
-        d[7] = (0.6 * (pitch - PITCH0) + 0.4 * s[6] - s[7]) / (0.26 * e.wake_s)
-    elif e.wagner:
-        d[6] = (pitch - PITCH0 - s[6]) / (e.wagner_s / 6.6)
-        d[7] = (pitch - PITCH0 - s[7]) / e.wagner_s
-    if e.lag:
-        d[8] = (pitch - s[8]) / e.lag
+    if e[HIDDEN]:
+        d[6] = e[HIDDEN] * (pitch - PITCH0) - s[6] / e[HIDDEN_S]
+    elif e[WAKE]:  # Øye: k = 0.6, the second stage a quarter as slow
+        d[6] = (pitch - PITCH0 - s[6]) / e[WAKE_S]
+        d[7] = (0.6 * (pitch - PITCH0) + 0.4 * s[6] - s[7]) / (0.26 * e[WAKE_S])
+    elif e[WAGNER]:
+        d[6] = (pitch - PITCH0 - s[6]) / (e[WAGNER_S] / 6.6)
+        d[7] = (pitch - PITCH0 - s[7]) / e[WAGNER_S]
+    if e[LAG]:
+        d[8] = (pitch - s[8]) / e[LAG]
     return flap
 
 
 @njit(cache=True)
-def _advance(e: Effect, s: np.ndarray, u: tuple, winds: np.ndarray, sides: np.ndarray, seas: np.ndarray,
+def _advance(e: np.ndarray, s: np.ndarray, u: tuple, winds: np.ndarray, sides: np.ndarray, seas: np.ndarray,
              k: np.ndarray, w: np.ndarray, phase: np.ndarray) -> None:  # fmt: skip
     """Advance s by one sample in 20 Runge–Kutta steps; commands held, disturbances held over each step."""
     h = STEP_S / FINE
     for j in range(FINE):
-        v = winds[j] + e.sampling * (phase[j, 0] * math.cos(3 * s[1]) + phase[j, 1] * math.sin(3 * s[1]))
+        v = winds[j] + e[SAMPLING] * (phase[j, 0] * math.cos(3 * s[1]) + phase[j, 1] * math.sin(3 * s[1]))
         _flow(e, s, u[0], u[1], v, sides[j], seas[j], k[0], w)
         _flow(e, s + 0.5 * h * k[0], u[0], u[1], v, sides[j], seas[j], k[1], w)
         _flow(e, s + 0.5 * h * k[1], u[0], u[1], v, sides[j], seas[j], k[2], w)
@@ -166,7 +172,7 @@ def _advance(e: Effect, s: np.ndarray, u: tuple, winds: np.ndarray, sides: np.nd
 
 
 @njit(cache=True)
-def _run(e: Effect, samples: int, wind: np.ndarray, side: np.ndarray, sea: np.ndarray, phase: np.ndarray,
+def _run(e: np.ndarray, samples: int, wind: np.ndarray, side: np.ndarray, sea: np.ndarray, phase: np.ndarray,
          test: np.ndarray, noise: np.ndarray) -> np.ndarray:  # fmt: skip
     """Close the loop; rows: pitch deg, torque kN m, speed, fore-aft, side-side, power kW, flap kN m, azimuth deg."""
     s, k, w = np.zeros(9), np.zeros((4, 9)), np.zeros(3)
@@ -181,11 +187,11 @@ def _run(e: Effect, samples: int, wind: np.ndarray, side: np.ndarray, sea: np.nd
         pitch = integral + 31.0 * schedule * (filtered - SPEED0) + test[i, 0]
         generator = TORQUE0 + test[i, 1]
         j = i * FINE
-        v = wind[j] + e.sampling * (phase[j, 0] * math.cos(3 * s[1]) + phase[j, 1] * math.sin(3 * s[1]))
+        v = wind[j] + e[SAMPLING] * (phase[j, 0] * math.cos(3 * s[1]) + phase[j, 1] * math.sin(3 * s[1]))
         flap = _flow(e, s, pitch, generator, v, side[j], sea[j], k[0], w)
         rows[i, 0], rows[i, 1], rows[i, 2] = pitch, generator / 1e3, seen
         rows[i, 3], rows[i, 4] = k[0, 3] + noise[i, 1], k[0, 5] + noise[i, 2]
-        rows[i, 5] = 0.944 * (1 - e.loss) * generator * s[0] / 1e3 + noise[i, 3]
+        rows[i, 5] = 0.944 * (1 - e[LOSS]) * generator * s[0] / 1e3 + noise[i, 3]
         rows[i, 6] = flap / 1e3 + noise[i, 4]
         rows[i, 7] = s[1] * 180 / math.pi % 360
         _advance(e, s, (pitch, generator), wind[j:], side[j:], sea[j:], k, w, phase[j:])
@@ -226,7 +232,7 @@ def simulate(e: Effect, samples: int, seed: int) -> dict[str, np.ndarray]:
     rng = np.random.default_rng(seed)
     n, h = samples * FINE, STEP_S / FINE
     wind = V0 + e.wind * _memory(rng, n, e.wind_s, h)
-    side = 2e3 * _memory(rng, n, 3.0, h)
+    side = 2e3 * e.noise * _memory(rng, n, 3.0, h)
     mast = _memory(rng, samples, 3.0, STEP_S)
     gust = np.repeat(e.gusts * mast, FINE)
     phase = np.column_stack([_memory(rng, n, 8.0, h), _memory(rng, n, 8.0, h)])
@@ -238,8 +244,8 @@ def simulate(e: Effect, samples: int, seed: int) -> dict[str, np.ndarray]:
             8e4 * np.repeat(rng.choice([-1.0, 1.0], samples // 7 + 1), 7)[:samples],
         ]
     )
-    noise = rng.standard_normal((samples, 6)) * np.array([1e-3, 1e-2, 5e-3, 10.0, 50.0 + e.flap / 1e3, 0.3])
-    rows = _run(e, samples, wind + gust, side, sea, phase, test, noise)
+    noise = rng.standard_normal((samples, 6)) * e.noise * np.array([1e-3, 1e-2, 5e-3, 10.0, 50.0, 0.3])
+    rows = _run(np.array(e), samples, wind + gust, side, sea, phase, test, noise)
     names = ("pitch", "torque", "rotor_speed", "tower_fore_aft", "tower_side_side", "power", "flap_moment_1", "azimuth")
     columns = dict(zip(names, rows.T, strict=True))
     nacelle = (wind + gust)[::FINE] + noise[:, 5]
@@ -280,7 +286,7 @@ _PARAMETERS = (
     ("Q_V", Q_V, "N s", False), ("Q_B", Q_B, "N m/deg", True), ("Q_W", Q_W, "N m s", True),
     ("T_V", T_V, "N s/m", False), ("T_B", T_B, "N/deg", True), ("T_W", T_W, "N s", False),
     ("c_fa", C_FA, "N s/m", False), ("k_fa", K_FA, "N/m", True), ("c_ss", C_SS, "N s/m", True),
-    ("k_ss", K_SS, "N/m", True), ("wind_rate", 0.125, "1/s", True), ("roll", ROLL, "1/m", False),
+    ("k_ss", K_SS, "N/m", True), ("wind_rate", 0.125, "1/s", False), ("roll", ROLL, "1/m", False),
 )  # fmt: skip
 _THRUST = "T_V*(wind_speed - v_fa) + T_B*(pitch - 14.9) + T_W*(omega - 1.267)"
 _STATES = (

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import ast
 from dataclasses import replace
 
 from aeolid.diagnose.catalogue import rotor
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
 
 _RATIO = "tower_shadow_ratio"
@@ -29,26 +27,28 @@ def _attach(site: Site) -> list[Attachment]:
     return made if not made or twice is None else [_with_dip(made[0], places, twice)]
 
 
-def _with_dip(made: Attachment, places: list[tuple[rotor.Place, str]], twice: str) -> Attachment:
+def _with_dip(made: Attachment, places: list[tuple[rotor.Place, str]], twice: rotor.Angle) -> Attachment:
     """Add the second harmonic of the dip: cos 2(x − φ) for a first harmonic A cos(x − φ) = c cos x + s sin x."""
     pairs = [(made.slots[2 * k].name, made.slots[2 * k + 1].name, p) for k, (p, _) in enumerate(places)]
-    terms = [(p, _second(c, s, twice, _FLOOR * p.size), f"tower_shadow_dip{k}") for k, (c, s, p) in enumerate(pairs)]
+    terms = []
+    for k, (c, s, p) in enumerate(pairs):
+        held, now = (_second(c, s, x, _FLOOR * p.size) for x in (twice.held, twice.now))
+        terms.append(rotor.Term(p, held, now, f"tower_shadow_dip{k}"))
 
     def edit(model: Equations) -> Equations:
         model = made.edit(model)
         model = replace(model, parameters=(*model.parameters, Parameter(_RATIO, 0.0, "1", 0.0, 1.5)))
-        for p, term, name in terms:
-            model = rotor.push(model, p.add, term, name)
+        for term in terms:
+            model = term.on(model)
         return model
 
     ratio = Slot(_RATIO, "second_harmonic", "1", 0.0, 0.0, 1.5, 0.3, local=False)
     return replace(made, edit=edit, slots=(*made.slots, ratio), starts=({}, {_RATIO: 0.5}))
 
 
-def _second(c: str, s: str, twice: str, floor: float) -> ast.expr:
+def _second(c: str, s: str, twice: str, floor: float) -> str:
     size = f"sqrt({c}**2 + {s}**2 + {floor * floor!r})"
-    text = f"{_RATIO}*(({c}**2 - {s}**2)*cos({twice}) + 2*{c}*{s}*sin({twice}))/{size}"
-    return ex.parse(text, "tower shadow")
+    return f"{_RATIO}*(({c}**2 - {s}**2)*cos({twice}) + 2*{c}*{s}*sin({twice}))/{size}"
 
 
 ENTRY = Entry(
