@@ -122,8 +122,9 @@ def test_a_lead_is_the_input_and_what_is_left_of_its_changes() -> None:
 
 
 def test_a_factor_is_a_factor() -> None:
-    np.testing.assert_array_equal(apply("input_scale", SMOOTH, 1.0), SMOOTH)
-    np.testing.assert_array_equal(apply("input_scale", SMOOTH, -57.3), -57.3 * SMOOTH)
+    np.testing.assert_array_equal(apply("input_scale", SMOOTH, 9.0, 0.0), SMOOTH)
+    np.testing.assert_allclose(apply("input_scale", SMOOTH, -57.3, 1.0), -57.3 * SMOOTH, rtol=1e-14)
+    np.testing.assert_allclose(apply("input_scale", SMOOTH, -1.0, 0.25), 0.5 * SMOOTH, rtol=1e-14)
 
 
 @pytest.mark.parametrize("delay", [-3.7, -1.0, -0.25, 0.0, 0.4, 2.0])

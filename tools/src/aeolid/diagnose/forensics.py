@@ -35,7 +35,6 @@ RATIOS: tuple[tuple[float, str], ...] = (
     (3.6, "km/h to a m/s"),
     (100.0, "centimetres to a metre"),
     (1000.0, "a thousand"),
-    (1e6, "a million"),
 )
 _NEAR = 0.03  # relative distance at which a known ratio is said
 
@@ -54,7 +53,9 @@ class Finding:
         return {"check": self.check, "channel": self.channel, "finding": self.finding, "severity": self.severity}
 
 
-def examine(records: Sequence[Record], baseline: StateSpace | Equations | Record | Fmu | None = None) -> tuple[Finding, ...]:
+def examine(
+    records: Sequence[Record], baseline: StateSpace | Equations | Record | Fmu | None = None
+) -> tuple[Finding, ...]:
     """Check every channel that takes part, alone, in pairs and against a free run of the baseline that is a model.
 
     Cost O(N) a channel and pair, and one simulation.

@@ -163,7 +163,7 @@ def _lead_lag(u: Array, values: Array, step: float) -> Array:
 
 
 def _scale(u: Array, values: Array, step: float) -> Array:
-    scaled: Array = u * values[0]
+    scaled: Array = u * (1.0 + values[1] * (values[0] - 1.0))
     return scaled
 
 
@@ -177,7 +177,7 @@ KINDS: dict[str, FilterKind] = {
     "dead_zone": FilterKind(("width", "share"), _dead_zone),
     "backlash": FilterKind(("width", "share"), _backlash),
     "input_quantisation": FilterKind(("spacing", "share"), _quantisation),
-    "input_scale": FilterKind(("factor",), _scale),
+    "input_scale": FilterKind(("factor", "share"), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""

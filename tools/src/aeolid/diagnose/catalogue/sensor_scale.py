@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.wiring import with_filter, with_reading
+from aeolid.diagnose.catalogue.wiring import likeness, with_filter, with_reading
 from aeolid.diagnose.forensics import RATIOS, ratio_text
 from aeolid.models.equations import Equations, Parameter
 
-_LARGEST = 2e6
+_LARGEST = 2000.0
 _UNITS_ONLY = 3.0  # from here on a factor is no tolerance of a gain
+_ALIKE = 0.5  # correlation with a free run
+_UNITS = ((", larger unit", _UNITS_ONLY, _LARGEST), (", smaller unit", 1 / _LARGEST, 1 / _UNITS_ONLY))
 
 
 def _statement(name: str, what: str, v: Mapping[str, float]) -> str:
@@ -26,45 +29,62 @@ def _attach(site: Site) -> list[Attachment]:
     With one output a scaled sensor and a wrong gain are the same thing; so are a scaled input and its gain.
     """
     result = []
-    whole = ("", 1 / _LARGEST, _LARGEST, 1 / _LARGEST, _LARGEST)
-    parts = ((", larger unit", 1.0, _LARGEST, _UNITS_ONLY, _LARGEST),
-             (", smaller unit", 1 / _LARGEST, 1.0, 1 / _LARGEST, 1 / _UNITS_ONLY))  # fmt: skip
     for j, name in enumerate(site.output_names):
-        for k, form in enumerate((whole,) if len(site.output_names) > 1 else parts):
-            factor = f"sensor_scale_{j + 1}_{k + 1}"
-
-            def read(model: Equations, name: str = name, factor: str = factor, form: _Form = form) -> Equations:
-                added = Parameter(factor, 1.0, "1", form[1], form[2])
-                return with_reading(model, name, f"{factor}*reading", (added,))
-
-            result.append(_hypothesis(name, "sensor", form, read, factor))
+        if len(site.output_names) > 1:
+            result.append(_any_factor(j, name, _is_clear(site, j)))
+        else:
+            result += [_unit(f"sensor_unit_{j + 1}_{k + 1}", name, "sensor", *form) for k, form in enumerate(_UNITS)]
     for i, name in enumerate(site.input_names):
-        for k, form in enumerate(parts):
-            factor = f"input_scale_{i + 1}_{k + 1}"
-
-            def act(model: Equations, name: str = name, factor: str = factor, form: _Form = form) -> Equations:
-                return with_filter(model, name, "input_scale", (Parameter(factor, 1.0, "1", form[1], form[2]),))
-
-            result.append(_hypothesis(name, "input", form, act, factor))
+        result += [_unit(f"input_unit_{i + 1}_{k + 1}", name, "input", *form) for k, form in enumerate(_UNITS)]
     return result
 
 
-_Form = tuple[str, float, float, float, float]  # words, range of the parameter, range that is accepted
+def _ratios(low: float, high: float) -> list[float]:
+    return [r for ratio, _ in RATIOS for r in (ratio, 1 / ratio) if low < r < high]
 
 
-def _hypothesis(
-    name: str, what: str, form: _Form, edit: Callable[[Equations], Equations], factor: str
-) -> Attachment:  # fmt: skip
-    words, low, high = form[0], form[3], form[4]
-    where = (
-        location(f"output:{name}", outputs=(name,)) if what == "sensor" else location(f"input:{name}", inputs=(name,))
-    )
-    ratios = [r for ratio, _ in RATIOS for r in (ratio, 1 / ratio) if low < r < high]
+def _is_clear(site: Site, j: int) -> bool:
+    """Tell whether a free run resembles the output in all but size: a fitted baseline may hide that from the scores."""
+    alike, ratio = likeness(site)[j]
+    return bool(alike > _ALIKE and (ratio > _UNITS_ONLY or ratio < 1 / _UNITS_ONLY))
+
+
+def _any_factor(j: int, name: str, clear: bool) -> Attachment:
+    factor = f"sensor_scale_{j + 1}"
+    low = -1e-5 * _LARGEST  # below zero, so that a thousandth is not the end of the range
+
+    def edit(model: Equations) -> Equations:
+        added = Parameter(factor, 1.0, "1", low, _LARGEST)
+        return with_reading(model, name, f"{factor}*reading", (added,), slope=f"1/max({factor}, 1e-6)")
+
+    return Attachment(
+        "sensor_scale", f"sensor_scale output:{name}", location(f"output:{name}", outputs=(name,)), edit,
+        (Slot(factor, "factor", "1", 1.0, low, _LARGEST, 1e-3),),
+        starts=({}, *({factor: r} for r in _ratios(low, _LARGEST))),
+        equation=f"{name}_recorded = factor*{name}",
+        statement=partial(_statement, name, "sensor"),
+        always_fit=clear,
+    )  # fmt: skip
+
+
+def _unit(tag: str, name: str, what: str, words: str, low: float, high: float) -> Attachment:
+    """Blend a factor in by a share; the bank tries the mildest known ratio, the fit all of them."""
+    share, ratios = f"{tag}_share", sorted(_ratios(low, high), key=lambda r: abs(math.log(r)))
+    parameters = (Parameter(tag, ratios[0], "1", low, high), Parameter(share, 0.0, "", 0.0, 1.0))
+    is_sensor = what == "sensor"
+
+    def edit(model: Equations) -> Equations:
+        if not is_sensor:
+            return with_filter(model, name, "input_scale", parameters)
+        return with_reading(model, name, f"reading*(1 + {share}*({tag} - 1))", parameters)
+
+    where = location(f"output:{name}", outputs=(name,)) if is_sensor else location(f"input:{name}", inputs=(name,))
     return Attachment(
         "sensor_scale", f"sensor_scale {where['entry']}{words}", where, edit,
-        (Slot(factor, "factor", "1", 1.0, low, high, 1e-3),),
-        starts=({}, *({factor: r} for r in ratios)),
-        equation=f"{name}_recorded = factor*{name}" if what == "sensor" else f"{name}_acting = factor*{name}_recorded",
+        (Slot(tag, "factor", "1", ratios[0], low, high, 1e-3, local=False),
+         Slot(share, None, "", 0.0, 0.0, 1.0, 1e-3)),
+        fixed={share: 1.0}, grid=({tag: ratios[0]},), starts=tuple({tag: r} for r in ratios), share=share,
+        equation=f"{name}_recorded = factor*{name}" if is_sensor else f"{name}_acting = factor*{name}_recorded",
         statement=partial(_statement, name, what),
     )  # fmt: skip
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 
+import numpy as np
+
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
-from aeolid.diagnose.catalogue.wiring import with_filter, with_reading
+from aeolid.diagnose.catalogue.wiring import SHARE_SIZE, likeness, with_filter, with_reading
 from aeolid.models.equations import Equations, Parameter
+
+_AGAINST = -0.5  # correlation with a free run: a fitted baseline may hide the sign so well that no score is left
 
 
 def _statement(name: str, what: str, _: Mapping[str, float]) -> str:
@@ -15,39 +19,46 @@ def _statement(name: str, what: str, _: Mapping[str, float]) -> str:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    """Offer a reversed sign of every output and input; the factor goes from 1 to −1."""
+    """Offer a reversed sign of every output and input: by a share s the channel counts 1 − 2 s times."""
     result = []
+    against = likeness(site)[:, 0] < _AGAINST
     for j, name in enumerate(site.output_names):
-        sign = f"sensor_sign_{j + 1}"
+        share = f"sensor_sign_{j + 1}"
 
-        def turn(model: Equations, name: str = name, sign: str = sign) -> Equations:
-            return with_reading(model, name, f"{sign}*reading", (_factor(sign),), slope=sign)
+        def turn(model: Equations, name: str = name, share: str = share) -> Equations:
+            sign = f"1 - 2*{share}"
+            return with_reading(model, name, f"({sign})*reading", (_share(share),), slope=sign)
 
-        where = location(f"output:{name}", outputs=(name,))
-        result.append(_hypothesis(name, "sensor", where, turn, sign))
+        result.append(
+            _hypothesis(name, "sensor", location(f"output:{name}", outputs=(name,)), turn, share, bool(against[j]))
+        )
     for i, name in enumerate(site.input_names):
-        sign = f"input_sign_{i + 1}"
+        share = f"input_sign_{i + 1}"
 
-        def mirror(model: Equations, name: str = name, sign: str = sign) -> Equations:
-            return with_filter(model, name, "input_scale", (_factor(sign),))
+        def mirror(model: Equations, name: str = name, share: str = share) -> Equations:
+            minus = Parameter(f"{share}_factor", -1.0, "1", -1.0, -1.0)
+            return with_filter(model, name, "input_scale", (minus, _share(share)))
 
-        result.append(_hypothesis(name, "input", location(f"input:{name}", inputs=(name,)), mirror, sign))
+        result.append(
+            _hypothesis(name, "input", location(f"input:{name}", inputs=(name,)), mirror, share, bool(np.all(against)))
+        )
     return result
 
 
-def _factor(sign: str) -> Parameter:
-    return Parameter(sign, 1.0, "1", -1.0, 1.0)
+def _share(name: str) -> Parameter:
+    return Parameter(name, 0.0, "", 0.0, 1.0)
 
 
 def _hypothesis(
-    name: str, what: str, where: dict[str, object], edit: Callable[[Equations], Equations], sign: str
+    name: str, what: str, where: dict[str, object], edit: Callable[[Equations], Equations], share: str, clear: bool
 ) -> Attachment:
     return Attachment(
         "sensor_sign", f"sensor_sign {where['entry']}", where, edit,
-        (Slot(sign, None, "", 1.0, -1.0, 1.0, 0.01),),
-        fixed={sign: -1.0},
+        (Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE),),
+        fixed={share: 1.0},
         equation=f"{name}_recorded = -{name}",
         statement=partial(_statement, name, what),
+        always_fit=clear,
     )  # fmt: skip
 
 

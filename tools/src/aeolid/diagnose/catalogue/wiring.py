@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
+from aeolid.errors import DataError
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, InputFilter, Memory, Output, Parameter
-from aeolid.models.integrate import compile_equations, numeric_jacobian, output_jacobian
+from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, output_jacobian, simulate
 
 Array = NDArray[np.float64]
 SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
+_FADING = 0.3  # a tenth of the frequency: a steady response keeps its size, a speed's falls to a tenth
 _SMALL = 0.1  # of an output's own direction: what lies outside the reach of forces must be more to count
 
 
@@ -101,39 +103,79 @@ def is_continuous(values: Array) -> bool:
 
 
 @lru_cache(maxsize=4)
+def likeness(site: Site) -> Array:
+    """Return (l, 2): correlation of each output with a free run of the model, and its spread over that of the run.
+
+    Zeros where the model cannot run free over the data.
+    """
+    none = np.zeros((len(site.output_names), 2))
+    try:
+        if site.linear is not None:
+            free = site.linear.simulate(site.u)
+        else:
+            compiled = _compiled(site)
+            free = simulate(compiled, site.u, compiled.model.theta, compiled.model.x0, site.step)
+    except DataError:
+        return none
+    stride = max(round(site.row_step / site.step), 1)
+    free = free[::stride][: len(site.y)]
+    for j, (y, m) in enumerate(zip(site.y[: len(free)].T, free.T, strict=True)):
+        good = np.isfinite(y)
+        if np.all(np.isfinite(m)) and good.sum() > 50 and spread_of(m) > 0 and spread_of(y) > 0:
+            none[j] = np.corrcoef(y[good], m[good])[0, 1], spread_of(y) / spread_of(m)
+    return none
+
+
+@lru_cache(maxsize=4)
+def _compiled(site: Site) -> Compiled:
+    return compile_equations(replace(site.model, filters=()))
+
+
+@lru_cache(maxsize=4)
 def imitated_by_forces(site: Site) -> tuple[bool, ...]:
     """Tell for each output whether steady forces that nobody measured could move it alone.
 
     The responses to a slow force on every state that noise drives (an offset of every input, for a linear model) span
-    what disturbances do; a direction that lies in this span, but for a tenth, says nothing about a sensor.
+    what disturbances do; a direction that lies in this span, but for a tenth, says nothing about a sensor. A response
+    that fades with the frequency (a speed, of a mass on a spring) is none: the force would have to grow without end.
     """
-    turn = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
-    if site.linear is not None:
-        gap = np.exp(1j * turn * site.step) * np.eye(site.linear.order) - site.linear.A
-        responses = site.linear.C @ np.linalg.solve(gap, site.linear.B.astype(complex)) + site.linear.D
-    else:
-        responses = _responses(site, turn)
-    if not responses.size or not np.all(np.isfinite(responses)):
+    slow = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
+    moved, slower = (_linear_responses(site, w) if site.linear else _responses(site, w) for w in (slow, 0.1 * slow))
+    if not slower.size or not np.all(np.isfinite(slower)) or not np.all(np.isfinite(moved)):
         return (False,) * len(site.output_names)
+    steady = np.where(np.abs(slower) > _FADING * np.abs(moved), slower, 0.0)
     sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
-    scaled = responses / sizes[:, None]
+    scaled = steady / sizes[:, None]
     U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
-    inside = np.linalg.norm(U[:, s > _SMALL * s[0]], axis=1)
+    inside = np.linalg.norm(U[:, s > _SMALL * max(s[0], 1e-300)], axis=1)
     return tuple(bool(1 - x * x < _SMALL**2) for x in inside)
 
 
+def _linear_responses(site: Site, turn: float) -> Array:
+    """Return the response (l, r) of a linear model's outputs to its inputs at `turn` rad/s."""
+    assert site.linear is not None
+    gap = np.exp(1j * turn * site.step) * np.eye(site.linear.order) - site.linear.A
+    result: Array = site.linear.C @ np.linalg.solve(gap, site.linear.B.astype(complex)) + site.linear.D
+    return result
+
+
 def _responses(site: Site, turn: float) -> Array:
-    """Return the outputs' response (l, f) to the unmeasured forces of the model at rest, each slow and of size one."""
-    model = site.model
-    compiled = compile_equations(replace(model, filters=()))
-    u = np.median(site.u, axis=0)
-    J = numeric_jacobian(compiled, model.x0, u, model.theta)
-    C = output_jacobian(compiled, model.x0, u, model.theta)
-    forces = np.array([s.name.startswith("unmeasured_") for s in model.states])
+    """Return the outputs' response (l, f) to the unmeasured forces of the model at its start, at `turn` rad/s."""
+    J, C, forces = _linearised(site)
     if not np.any(forces) or not np.all(np.isfinite(J)):
-        return np.zeros((len(model.outputs), 0))
-    own = ~forces
-    s = np.exp(1j * turn * model.sample_time_s) if model.sample_time_s else 1j * turn
+        return np.zeros((len(C), 0))
+    own, step = ~forces, site.model.sample_time_s
+    s = np.exp(1j * turn * step) if step else 1j * turn
     moved = np.linalg.solve(s * np.eye(int(own.sum())) - J[np.ix_(own, own)], J[np.ix_(own, forces)].astype(complex))
     result: Array = C[:, own] @ moved + C[:, forces]
     return result
+
+
+@lru_cache(maxsize=4)
+def _linearised(site: Site) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the Jacobians of the equations at their start and which states are unmeasured forces."""
+    model = site.model
+    compiled, u = _compiled(site), np.median(site.u, axis=0)
+    J = numeric_jacobian(compiled, model.x0, u, model.theta)
+    C = output_jacobian(compiled, model.x0, u, model.theta)
+    return J, C, np.array([s.name.startswith("unmeasured_") for s in model.states])
