@@ -74,6 +74,11 @@ class Loop:
         model = fit_response(model, self.lq, self.layout) if response == "fit" else model
         return with_better_gain(model, self.predictor, self.factor, self.layout), values
 
+    def poles(self, joint_order: int, order: int) -> NDArray[np.complex128]:
+        """Return the poles (n,) of the plant; neither gain nor the fit of the response moves them."""
+        model, _ = reduce(join(*self.subsystems(joint_order), self.layout), self.factor, order)
+        return np.linalg.eigvals(model.A).astype(complex)
+
 
 def compatibility(deterministic: Deterministic, stochastic: Stochastic) -> float:
     """Return |Γ_d − Γ_s T|/|Γ_d|: 0 where both subsystems show the same poles, Lemma 4."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,7 +52,8 @@ def identify_ort(
 
     records: one experiment set with at least one channel each of role input, disturbance and output, merged exactly; no
     window spans two of them. past, future: p and f samples of the two halves of a window, f default p, f above the
-    order of plant and controller together; (A − K C)ᵖ should be negligible. order: n of the plant; joint_order: n of
+    order of plant and controller together; (A − K C)ᵖ should be negligible, (A − K C)ᵖ⁺ᶠ is enough for K, which PBSIDopt
+    of the same windows gives where that predicts better. order: n of the plant; joint_order: n of
     plant and controller together, of both subsystems; both by default chosen on held-out data. feedthrough: names of
     disturbances that act on the outputs within the sample, default all (D of a feedback-free signal has no bias).
     response: "fit" (default) fits B and D of the disturbances again given the rest, which halves their scatter on the
@@ -73,7 +74,7 @@ def identify_ort(
     _require_orders(loop, settings, source)
     orders = _choose(loop, merged(groups[: round(FIT_PART * GROUPS)]), held_out, settings)
     scaled, values, gap = _solve(loop, orders, settings)
-    spread = jackknife(groups, np.linalg.eigvals(scaled.A).astype(complex), _poles(layout, orders, settings))
+    spread = jackknife(groups, np.linalg.eigvals(scaled.A).astype(complex), _poles(layout, orders))
     model, fit = _finish(scaled, whole, scaling, records, settings.stable)
     tests = check_feedback(whole, layout, settings.disturbances)
     return OrtIdentification(
@@ -205,11 +206,9 @@ def _finish(
     return with_innovations(model, records)
 
 
-def _poles(layout: Layout, orders: tuple[OrderChoice, OrderChoice], settings: OrtSettings):  # type: ignore[no-untyped-def]
-    def estimate(factor: WindowFactor) -> NDArray[np.complex128]:
-        return np.linalg.eigvals(_solve(Loop.of(factor, layout), orders, settings)[0].A).astype(complex)
-
-    return estimate
+def _poles(layout: Layout, orders: tuple[OrderChoice, OrderChoice]) -> Callable[[WindowFactor], NDArray[np.complex128]]:
+    """Return what estimates the poles of these orders from another factor."""
+    return lambda factor: Loop.of(factor, layout).poles(orders[0].order, orders[1].order)
 
 
 def _notes(
