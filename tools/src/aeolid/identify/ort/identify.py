@@ -52,8 +52,8 @@ def identify_ort(
 
     records: one experiment set with at least one channel each of role input, disturbance and output, merged exactly; no
     window spans two of them. past, future: p and f samples of the two halves of a window, f default p, f above the
-    order of plant and controller together; (A − K C)ᵖ should be negligible, (A − K C)ᵖ⁺ᶠ is enough for K, which PBSIDopt
-    of the same windows gives where that predicts better. order: n of the plant; joint_order: n of
+    order of plant and controller together; (A − K C)ᵖ should be negligible, for K (A − K C)ᵖ⁺ᶠ: PBSIDopt of the same
+    windows gives it where that predicts better. order: n of the plant; joint_order: n of
     plant and controller together, of both subsystems; both by default chosen on held-out data. feedthrough: names of
     disturbances that act on the outputs within the sample, default all (D of a feedback-free signal has no bias).
     response: "fit" (default) fits B and D of the disturbances again given the rest, which halves their scatter on the
