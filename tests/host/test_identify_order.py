@@ -1,0 +1,151 @@
+"""Hold the choice of the order to what each criterion says by its definition."""
+
+import json
+
+import numpy as np
+import pytest
+
+from aeolid.cli.main import main
+from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.identify.assemble import compress
+from aeolid.identify.lpv.matrices import least_squares as shared
+from aeolid.identify.markov import estimate_markov
+from aeolid.identify.order import (
+    OrderChoice,
+    decide,
+    held_out_stretches,
+    information_orders,
+    require_order,
+    smallest_sufficient,
+)
+from aeolid.identify.subspace import find_states, least_squares, system_matrices
+from aeolid.identify.varmax import identify_varmax
+from aeolid.identify.varx import identify_varx
+from aeolid.identify.windows import find_scaling
+from aeolid.plants.lti import simulate_fourth_order
+
+
+@pytest.fixture(scope="module")
+def record():
+    return simulate_fourth_order(1500, 3, feedback=0.25)
+
+
+def test_the_smallest_within_the_tolerance_is_taken_and_said():
+    losses = [0.0, -1.0, -1.19, -1.2, -1.205, np.inf]
+    choice = smallest_sufficient(losses)
+    assert choice.order == 3 and choice.losses == tuple(losses)
+    assert choice.reason == (
+        "order 3: the smallest whose one-step error on the held-out last 30% is within 2% per output of the best "
+        "(order 5 of 1 to 6)"
+    )
+    other = smallest_sufficient(losses, tolerance=0.001, what="joint order", of=" of all", each="channel", tail="; so")
+    assert other.order == 5 and other.reason.startswith("joint order 5: the smallest whose one-step error of all on")
+    assert other.reason.endswith("within 0% per channel of the best (joint order 5 of 1 to 6); so")
+    assert shared is least_squares
+
+
+def test_information_criteria_are_those_of_the_predictors_run_in_plain_words(record):
+    """N Σ log P + cost (n (2 l + r) + l d + l) with the predictor stepped sample by sample."""
+    scaling, past = find_scaling([record]), 6
+    factor, through = compress([record], scaling, past).whole, (True, False)
+    basis = find_states(factor, estimate_markov(factor, through, "gcv").theta, past)
+    z = held_out_stretches([record], scaling, past, 0.0)
+    assert len(z) == 1 and len(z[0]) == 1500
+    found = information_orders(factor, basis, z, through, 6)
+    costs = {"aic": [], "bic": []}
+    for n in range(1, 7):
+        T = basis.state_map(n)
+        m = system_matrices(factor, T, through)
+        x, errors = T @ z[0][:past].ravel(), []
+        for row in z[0][past:]:
+            errors.append(row[2:] - m.C @ x - m.D @ row[:2])
+            x = m.A @ x + m.B @ row[:2] + m.K @ errors[-1]
+        N, k = len(errors), n * (2 * 2 + 2) + 2 * 1 + 2
+        power = N * np.log(np.var(errors, axis=0)).sum()
+        costs["aic"].append(power + 2 * k)
+        costs["bic"].append(power + np.log(N) * k)
+    assert found == {name: int(np.argmin(values)) + 1 for name, values in costs.items()}
+    assert found["bic"] == 4
+
+
+@pytest.mark.parametrize("method", [identify_varx, identify_varmax])
+def test_every_criterion_decides_when_asked_and_the_others_are_said(record, method):
+    for criterion, start in (
+        ("held-out", "order 4: the smallest whose one-step error on the held-out last 30%"),
+        ("bic", "order 4: of least BIC among 1 to 12"),
+        ("gap", "order 4: the singular values fall most after 4"),
+    ):
+        result = method([record], past=6, order_criterion=criterion, uncertainty="none")
+        reason, answers = result.order_choice.reason, result.to_json()["order_criteria"]
+        assert reason.startswith(start) and set(answers) == {"held-out", "aic", "bic", "gap"}
+        assert result.order == answers[criterion] == 4 and result.settings.order_criterion == criterion
+        words = {"held-out": "the held-out error says 4", "aic": f"AIC says {answers['aic']}", "bic": "BIC says 4"}
+        assert all((text in reason) == (name != criterion) for name, text in words.items())
+        assert "the singular values fall most after 4 (factor" in reason
+
+
+def test_where_nothing_can_be_held_out_bic_decides_and_without_it_the_gap():
+    values = np.array([9.0, 8.0, 1.0, 0.5])
+    choice = decide("held-out", None, {"aic": 4, "bic": 3}, values, 4)
+    assert choice.order == 3 and choice.reason == (
+        "order 3: of least BIC among 1 to 4; too few samples to hold some out; AIC says 4; "
+        "the singular values fall most after 2 (factor 8.0)"
+    )
+    choice = decide("held-out", None, {}, values, 4)
+    assert choice.order == 2 and choice.reason.endswith("after 2 (factor 8.0); too few samples to hold some out")
+    short = identify_varx([simulate_fourth_order(150, 1)], past=6).order_choice
+    assert set(short.answers) == {"aic", "bic", "gap"} and short.order == short.answers["bic"]
+    kept = OrderChoice(5, "order 5: because", (0.0,) * 5)
+    assert decide("held-out", kept, {}, values, 4).reason.startswith("order 5: because; the singular values")
+
+
+def test_exact_data_have_the_exact_order_by_every_criterion_but_chance():
+    """Orders that leave rounding only are equals: the smallest of them is the system's."""
+    clean = simulate_fourth_order(600, 2, noise_variance=0.0)
+    answers = identify_varx([clean], past=6, regularization="none", uncertainty="none").order_choice.answers
+    assert answers == {"held-out": 4, "aic": 4, "bic": 4, "gap": 4}
+
+
+def test_bad_choices_are_named(record):
+    with pytest.raises(UsageError, match="order criterion 'mdl' is none of held-out, aic, bic, gap"):
+        identify_varx([record], past=6, order_criterion="mdl")
+    clean = simulate_fourth_order(600, 2, noise_variance=0.0)
+    with pytest.raises(NotIdentifiable, match="order 8 asked for, the data carry 4 singular values above rounding"):
+        identify_varx([clean], past=6, order=8, regularization="none")
+
+
+def test_outputs_that_follow_from_nothing_are_refused():
+    with pytest.raises(NotIdentifiable, match="no state: nothing of the outputs follows from the past, 0 singular"):
+        require_order(1, 0, "a.csv")
+    require_order(2, 2, "a.csv")
+
+
+ROLES = "[recording]\nsample_time_s = 1.0\n" + "".join(
+    f'[[channel]]\nname = "{n}"\nunit = "V"\nrole = "{role}"\n'
+    for n, role in (("u1", "input"), ("u2", "input"), ("y1", "output"), ("y2", "output"))
+)
+
+
+def test_the_command_takes_criterion_and_refinement(tmp_path, record, capsys):
+    (tmp_path / "roles.toml").write_text(ROLES)
+    np.savetxt(tmp_path / "rec.csv", record.values, delimiter=",", header="u1,u2,y1,y2", comments="")
+    base = ["identify", str(tmp_path / "rec.csv"), "--roles", str(tmp_path / "roles.toml"), "--past", "6", "--out",
+            str(tmp_path / "model.json")]  # fmt: skip
+    facts = tmp_path / "facts.json"
+    assert main([*base, "--order-criterion", "bic", "--refine", "--json", str(facts)]) == 0
+    found = json.loads(facts.read_text())
+    assert found["order_reason"].startswith("order 4: of least BIC") and found["order_criteria"]["held-out"] == 4
+    assert found["settings"]["refined"] is True and found["settings"]["order_criterion"] == "bic"
+    assert found["refinement"]["held_out_error_power_lower_by"] >= 0
+    assert any("refined" in note for note in found["notes"])
+    capsys.readouterr()
+    for options, words in (
+        (["--order-criterion", "mdl"], "'mdl' is none of"),
+        (["--order-criterion", "bic", "--order", "4"], "decides where --order is auto, not 4"),
+        (["--order-criterion", "bic", "--method", "fir"], "--method fir chooses its own way"),
+        (["--refine", "--method", "ort"], "--refine is for --method varx, varmax, lpv and lpv-kernel, not ort"),
+        (["--no-refine", "--method", "fir"], "not fir"),
+        (["--refine", "--uncertainty", "bootstrap"], "repeats the subspace estimate"),
+    ):
+        assert main([*base, *options]) == 2
+        assert words in " ".join(capsys.readouterr().err.split())
