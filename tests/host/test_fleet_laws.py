@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from study_modules import load_study
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.fleet.modelling import choose_common_order, model_summary
@@ -16,7 +17,7 @@ from aeolid.fleet.tracking import drift, mac, track
 from aeolid.identify.varx import identify_varx
 from aeolid.identify.windows import factorise, find_scaling
 from aeolid.plants.lti import simulate_fourth_order
-from aeolid.record import Roles
+from aeolid.record import Channel, Record, Roles
 
 PAST = 8
 
@@ -254,3 +255,17 @@ def test_changes_by_chance_are_not_named():
     assert notable(moved, 52) and not notable(moved, 80)
     assert not notable(moved | {"damping": {"first": 0.5, "last": 0.5}}, 52)
     assert say_change(moved) == "T7, mode 3: rises from 5 Hz by 10.20 ± 0.19 % all along, 52 periods"
+
+
+def test_the_plant_of_the_study_falls_by_three_percent_from_day_120_on():
+    study = load_study("fleet")
+    assert [study.frequency_at(day) for day in (0, 120, 365)] == pytest.approx([0.32, 0.32, 0.3104])
+    for day in (0.0, 364.9):
+        columns = study.simulate(day, 3)
+        roles = (("a", "input"), ("b", "input"), ("c", "output"), ("d", "output"))
+        values = np.column_stack([columns[name] for name, _ in roles])
+        channels = tuple(Channel(name, "", role) for name, role in roles)
+        record = Record(columns["time_s"], values, channels, study.STEP, "study", "0")
+        modes = identify_varx([record], past=20, order=4).modes
+        for mode, true in zip(modes, (study.frequency_at(day), 0.9), strict=True):
+            assert abs(mode.frequency_hz - true) < 4 * mode.frequency_std_hz < 0.02

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from pathlib import Path
 
+import flood_traffic
 import numpy as np
 import pandas as pd
 import pytest
 from harness import Relay, drop, listen
+from test_listen import Endless
 
+from aeolid.can import RunRecorder
+from aeolid.can.reception import Reception
+from aeolid.cli.listen_modes import ModeFollower
 from aeolid.formats import write_table
+from aeolid.identify.live import LiveModes
 from aeolid.plants.moving_poles import CHANGE, simulate_moving_poles
 
 ROLES = "[recording]\nsample_time_s = 1.0\n" + "".join(
@@ -130,3 +137,22 @@ def test_wrong_options_are_named(tmp_path, options, words):
     finished, _ = listen("tcp:1", tmp_path, *options)
     finished.assert_clean(2)
     assert words in " ".join(finished.err.split())
+
+
+def test_memory_stays_flat_while_modes_are_followed(tmp_path):
+    """60,000 samples of a node without snapshots: what is held does not grow, and every sample is taken."""
+    source = Endless(60_000)
+    follower = ModeFollower(None, None, every_s=1.0, patient=True)
+    tracemalloc.start()
+    try:
+        reception = Reception(source, RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
+        reception.watch = follower.look
+        assert reception.run(lambda: False, None, False) == "enough"
+    finally:
+        tracemalloc.stop()
+        follower.finish()
+    early, late = source.memory[10:20], source.memory[-10:]
+    assert max(late) - max(early) < 500_000
+    facts = follower.facts(flood_traffic.NODE)
+    assert facts is not None and isinstance(follower._nodes[flood_traffic.NODE].live, LiveModes)
+    assert (facts["samples"], facts["missing"], facts["left_out"]) == (62_000, 0, 0)

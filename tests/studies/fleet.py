@@ -167,7 +167,7 @@ def main(arguments: list[str] | None = None) -> int:
                  f" a year of {YEAR} recordings: {(start + slope * YEAR) / 60:.0f} min,"
                  f" {YEAR * rows[3][2]['cache_mb'] / counts[-1] / 1e3:.1f} GB of cache")  # fmt: skip
     tracks = drift_of(again)
-    lines += rows[-1][2]["text"].splitlines()
+    lines += [line for line in rows[-1][2]["text"].splitlines() if "written to" not in line]
     lines += [f"mode {t['track']}: " + json.dumps(t["frequency_hz"]) for t in tracks]
     text = "\n".join(lines)
     print(text)

@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 LOOK_S = 0.25  # how often new samples are looked for
 LOOK_VALUES = 8192  # values of a node after which they are, whatever the time
 SETTLE = 16  # samples that an incomplete one may be late
-QUEUED = 512  # pieces of work that may wait
+QUEUED = 32_768  # samples that may wait
 BATCH = 256  # samples of one piece
 COLUMNS = (
     ("time_s", "s"), ("node", ""), ("mode", ""), ("frequency_hz", "Hz"), ("frequency_std_hz", "Hz"), ("damping", ""),
@@ -55,6 +55,7 @@ class _Work:
     node: int
     followed: _Followed
     run: Callable[[LiveModes], None]
+    samples: int = 0
 
 
 class ModeFollower:
@@ -71,8 +72,10 @@ class ModeFollower:
         self.fault: str | None = None  # why the table could not be written
         self._table, self._order, self._every_s, self._patient, self._only = table, order, every_s, patient, only
         self._nodes: dict[int, _Followed] = {}
-        self._queue: queue.Queue[_Work | None] = queue.Queue(QUEUED)
+        self._queue: queue.SimpleQueue[_Work | None] = queue.SimpleQueue()
         self._lock = threading.Lock()
+        self._room = threading.Condition()
+        self._waiting = 0  # samples in the queue
         self._looked = 0.0
         self._thread = threading.Thread(target=self._work, name="modes", daemon=True)
         self._thread.start()
@@ -145,7 +148,7 @@ class ModeFollower:
             def add(live: LiveModes, index: Any = index, values: Any = values, e: Any = e) -> None:
                 self._add(number, followed, live, index, (values[:, :r], values[:, r:m], e))
 
-            if not self._put(_Work(number, followed, add)):
+            if not self._put(_Work(number, followed, add, len(part))):
                 followed.dropped += len(part)
         followed.used = int(table.index[rows[-1]])
 
@@ -163,10 +166,14 @@ class ModeFollower:
         return e
 
     def _put(self, work: _Work) -> bool:
-        try:
-            self._queue.put(work, block=self._patient)
-        except queue.Full:
-            return False
+        """Queue a piece of work; False where the thread is too far behind."""
+        with self._room:
+            while self._waiting > QUEUED and self._thread.is_alive():
+                if not self._patient:
+                    return False
+                self._room.wait(1.0)
+            self._waiting += work.samples
+        self._queue.put(work)
         return True
 
     def _add(self, number: int, followed: _Followed, live: LiveModes, index: Any, samples: Any) -> None:
@@ -200,6 +207,9 @@ class ModeFollower:
     def _work(self) -> None:
         while (work := self._queue.get()) is not None:
             followed = work.followed
+            with self._room:
+                self._waiting -= work.samples
+                self._room.notify()
             if followed.problem:
                 continue
             try:
