@@ -2,9 +2,12 @@
 
 G(z) = C (zI − A)⁻¹ B + D at z = exp(2πifh). A change of the matrices moves it by
     ΔG = [C (zI − A)⁻¹, I] [ΔA ΔB; ΔC ΔD] [(zI − A)⁻¹ B; I],
-linear in the spread of the matrices and free of the states' basis. The covariance is that of real and imaginary part;
-gain and phase follow by linearisation, which holds while the 95 % ellipse is well off the origin: where it reaches it
-the phase is unknown and the gain may be zero, so that its interval begins there.
+linear in the spread of the matrices and free of the states' basis. Near a pole whose deviation is not small beside its
+distance, as an integrator's at low frequencies, the next term counts, R Δλ²/(z − λ)³ with the pole's residue R: along
+the thin axis of the first order's ellipse it is the larger one, even at a tenth of the distance. Its second moment is
+added. The covariance is that of real and imaginary part; gain and phase follow by linearisation, which holds while the
+95 % ellipse is well off the origin: where it reaches it the phase is unknown and the gain may be zero, so that its
+interval begins there.
 """
 
 from __future__ import annotations
@@ -112,6 +115,30 @@ def response_covariance(model: ScaledModel, spread: MatrixSpread, z: ComplexArra
         for i in range(outputs):
             row = np.hstack([left[:, :, i], np.broadcast_to(np.eye(outputs)[i], (len(z), outputs))])
             out[:, i, j] = covariance_of(spread.reach(row, column))
+    return out
+
+
+def curvature_covariance(model: ScaledModel, poles: Array, z: ComplexArray) -> Array:
+    """Return the second moment (points, l, r, 2, 2) of the terms R Δλ²/(z − λ)³ of all poles.
+
+    poles (n, 2, 2): covariance of real and imaginary part a, b of each Δλ, taken as normal, in the order of eig(A), so
+    that those of Δλ² = (a² − b²) + 2i a b follow. Odd moments vanish: the first order does not correlate with it.
+    Zero where A has no full set of eigenvectors.
+    """
+    out = np.zeros((len(z), len(model.C), model.B.shape[1], 2, 2))
+    values, right = np.linalg.eig(model.A)
+    try:
+        left = np.linalg.inv(right)  # rows wᴴ
+    except np.linalg.LinAlgError:
+        return out
+    for value, v, w, s in zip(values, right.T, left, poles, strict=True):
+        if not np.isfinite(s).all():
+            continue
+        mixed, slant = s[0, 0] * s[1, 1] + 2 * s[0, 1] ** 2, 6 * s[0, 1] * (s[0, 0] - s[1, 1])
+        moment = np.array([[3 * s[0, 0] ** 2 + 3 * s[1, 1] ** 2 - 2 * mixed, slant], [slant, 4 * mixed]])
+        c = np.outer(model.C @ v, w @ model.B) / (z - value)[:, None, None] ** 3
+        turn = np.stack([np.stack([c.real, -c.imag], axis=-1), np.stack([c.imag, c.real], axis=-1)], axis=-2)
+        out += turn @ moment @ np.swapaxes(turn, -1, -2)
     return out
 
 

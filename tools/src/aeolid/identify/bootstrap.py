@@ -6,9 +6,9 @@ of the stationary bootstrap (Politis and Romano 1994: blocks of geometric length
 to Ξ̂ and ΔΞ* Ψ to the outputs, and finds states, matrices, poles and responses anew. Why this one:
 - nothing is simulated: windows stay as recorded, also inputs under feedback. Innovations resampled through the model
   need the controller, which is not known; with the recorded inputs held fixed those lose their correlation with past
-  innovations, and (Ψ Ψᵀ)⁻¹ becomes that of another experiment;
-- Ψ Ψᵀ stays as it is. Refits with weighted blocks (pairs or Bayesian bootstrap) halve the effective number of windows:
-  with few windows a parameter their scatter is too large;
+  innovations, and deviations come out a fifth too small (tests/studies/bootstraps.py);
+- no sample and no factor is touched again: a run costs the small decompositions. Refits with weighted blocks (merged
+  factors) say much the same, for a factor of every block and another one in each run;
 - the signs of a block are common, so that what correlation a short past window leaves in ê is kept, and so is noise
   whose power changes with time; the asymptotic formula has neither, nor the curvature of the map from Ξ to poles.
 """

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import UsageError
-from aeolid.identify.bands import Band, frequency_response, grid, on_circle, response_covariance
+from aeolid.identify.bands import Band, curvature_covariance, frequency_response, grid, on_circle, response_covariance
 from aeolid.identify.bootstrap import collect_scores, run_bootstrap
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
 from aeolid.identify.refine import Refinement
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis
-from aeolid.identify.uncertainty import covariance_of, matrix_spread, pole_covariance
+from aeolid.identify.uncertainty import MatrixSpread, covariance_of, matrix_spread, pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
 
@@ -79,20 +79,25 @@ def quantify(
         scores = collect_scores(records, scaling, factor, markov.theta, regressor_columns(factor, through))
         runs, seed = settings.bootstrap_runs or BOOTSTRAP_RUNS, settings.bootstrap_seed or 0
         draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed)
-        poles, responses = _scatter(draws.poles), _scatter(draws.responses)
+        poles, responses = in_order_of(_scatter(draws.poles), fitted.A, model.A), _scatter(draws.responses)
         facts["bootstrap"] = {"runs": runs, "failed": draws.failed, "mean_block": draws.block, "seed": seed}
     elif refined is not None and refined.steps:
         own = refined.spread()
         if own is None:
             return Uncertainty()
-        poles, responses = pole_covariance(model.A, own), response_covariance(model, own, z)
-        fitted = model
+        poles, responses = _pushed(model, model, own, z)
     else:
         spread = matrix_spread(factor, basis, fitted, markov, through)
-        poles, responses = pole_covariance(fitted.A, spread), response_covariance(model, spread, z)
+        poles, responses = _pushed(fitted, model, spread, z)
     known = bool(np.isfinite(responses).all())
     band = Band(frequency, frequency_response(model, z), responses) if known else None
-    return Uncertainty(in_order_of(poles, fitted.A, model.A), band, facts)
+    return Uncertainty(poles, band, facts)
+
+
+def _pushed(fitted: ScaledModel, model: ScaledModel, spread: MatrixSpread, z: ComplexArray) -> tuple[Array, Array]:
+    """Return the covariance of the model's poles (n, 2, 2) and of its response, with its second order, at z."""
+    poles = in_order_of(pole_covariance(fitted.A, spread), fitted.A, model.A)
+    return poles, response_covariance(model, spread, z) + curvature_covariance(model, poles, z)
 
 
 def _scatter(draws: ComplexArray) -> Array:
