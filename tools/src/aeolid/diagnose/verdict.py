@@ -141,6 +141,9 @@ def _effect(
         f, std = values["frequency_hz"]
         half = max(0.1 * f, 2 * min(std, f))
         location["frequency_hz"] = [max(f - half, 0.0), f + half]
+    if "time_s" in values:
+        t, std = values["time_s"]
+        location["time_s"] = [t - 2 * std, t + 2 * std] if np.isfinite(std) else [t, t]
     return {
         "id": attachment.entry,
         "family": kind.family,
