@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from study_modules import load_study
 
 from aeolid.cli.main import main
 from aeolid.errors import NotIdentifiable, UsageError
@@ -149,3 +150,12 @@ def test_the_command_takes_criterion_and_refinement(tmp_path, record, capsys):
     ):
         assert main([*base, *options]) == 2
         assert words in " ".join(capsys.readouterr().err.split())
+
+
+def test_the_study_counts_and_writes(tmp_path, capsys):
+    study = load_study("orders")
+    assert study.main(["--runs", "2", "--case", "example N 500", "--out", str(tmp_path)]) == 0
+    (row,) = json.loads((tmp_path / "orders.json").read_text())
+    assert row["bic"] == {"hit": 2, "above": 0, "of": 2} and row["held-out"]["of"] == 2
+    assert (tmp_path / "orders.txt").read_text() == capsys.readouterr().out
+    assert study.random_record(50, 3).values.shape == (50, 4)

@@ -1,16 +1,18 @@
 """Hold the prediction-error steps of varx and varmax to their laws: derivatives, optimum, gain, honest deviations."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
+from study_modules import load_study
 
 import aeolid.identify.sensitivity as sensitivity
 from aeolid.errors import UsageError
 from aeolid.identify.descent import covariance_root
 from aeolid.identify.extended import collect
-from aeolid.identify.refine import Descent, cut_stretches, held_out_loss, refine, run_model
+from aeolid.identify.refine import Descent, cut_stretches, first_state_answer, held_out_loss, refine, run_model
 from aeolid.identify.sensitivity import Coordinates, error_derivatives
 from aeolid.identify.subspace import ScaledModel, spectral_radius
 from aeolid.identify.varmax import identify_varmax
@@ -98,6 +100,8 @@ def test_changes_of_basis_change_no_error_and_are_left_out():
 def test_first_states_and_constants_are_the_best_there_are():
     """Every first state and both constants free, all at once, by plain least squares."""
     model, parts = some_model(), stretches_of(gappy(), simulate_fourth_order(60, 5))
+    model = replace(model, A=0.3 * model.A, K=0.3 * model.K)  # forgets a first state before a stretch ends
+    assert len(first_state_answer(model.A - model.K @ model.C, model.C, 109)) < 57
     assert [len(s.y) for s in parts] == [90, 57, 109, 60]
     zero, columns, target = np.zeros(3), [], []
     for i, part in enumerate(parts):
@@ -270,3 +274,11 @@ def test_varmax_is_refined_too():
 def test_a_bootstrap_of_a_refined_model_is_refused():
     with pytest.raises(UsageError, match="repeats the subspace estimate"):
         identify_varx([gappy()], past=5, refined=True, uncertainty="bootstrap")
+
+
+def test_the_study_measures_and_writes(tmp_path, capsys):
+    study = load_study("refinement")
+    assert study.main(["--runs", "2", "--case", "example N 1000 p 4", "--out", str(tmp_path)]) == 0
+    (row,) = json.loads((tmp_path / "refinement.json").read_text())
+    assert 0 < row["after"] < 0.02 and 0 < row["before"] < 0.02 and row["held_out_gain"] >= 0
+    assert (tmp_path / "refinement.txt").read_text() == capsys.readouterr().out
