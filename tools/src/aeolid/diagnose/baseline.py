@@ -138,3 +138,11 @@ def linear_row(own: _Part, driven: _Part, row: int, named: dict[tuple[str, int, 
         pairs = [ex.combine("+", p, q) for p, q in zip(terms[::2], terms[1::2], strict=False)]
         terms = pairs + ([terms[-1]] if len(terms) % 2 else [])
     return terms[0]
+
+
+def noisy_states(model: Equations) -> tuple[int, ...]:
+    """List the states that noise may drive: all but the kinematic ones, whose derivative is another state."""
+    names = {s.name for s in model.states}
+    return tuple(
+        i for i, s in enumerate(model.states) if not (isinstance(s.derivative, ast.Name) and s.derivative.id in names)
+    )

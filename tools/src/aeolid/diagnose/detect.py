@@ -36,14 +36,14 @@ class Ceiling:
     groups: tuple[tuple[str, float], ...]
 
 
-def ceiling(prepared: Prepared, fit: Fit, sealed: tuple[Segment, ...]) -> Ceiling:
+def ceiling(prepared: Prepared, sealed: tuple[Segment, ...]) -> Ceiling:
     """Regress whitened innovations on past inputs, innovations and functions of the predicted states.
 
     A ridge regression fitted on the fit part, its strength chosen on the select part: what no named effect explains
     but the data would allow. Features: `lags` of inputs and innovations; signs, squares,
     cubes, sizes and plays of inputs and states. Cost O(N q²).
     """
-    predictor = prepared.predictor
+    predictor, fit = prepared.predictor, prepared.fit
     sizes = _sizes(predictor, fit.point, len(prepared.declared.inputs))
     X, R, groups = _features(predictor, fit.point, fit, sizes)
     parts = []

@@ -31,10 +31,11 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
     attachments = candidate.attachments if candidate is not None else ()
     for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):
         model = a.edit(model)
-    values = dict(zip([p.name for p in prepared.extended.parameters], fit.point.theta.tolist(), strict=True))
+    fitted = prepared.extended if candidate is None else candidate.predictor.compiled.model
+    values = dict(zip([p.name for p in fitted.parameters], fit.point.theta.tolist(), strict=True))
     for a in attachments:
         values.update(a.fixed)
-    names = [s.name for s in prepared.extended.states]
+    names = [s.name for s in fitted.states]
     start = dict(zip(names, fit.point.x0[0][: len(names)].tolist(), strict=True))  # memories start settled
     switches = {k for a in attachments for k in a.fixed}
     parameters = tuple(

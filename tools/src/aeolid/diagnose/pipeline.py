@@ -14,8 +14,9 @@ from aeolid.diagnose.catalogue import ENTRIES, entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.frame import carry_free, carry_point
 from aeolid.diagnose.point import Point
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.refit import Candidate, finalists, refit
@@ -79,7 +80,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done = step("sealed proof", 0.6)
     second, proof = _prove(prepared, winner, second, seed)
     declared_proof = _declared(prepared, seed)
-    top = ceiling(prepared, prepared.fit, prepared.split.sealed)
+    top = ceiling(prepared.only(()), prepared.split.sealed)
     bands = band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
@@ -100,8 +101,10 @@ def _prove(
         return None, None
 
     def against_baseline(chosen: Candidate) -> Proof:
-        pair = (prepared.predictor, prepared.fit), (chosen.predictor, chosen.fit)
+        pair = (bare.predictor, bare.fit), (chosen.predictor, chosen.fit)
         return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
+
+    bare = prepared.only(())
 
     alone = against_baseline(winner)
     if second is None:
@@ -113,10 +116,19 @@ def _prove(
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
     """Fit the finalists of a bank fully, best score first."""
-    base_select = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)[0]
     rows = finalists(bank)[:most]
-    fitted = [refit(prepared, prepared.fit, [r], base_select) for r in rows]
+    if not rows:
+        return []
+    base_select = select_density(prepared)
+    lean = prepared.only([r.attachment for r in rows])
+    fitted = [refit(lean, lean.fit, [r], base_select) for r in rows]
     return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
+
+
+def select_density(prepared: Prepared) -> Array:
+    """Return the baseline's log-density of each sample of the selection data."""
+    bare = prepared.only(())
+    return bare.predictor.score_elsewhere(bare.fit, prepared.split.select)[0]
 
 
 def leading(candidates: list[Candidate]) -> Candidate | None:
@@ -140,15 +152,20 @@ def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Can
     """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
     families = {entry(a.entry).family for a in winner.attachments}  # a lag and a delay are one drive of higher order
     rest = tuple(a for a in prepared.attachments if entry(a.entry).family not in families)
-    bank = score_bank(winner.predictor, winner.fit, rest, seed)
+    full, small = prepared.only((*winner.attachments, *rest)), winner.predictor.compiled.model
+    free = carry_free(winner.fit.free, small, full.extended)
+    predictor = full.predictor.with_order(winner.predictor.var_order or 0)
+    bank = score_bank(predictor, predictor.at(carry_point(winner.fit.point, small, full.extended), free), rest, seed)
     rows = [r for r in bank.rows if r.z > bank.threshold][:2]
-    base_select = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)[0]
+    if not rows:
+        return None, bank
+    base_select = select_density(prepared)
     best: Candidate | None = None
     first_row = _as_row(winner)
+    lean = prepared.only((*winner.attachments, *(r.attachment for r in rows)))
+    base = replace(winner.fit, point=carry_point(winner.fit.point, small, lean.extended), free=lean.free)
     for row in rows:
-        pair = refit(
-            replace(prepared, predictor=winner.predictor), _with_base(prepared, winner), [first_row, row], base_select
-        )
+        pair = refit(lean, base, [first_row, row], base_select)
         if pair is None:
             continue
         added = pair.select_gain - winner.select_gain
@@ -158,10 +175,6 @@ def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Can
         if pair.plausible and worth and (best is None or pair.select_gain > best.select_gain):
             best = pair
     return best, bank
-
-
-def _with_base(prepared: Prepared, winner: Candidate) -> Fit:
-    return replace(winner.fit, free=prepared.free)
 
 
 def _as_row(winner: Candidate) -> Row:
@@ -175,6 +188,7 @@ def _as_row(winner: Candidate) -> Row:
 
 def _declared(prepared: Prepared, seed: int) -> Proof | None:
     """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both)."""
+    prepared = prepared.only(())
     physical = [i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(NUISANCE)]
     if not physical:
         return None
@@ -190,7 +204,8 @@ def _declared(prepared: Prepared, seed: int) -> Proof | None:
 
 def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]) -> tuple[int, list[float]]:
     """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named."""
-    hits, largest = 0, []
+    hits, largest, tested = 0, [], [a for a in prepared.attachments if not a.always_fit]
+    prepared = prepared.only(())
     _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
     for k in range(count):
         rng = np.random.default_rng((seed, k))
@@ -206,7 +221,8 @@ def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]
             continue
         split = replace(prepared.split, fit=tuple(fit_part), select=tuple(select_part))
         world = replace(prepared, predictor=predictor, fit=fit, split=split)
-        bank = score_bank(predictor, fit, [a for a in prepared.attachments if not a.always_fit], seed + k)
+        full = world.only(tested)
+        bank = score_bank(full.predictor, full.fit, tested, seed + k)
         top = bank.rows[0].z if bank.rows else -np.inf
         largest.append(float(top) if np.isfinite(top) else 0.0)
         if top > bank.threshold and any(is_accepted(c) for c in fit_finalists(world, bank, most=2)):

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import ast
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose import alongside, modal
+from aeolid.diagnose import modal
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import mass_of, shape_forces
+from aeolid.diagnose.baseline import mass_of, noisy_states, shape_forces
 from aeolid.diagnose.baselines import baseline_of
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
+from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.gains import steady_gain
-from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.simulated import Surrogate
@@ -29,14 +30,8 @@ from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobia
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
-NUISANCE = (
-    "bias_u",
-    "bias_y",
-    "noise_pole",
-    "unmeasured_rate_",
-    modal.PREFIX,
-)  # free parameters that are not physics of the model
-_FORCE_START = 1e-3  # amplitude of an unmeasured force a sample, in the size of what it acts against
+# free parameters that are not physics of the model
+NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", modal.PREFIX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +40,7 @@ class Prepared:
 
     declared: Equations
     linear: StateSpace | None
-    extended: Equations
+    frame: Frame
     predictor: Predictor
     split: Split
     attachments: tuple[Attachment, ...]
@@ -55,7 +50,25 @@ class Prepared:
     fit: Fit
     settle_s: float
     decimation: int
-    surrogate: Surrogate | None = None
+
+    @property
+    def extended(self) -> Equations:
+        """Return the model with the effects in question, at their nulls."""
+        return self.predictor.compiled.model
+
+    @property
+    def surrogate(self) -> Surrogate | None:
+        """Return what a simulator's run as the baseline knows."""
+        return self.frame.surrogate
+
+    def only(self, attachments: Sequence[Attachment]) -> Prepared:
+        """Return the same stage with just these effects in the model; data, prior and baseline fit are the same."""
+        predictor, free, _ = self.frame.extend(attachments, self.predictor.segments)
+        model = predictor.compiled.model
+        prior = carry_prior(self.predictor.scales.prior, self.extended, model)
+        predictor = predictor.with_order(self.predictor.var_order or 0).informed(prior)
+        fit = carry_fit(self.fit, self.extended, model)
+        return replace(self, predictor=predictor, attachments=tuple(attachments), free=free, fit=fit)
 
 
 def prepare(case: Case) -> Prepared:
@@ -81,18 +94,11 @@ def prepare(case: Case) -> Prepared:
         working.symbols[:r], exogenous, u[:, d:], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
-    extended = with_exogenous(working, exogenous)
-    for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale the model's own terms only
-        extended = a.edit(extended)
-    predictor, free, start = _extend(
-        compile_equations(extended), rough[1], attachments, split.fit, (sizes, spreads), forces
-    )
-    predictor = predictor if base.surrogate is None else base.surrogate.inform(predictor)
+    frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
+    predictor, free, start = frame.extend((), split.fit)
     predictor, fit = _fit_baseline(predictor, free, start, case)
-    return Prepared(
-        declared, linear, extended, predictor, split, attachments, exogenous, motions, free, fit, settle, factor,
-        base.surrogate,
-    )  # fmt: skip
+    bare = Prepared(declared, linear, frame, predictor, split, (), exogenous, motions, free, fit, settle, factor)
+    return bare.only(attachments)
 
 
 def _anatomy(
@@ -155,7 +161,7 @@ def _rough(
     model = compiled.model
     n, m = len(model.states), len(model.outputs)
     x_size = np.array([max(abs(s.initial), 1e-6) for s in model.states])
-    scales = _scales(model, x_size, spreads)
+    scales = scales_of(model, x_size, spreads)
     predictor = Predictor(compiled, segments, scales, 0 if linear is not None else 1)
     x0 = tuple(model.x0.copy() for _ in segments)
     if linear is not None:
@@ -172,14 +178,6 @@ def _rough(
             f"the baseline diverges on {segments[0].source} with every noise level; check units and signs"
         )
     return (predictor, candidates[int(np.argmin(values))]), scales
-
-
-def noisy_states(model: Equations) -> tuple[int, ...]:
-    """List the states that noise may drive: all but the kinematic ones, whose derivative is another state."""
-    names = {s.name for s in model.states}
-    return tuple(
-        i for i, s in enumerate(model.states) if not (isinstance(s.derivative, ast.Name) and s.derivative.id in names)
-    )
 
 
 def riccati_gains(linear: StateSpace, spreads: Array) -> list[Array]:
@@ -201,62 +199,7 @@ def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array
     return np.maximum(np.std(X, axis=0), floor), np.maximum(np.std(change, axis=0) / predictor.segments[0].step, floor)
 
 
-def _scales(model: Equations, x_size: Array, spreads: Array) -> Scales:
-    theta = np.array([max(abs(p.value), 1e-3 * _range(p.minimum, p.maximum), 1e-6) for p in model.parameters])
-    known = [i for i, p in enumerate(model.parameters) if p.prior_std]
-    root = np.zeros((len(known), len(model.parameters)))
-    root[range(len(known)), known] = [1.0 / (model.parameters[i].prior_std or np.inf) for i in known]
-    prior = Prior(model.theta, root)
-    return Scales(
-        theta, np.outer(x_size, 1.0 / spreads), x_size,
-        np.array([p.minimum for p in model.parameters]), np.array([p.maximum for p in model.parameters]), prior,
-        spreads,
-    )  # fmt: skip
-
-
 def _mass(model: Equations, force: str) -> float:
     state = next(s for s in model.states if s.name == force.removeprefix("unmeasured_"))
     mass = mass_of(state.derivative, model)
     return abs(mass.value) if mass else 1.0
-
-
-def _range(low: float, high: float) -> float:
-    return high - low if np.isfinite(high - low) else 0.0
-
-
-def _extend(
-    compiled: Compiled, point: Point, attachments: tuple[Attachment, ...],
-    segments: tuple[Segment, ...], typical: tuple[Array, Array], forces: dict[str, float],
-) -> tuple[Predictor, Free, Point]:  # fmt: skip
-    """Carry the rough start over to the extended model; effects sit at their nulls, their states at zero.
-
-    typical: sizes of the declared states and outputs; forces: sizes of the unmeasured forces, which start small.
-    """
-    model, (sizes, spreads) = compiled.model, typical
-    names = [s.name for s in model.states]
-    n, extra = len(sizes), len(model.states) - len(sizes)
-    full = np.concatenate([sizes, np.full(extra, 1.0)])
-    for a in attachments:
-        for g in a.gain_states:
-            j = [o.name for o in model.outputs].index(a.location["outputs"][0])
-            full[names.index(g)] = spreads[j]
-    for name, size in forces.items():
-        full[names.index(name)] = size
-    new = _scales(model, full, spreads)
-    known = {s.name: s.size for a in attachments for s in a.slots}
-    theta_size = np.array([known.get(p.name, t) for p, t in zip(model.parameters, new.theta, strict=True)])
-    m = len(spreads)
-    noise = np.concatenate([point.noise[:n], np.zeros(extra), point.noise[n:]])
-    noise[[names.index(f) for f in forces]] = _FORCE_START
-    K = None if point.K is None else np.vstack([point.K, np.zeros((extra, m))])
-    blank = np.full(len(model.memories), np.nan)
-    x0 = tuple(np.concatenate([x[:n], np.zeros(extra), blank]) for x in point.x0)
-    own = [i for i in range(n) if not names[i].startswith(alongside.PREFIX)]
-    sensors = range(n + extra + 1, n + extra + m)  # the first sensor's noise sets the scale
-    free = Free(
-        tuple(i for i, p in enumerate(model.parameters) if p.free),
-        (*[i for i in noisy_states(model) if i < n or names[i] in forces], *sensors) if K is None else (),
-        () if K is None else tuple((i, j) for i in own for j in range(m)),
-        tuple(own),
-    )
-    return Predictor(compiled, segments, replace(new, theta=theta_size), 0), free, Point(model.theta, noise, K, x0)
