@@ -15,7 +15,7 @@ from aeolid.identify.order import (
     OrderChoice,
     decide,
     held_out_stretches,
-    information_orders,
+    information_costs,
     require_order,
     smallest_sufficient,
 )
@@ -45,28 +45,34 @@ def test_the_smallest_within_the_tolerance_is_taken_and_said():
     assert shared is least_squares
 
 
-def test_information_criteria_are_those_of_the_predictors_run_in_plain_words(record):
-    """N Σ log P + cost (n (2 l + r) + l d + l) with the predictor stepped sample by sample."""
-    scaling, past = find_scaling([record]), 6
-    factor, through = compress([record], scaling, past).whole, (True, False)
-    basis = find_states(factor, estimate_markov(factor, through, "gcv").theta, past)
-    z = held_out_stretches([record], scaling, past, 0.0)
-    assert len(z) == 1 and len(z[0]) == 1500
-    found = information_orders(factor, basis, z, through, 6)
-    costs = {"aic": [], "bic": []}
-    for n in range(1, 7):
+def plain_criteria(factor, basis, z, through, most):
+    """Return N Σ log P + cost (n (2 l + r) + l d + l), the predictor stepped sample by sample."""
+    past, costs = factor.past, {"aic": [], "bic": []}
+    for n in range(1, most + 1):
         T = basis.state_map(n)
         m = system_matrices(factor, T, through)
-        x, errors = T @ z[0][:past].ravel(), []
-        for row in z[0][past:]:
+        x, errors = T @ z[:past].ravel(), []
+        for row in z[past:]:
             errors.append(row[2:] - m.C @ x - m.D @ row[:2])
             x = m.A @ x + m.B @ row[:2] + m.K @ errors[-1]
-        N, k = len(errors), n * (2 * 2 + 2) + 2 * 1 + 2
+        N, k = len(errors), n * (2 * 2 + 2) + 2 * sum(through) + 2
         power = N * np.log(np.var(errors, axis=0)).sum()
         costs["aic"].append(power + 2 * k)
         costs["bic"].append(power + np.log(N) * k)
-    assert found == {name: int(np.argmin(values)) + 1 for name, values in costs.items()}
-    assert found["bic"] == 4
+    return costs
+
+
+def test_information_criteria_are_those_of_the_predictors_run_in_plain_words():
+    record, through = simulate_fourth_order(300, 1, feedback=0.25), (True, False)
+    scaling = find_scaling([record])
+    factor = compress([record], scaling, 4).whole
+    basis = find_states(factor, estimate_markov(factor, through, "gcv").theta, 4)
+    (z,) = held_out_stretches([record], scaling, 4, 0.0)
+    found, expected = information_costs(factor, basis, [z], through, 7), plain_criteria(factor, basis, z, through, 7)
+    assert set(found) == set(expected) == {"aic", "bic"} and len(z) == 300
+    for name, values in found.items():
+        np.testing.assert_allclose(values, expected[name], rtol=1e-9)
+    assert information_costs(factor, basis, [], through, 7) == {}
 
 
 @pytest.mark.parametrize("method", [identify_varx, identify_varmax])
@@ -87,7 +93,7 @@ def test_every_criterion_decides_when_asked_and_the_others_are_said(record, meth
 
 def test_where_nothing_can_be_held_out_bic_decides_and_without_it_the_gap():
     values = np.array([9.0, 8.0, 1.0, 0.5])
-    choice = decide("held-out", None, {"aic": 4, "bic": 3}, values, 4)
+    choice = decide("held-out", None, {"aic": [3, 2, 1, 0], "bic": [3, 2, 0, 1]}, values, 4)
     assert choice.order == 3 and choice.reason == (
         "order 3: of least BIC among 1 to 4; too few samples to hold some out; AIC says 4; "
         "the singular values fall most after 2 (factor 8.0)"
@@ -100,8 +106,8 @@ def test_where_nothing_can_be_held_out_bic_decides_and_without_it_the_gap():
     assert decide("held-out", kept, {}, values, 4).reason.startswith("order 5: because; the singular values")
 
 
-def test_exact_data_have_the_exact_order_by_every_criterion_but_chance():
-    """Orders that leave rounding only are equals: the smallest of them is the system's."""
+def test_exact_data_have_the_exact_order_by_every_criterion():
+    """No order beyond the singular values above rounding is tried."""
     clean = simulate_fourth_order(600, 2, noise_variance=0.0)
     answers = identify_varx([clean], past=6, regularization="none", uncertainty="none").order_choice.answers
     assert answers == {"held-out": 4, "aic": 4, "bic": 4, "gap": 4}

@@ -12,7 +12,15 @@ import aeolid.identify.sensitivity as sensitivity
 from aeolid.errors import UsageError
 from aeolid.identify.descent import covariance_root
 from aeolid.identify.extended import collect
-from aeolid.identify.refine import Descent, cut_stretches, first_state_answer, held_out_loss, refine, run_model
+from aeolid.identify.refine import (
+    Descent,
+    Refinement,
+    cut_stretches,
+    first_state_answer,
+    held_out_loss,
+    refine,
+    run_model,
+)
 from aeolid.identify.sensitivity import Coordinates, error_derivatives
 from aeolid.identify.subspace import ScaledModel, spectral_radius
 from aeolid.identify.varmax import identify_varmax
@@ -118,6 +126,16 @@ def test_first_states_and_constants_are_the_best_there_are():
     best = y - rows @ np.linalg.lstsq(rows, y, rcond=1e-12)[0]
     found = np.concatenate([(e @ WEIGHT).ravel() for e in run_model(model, parts, WEIGHT).errors])
     np.testing.assert_allclose(found, best, atol=1e-8)
+
+
+def test_outputs_that_rest_higher_move_the_equilibrium_by_as_much():
+    model, parts = some_model(), stretches_of(gappy(700, 2))
+    model, step = replace(model, A=0.5 * model.A), np.array([0.7, -0.4])
+    rests = []
+    for move in (np.zeros(2), step):
+        run = run_model(model, [replace(s, y=s.y + move) for s in parts], WEIGHT)
+        rests.append(Refinement(model, run.constant, 1, 0.0, 0.0, None, THROUGH, "").equilibrium())
+    np.testing.assert_allclose(rests[1] - rests[0], step, atol=1e-9)
 
 
 def test_the_information_is_that_of_the_derivatives_without_the_nuisances(monkeypatch):
@@ -261,6 +279,24 @@ def test_stable_models_stay_stable_and_unstable_predictors_are_not_admitted():
     wild = replace(some_model(), A=3 * np.eye(3), K=np.zeros((3, 2)))
     parts = stretches_of(gappy())
     assert len(Descent(parts, THROUGH, False).path(wild, 3)) == 1 and held_out_loss(wild, parts) == np.inf
+
+
+def test_steps_that_leave_the_unit_circle_are_brought_back_on_request():
+    """A plant that grows by 2 % a sample under feedback: free steps find it, stable ones end at the border."""
+    random, x, rows = np.random.default_rng(2), 0.0, []
+    for _ in range(400):
+        y = x + 0.1 * random.standard_normal()
+        rows.append([random.standard_normal() - 0.5 * y, y])
+        x = 1.02 * x + rows[-1][0]
+    channels = (Channel("u", "", "input"), Channel("y", "", "output"))
+    parts = stretches_of(Record(np.arange(400.0), np.array(rows), channels, 1.0, "growing", ""))
+    one = np.eye(1)
+    start = ScaledModel(0.98 * one, 0.6 * one, one, 0 * one, 0.3 * one, one, "")
+    radius = {
+        stable: [abs(m.A[0, 0]) for m in Descent(parts, (False,), stable).path(start, 9)] for stable in (True, False)
+    }
+    assert max(radius[False]) > 1.005 and len(radius[True]) > 1
+    assert 0.99 < radius[True][-1] < 0.9999 + 1e-9 and max(radius[True]) < 1
 
 
 def test_varmax_is_refined_too():

@@ -20,7 +20,7 @@ from aeolid.identify.order import (
     choose_held_out,
     decide,
     held_out_stretches,
-    information_orders,
+    information_costs,
     require_order,
 )
 from aeolid.identify.quantify import quantify
@@ -148,7 +148,7 @@ def _order(
     head = _head_states(windows, settings, through, streamed)
     unseen = choose_held_out(windows.fitted, head, held_out_stretches(records, scaling, past), through, most)
     everything = held_out_stretches(records, scaling, past, 0.0)
-    information = information_orders(windows.whole, basis, everything, through, most)
+    information = information_costs(windows.whole, basis, everything, through, most)
     return decide(settings.order_criterion, unseen, information, basis.singular_values, most)
 
 

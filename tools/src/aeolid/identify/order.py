@@ -25,7 +25,6 @@ FIT_PART = 0.7  # of each recording; the rest chooses the order
 TOLERANCE = 0.02  # a larger order must lower the held-out error power by more than this, per output
 LONGEST = 20_000  # samples of each recording that are predicted; more change nothing
 CRITERIA = ("held-out", "aic", "bic", "gap")
-EXACT = 1e-13  # error power in scaled units that is rounding: orders that reach it are equals
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +129,10 @@ def choose_order(
     return found or by_gap_alone(*say_gap(basis.singular_values, min(most, largest_useful_order(basis))))
 
 
-def information_orders(
+def information_costs(
     whole: WindowFactor, basis: StateBasis, stretches: Sequence[Array], feedthrough: tuple[bool, ...], most: int
-) -> dict[str, int]:
-    """Return the orders of least AIC and BIC; whole, basis: of everything; stretches: all complete ones, scaled.
+) -> dict[str, list[float]]:
+    """Return AIC and BIC of the orders 1 … most; whole, basis: of everything; stretches: all complete ones, scaled.
 
     Empty where no stretch is long enough to be predicted.
     """
@@ -146,21 +145,21 @@ def information_orders(
     free = [n * (2 * outputs + whole.inputs) + fixed for n in range(1, most + 1)]
     costs = {"aic": 2.0, "bic": float(np.log(max(samples, 2)))}
     return {
-        name: int(np.argmin([samples * outputs * loss + cost * k for (loss, _), k in zip(found, free, strict=True)]))
-        + 1
+        name: [samples * outputs * loss + cost * k for (loss, _), k in zip(found, free, strict=True)]
         for name, cost in costs.items()
     }
 
 
 def decide(
-    criterion: str, held_out: OrderChoice | None, information: dict[str, int], singular_values: Array, most: int
+    criterion: str, held_out: OrderChoice | None, information: dict[str, list[float]], singular_values: Array, most: int
 ) -> OrderChoice:
     """Take the order that a criterion says, and say what the others would have taken.
 
     held_out: from `choose_held_out`, without which its place is taken by BIC, or by the gap where there is none either.
     """
     gap, gap_text = say_gap(singular_values, most)
-    answers = information | {"gap": gap} | ({} if held_out is None else {"held-out": held_out.order})
+    least = {name: int(np.argmin(costs)) + 1 for name, costs in information.items()}
+    answers = least | {"gap": gap} | ({} if held_out is None else {"held-out": held_out.order})
     wanted = next(name for name in (criterion, "bic", "gap") if name in answers)
     if wanted == "held-out" and held_out is not None:
         reason = held_out.reason
@@ -197,4 +196,4 @@ def _log_powers(
             power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
         samples += len(y)
     mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
-    return float(np.mean(np.log(np.maximum(mean, EXACT)))), samples
+    return float(np.mean(np.log(np.maximum(mean, 1e-30)))), samples
