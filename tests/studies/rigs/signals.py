@@ -81,7 +81,7 @@ class Fault:
     noise: tuple[float, float, float] = (0.6, 0.4, 0.01)  # force N, its memory s, sensor noise in m/s
 
 
-@njit(cache=True)
+@njit
 def _act(kind: int, a: float, b: float, soft: bool, s: Array, ring: Array, at: int, command: float, dt: float) -> float:
     """Return what the x drive does with a command; s is its state, ring its last 4096 commands."""
     if kind == 1:  # lag of a seconds; the other form: two lags in a row
@@ -123,7 +123,7 @@ def _act(kind: int, a: float, b: float, soft: bool, s: Array, ring: Array, at: i
     return command
 
 
-@njit(cache=True)
+@njit
 def _run(u_test: Array, push: Array, jitter: Array, kind: int, a: float, b: float, soft: bool) -> tuple[Array, Array]:
     """Integrate the loop; returns commands (N, 2) and true speeds at every fine step (N FINE, 2)."""
     N, dt = len(u_test), STEP_S / FINE

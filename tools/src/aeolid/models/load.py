@@ -13,12 +13,13 @@ from scipy.signal import cont2discrete
 
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
+from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
 from aeolid.models.state_space import StateSpace
-from aeolid.record import Record
+from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
 
@@ -135,8 +136,15 @@ def discretise(model: StateSpace, sample_time_s: float) -> StateSpace:
 
 
 def matched(record: Record, signals: Sequence[Named]) -> Array:
-    """Return the samples (N, k) of a model's signals; raises DataError on a missing channel or another unit."""
+    """Return the samples (N, k) of a model's signals; raises DataError on a missing channel or another unit.
+
+    A signal called time_s that is no channel is the time itself: every recording has it.
+    """
     names = [c.name for c in record.channels]
+    if any(s.name == TIME for s in signals) and TIME not in names:
+        values = np.column_stack([record.values, record.time_s])
+        record = replace(record, values=values, channels=(*record.channels, Channel(TIME, "s", "ignore")))
+        names.append(TIME)
     for s in signals:
         if s.name not in names:
             have = ", ".join(names)

@@ -15,13 +15,10 @@ def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    """Offer an offset where no constant force could do the same; elsewhere say that it cannot be tested.
-
-    A linear model has free offsets of its own at every output: it never tells a biased sensor from its working point.
-    """
+    """Offer an offset where no constant force could do the same; elsewhere say that it cannot be tested."""
     result = []
     for j, name in enumerate(site.output_names):
-        if site.linear is not None or imitated_by_forces(site)[j]:
+        if imitated_by_forces(site)[j]:
             result.append(Attachment("sensor_bias", f"sensor_bias output:{name}", _where(name), lambda m: m, ()))
         else:
             result.append(_on(site, j, name))

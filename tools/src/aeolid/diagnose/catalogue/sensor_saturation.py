@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.wiring import SHARE_SIZE, is_continuous, unit_of_output, with_reading
+from aeolid.diagnose.catalogue.wiring import SHARE_SIZE, unit_of_output, with_reading
 from aeolid.diagnose.forensics import rails
 from aeolid.models.equations import Equations, Parameter
 
+_FEWEST = 10  # values: what has fewer switches, and is always at an end
 _REACH = 0.05  # of the recorded range: how far a limit may lie from the rail that is seen
 
 
@@ -25,7 +26,7 @@ def _attach(site: Site) -> list[Attachment]:
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
-        ends = rails(y) if len(y) and is_continuous(y) else {}
+        ends = rails(y) if len(np.unique(y)) > _FEWEST else {}
         if ends:
             result.append(_on(site, j, name, ends, float(np.ptp(y))))
     return result

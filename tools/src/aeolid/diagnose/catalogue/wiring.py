@@ -135,12 +135,15 @@ def _compiled(site: Site) -> Compiled:
 def imitated_by_forces(site: Site) -> tuple[bool, ...]:
     """Tell for each output whether steady forces that nobody measured could move it alone.
 
-    The responses to a slow force on every state that noise drives (an offset of every input, for a linear model) span
-    what disturbances do; a direction that lies in this span, but for a tenth, says nothing about a sensor. A response
-    that fades with the frequency (a speed, of a mass on a spring) is none: the force would have to grow without end.
+    The responses to a slow force on every state that noise drives span what disturbances do; a direction that lies in
+    this span, but for a tenth, says nothing about a sensor. A response that fades with the frequency (a speed, of a
+    mass on a spring) is none: the force would have to grow without end. The states of a linear model are anything, a
+    disturbance may enter all of them: every output is imitated.
     """
+    if site.linear is not None:
+        return (True,) * len(site.output_names)
     slow = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
-    moved, slower = (_linear_responses(site, w) if site.linear else _responses(site, w) for w in (slow, 0.1 * slow))
+    moved, slower = (_responses(site, w) for w in (slow, 0.1 * slow))
     if not slower.size or not np.all(np.isfinite(slower)) or not np.all(np.isfinite(moved)):
         return (False,) * len(site.output_names)
     steady = np.where(np.abs(slower) > _FADING * np.abs(moved), slower, 0.0)
@@ -149,14 +152,6 @@ def imitated_by_forces(site: Site) -> tuple[bool, ...]:
     U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
     inside = np.linalg.norm(U[:, s > _SMALL * max(s[0], 1e-300)], axis=1)
     return tuple(bool(1 - x * x < _SMALL**2) for x in inside)
-
-
-def _linear_responses(site: Site, turn: float) -> Array:
-    """Return the response (l, r) of a linear model's outputs to its inputs at `turn` rad/s."""
-    assert site.linear is not None
-    gap = np.exp(1j * turn * site.step) * np.eye(site.linear.order) - site.linear.A
-    result: Array = site.linear.C @ np.linalg.solve(gap, site.linear.B.astype(complex)) + site.linear.D
-    return result
 
 
 def _responses(site: Site, turn: float) -> Array:
