@@ -312,7 +312,7 @@ def equations_text(trial: Trial) -> str:
         lines.append(f'{name} = {{ value = {value!r}, unit = "{unit}"{shown} }}')
 
     def wired(text: str) -> str:
-        return text.replace("1000*torque", "Q0") if trial.unconnected else text
+        return text.replace("1000*torque", "Q0").replace("*torque", "*4180") if trial.unconnected else text
 
     for name, unit, initial, derivative in _STATES:
         lines.append(f'[[state]]\nname = "{name}"\nunit = "{unit}"\nderivative = "{wired(derivative)}"')
@@ -398,7 +398,7 @@ def trials() -> list[Trial]:
             Trial("unbalanced weight", kind, Effect(weight=8e4), ("gravity_1p",)),
             Trial("shear", kind, Effect(shear=0.25), ("wind_shear",), outputs=_FLAP),
             Trial("yaw", kind, Effect(skew=15.0), ("yaw_misalignment",), outputs=_FLAP),
-            Trial("tower shadow", kind, Effect(shadow=2.0), ("tower_shadow",)),
+            Trial("tower shadow", kind, Effect(shadow=3.0), ("tower_shadow",)),
             Trial("sampled turbulence", kind, Effect(sampling=0.3), ("rotational_sampling",)),
             Trial("dynamic wake", kind, Effect(wake=0.5, wake_s=9.0, **_CALM), slow, held=True),
             Trial("lagging circulation", kind, Effect(wagner=0.5, **_CALM), ("unsteady_aero",)),

@@ -15,6 +15,7 @@ from aeolid.models.equations import Auxiliary, Equations, Output, Parameter, Sta
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
+FELT = "felt_"  # what an accelerometer feels of a state's equation: name of the intermediate, before the state's
 
 
 def discretise(model: StateSpace, step: float) -> StateSpace:
@@ -112,14 +113,33 @@ def add_force(state: State, force: ast.expr, model: Equations) -> State:
 
 
 def with_force(model: Equations, name: str, force: ast.expr) -> Equations:
-    """Add a force to one state's equation and to every output that repeats it: an accelerometer feels the force."""
+    """Add a force to one state's equation, and to what an accelerometer feels: every output that repeats the equation.
+
+    What is felt becomes an intermediate of its own, `felt_<state>`, kept last, so that later forces find it whatever
+    has been done to the output meanwhile.
+    """
+    model, label = _with_felt(model, name), f"{FELT}{name}"
     before = next(s for s in model.states if s.name == name)
     after = add_force(before, force, model)
-    outputs, shared = model.outputs, {a.name for a in model.auxiliaries}
-    if isinstance(before.derivative, ast.BinOp) or (isinstance(d := before.derivative, ast.Name) and d.id in shared):
-        swap = (before.derivative, after.derivative)
-        outputs = tuple(replace(o, equation=ex.swap(o.equation, *swap)) for o in outputs)
-    return replace(model, states=tuple(after if s.name == name else s for s in model.states), outputs=outputs)
+    kept = [a for a in model.auxiliaries if a.name != label]
+    for a in model.auxiliaries:
+        if a.name == label:
+            kept.append(replace(a, equation=add_force(replace(before, derivative=a.equation), force, model).derivative))
+    states = tuple(after if s.name == name else s for s in model.states)
+    return replace(model, states=states, auxiliaries=tuple(kept))
+
+
+def _with_felt(model: Equations, name: str) -> Equations:
+    """Let outputs that repeat a state's equation read it as an intermediate."""
+    d, label = next(s.derivative for s in model.states if s.name == name), f"{FELT}{name}"
+    shared = {a.name for a in model.auxiliaries}
+    is_signal = isinstance(d, ast.Constant) or (isinstance(d, ast.Name) and d.id not in shared)
+    if is_signal or label in shared:
+        return model
+    outputs = tuple(replace(o, equation=ex.swap(o.equation, d, ast.Name(id=label))) for o in model.outputs)
+    if not any(label in ex.names_in(o.equation) for o in outputs):
+        return model
+    return replace(model, outputs=outputs, auxiliaries=(*model.auxiliaries, Auxiliary(label, d)))
 
 
 _Part = tuple[Array, str, list[str]]  # coefficients, the matrix they stand in, the names they multiply

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.anatomy import Motion
+from aeolid.diagnose.baseline import FELT
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
 from aeolid.diagnose.exogenous import Exogenous
 from aeolid.models import expressions as ex
@@ -180,6 +181,7 @@ def motion_of(site: Site, output: str) -> Motion | None:
         if isinstance(m.velocity, ast.Name)
         and (
             _names(equation) <= {m.velocity.id, *([m.position.id] if isinstance(m.position, ast.Name) else [])}
+            or f"{FELT}{m.velocity.id}" in _names(equation)
             or (m.velocity.id in derivatives and ex.to_text(derivatives[m.velocity.id]) in ex.to_text(equation))
         )
     ]
@@ -229,9 +231,12 @@ class Term:
         """Return the model with the term; outputs that feel it read it at their instant."""
         model = push(model, self.place.add, ex.parse(self.held, self.name), self.name)
         at_once = {self.name: ast.Name(id=f"{self.name}_now")}
+        felt = {a.name for a in model.auxiliaries if a.name.startswith(FELT)}
+        kept = [a for a in model.auxiliaries if a.name not in felt]
+        kept.append(Auxiliary(f"{self.name}_now", ex.parse(self.now, self.name)))
+        kept += [replace(a, equation=ex.substitute(a.equation, at_once)) for a in model.auxiliaries if a.name in felt]
         outputs = tuple(replace(o, equation=ex.substitute(o.equation, at_once)) for o in model.outputs)
-        now = Auxiliary(f"{self.name}_now", ex.parse(self.now, self.name))
-        return replace(model, outputs=outputs, auxiliaries=(*model.auxiliaries, now))
+        return replace(model, outputs=outputs, auxiliaries=tuple(kept))
 
 
 def harmonic(entry: str, places: list[tuple[Place, str]], phase: Angle) -> tuple[list[Slot], list[Term]]:

@@ -17,7 +17,7 @@ def _attach(site: Site) -> list[Attachment]:
         return []
     order, places = rotor.blades(site), rotor.hub(site)
     made = rotor.locked(
-        site, "tower_shadow", places, order, "F = F*(cos(x) + second_harmonic*cos(2*x)), x = blades*azimuth + phase",
+        site, "tower_shadow", places, order, "F = F*(cos(x) - second_harmonic*cos(2*x)), x = blades*azimuth + phase",
         lambda size, unit, where: (
             f"the blades pass through the tower's shadow: {size:.3g} {unit} at {where}, {order} times a turn,"
             " locked to the rotor; the model leaves it out"
@@ -28,7 +28,7 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _with_dip(made: Attachment, places: list[tuple[rotor.Place, str]], twice: rotor.Angle) -> Attachment:
-    """Add the second harmonic of the dip: cos 2(x − φ) for a first harmonic A cos(x − φ) = c cos x + s sin x."""
+    """Add the second harmonic: a dip where A cos(x − φ) = c cos x + s sin x is least, so −cos 2(x − φ)."""
     pairs = [(made.slots[2 * k].name, made.slots[2 * k + 1].name, p) for k, (p, _) in enumerate(places)]
     terms = []
     for k, (c, s, p) in enumerate(pairs):
@@ -48,14 +48,14 @@ def _with_dip(made: Attachment, places: list[tuple[rotor.Place, str]], twice: ro
 
 def _second(c: str, s: str, twice: str, floor: float) -> str:
     size = f"sqrt({c}**2 + {s}**2 + {floor * floor!r})"
-    return f"{_RATIO}*(({c}**2 - {s}**2)*cos({twice}) + 2*{c}*{s}*sin({twice}))/{size}"
+    return f"-{_RATIO}*(({c}**2 - {s}**2)*cos({twice}) + 2*{c}*{s}*sin({twice}))/{size}"
 
 
 ENTRY = Entry(
     id="tower_shadow",
     family="rotor_3p",
     name="tower shadow",
-    equation="F = F*(cos(x) + second_harmonic*cos(2*x)), x = blades*azimuth + phase",
+    equation="F = F*(cos(x) - second_harmonic*cos(2*x)), x = blades*azimuth + phase",
     source="Dolan and Lehn 2006, IEEE Trans. Energy Conversion 21(3): potential flow around the tower",
     quantities=(
         Quantity("force_N_cos", "N", -1e6, 1e6, 0.0, "first harmonic of the dip in thrust, cos part"),
