@@ -83,7 +83,7 @@ NOTHING = Effect()
 ) = range(28)  # fmt: skip
 
 
-@njit(cache=True)
+@njit
 def _blade_winds(e: np.ndarray, v: float, psi: float, out: np.ndarray) -> None:
     """Return the wind (3,) each blade meets."""
     for b in range(3):
@@ -102,7 +102,7 @@ def _blade_winds(e: np.ndarray, v: float, psi: float, out: np.ndarray) -> None:
         out[b] = w
 
 
-@njit(cache=True)
+@njit
 def _loads(e: np.ndarray, s: np.ndarray, pitch: float, v: float, w: np.ndarray) -> tuple:
     """Return aerodynamic torque, thrust, tilting moment, in-plane force and the flap moment of blade 1."""
     _blade_winds(e, v - s[3], s[1], w)
@@ -127,7 +127,7 @@ def _loads(e: np.ndarray, s: np.ndarray, pitch: float, v: float, w: np.ndarray) 
     return torque, thrust, tilt, plane, flap
 
 
-@njit(cache=True)
+@njit
 def _flow(e: np.ndarray, s: np.ndarray, pitch: float, generator: float, v: float, side: float, sea: float,
           d: np.ndarray, w: np.ndarray) -> float:  # fmt: skip
     """Write ds/dt: speed, azimuth, fore-aft, side-side, three hidden states; returns the flap moment."""
@@ -157,7 +157,7 @@ def _flow(e: np.ndarray, s: np.ndarray, pitch: float, generator: float, v: float
     return flap
 
 
-@njit(cache=True)
+@njit
 def _advance(e: np.ndarray, s: np.ndarray, u: tuple, winds: np.ndarray, sides: np.ndarray, seas: np.ndarray,
              k: np.ndarray, w: np.ndarray, phase: np.ndarray) -> None:  # fmt: skip
     """Advance s by one sample in 20 Runge–Kutta steps; commands held, disturbances held over each step."""
@@ -171,7 +171,7 @@ def _advance(e: np.ndarray, s: np.ndarray, u: tuple, winds: np.ndarray, sides: n
         s += h / 6 * (k[0] + 2 * k[1] + 2 * k[2] + k[3])
 
 
-@njit(cache=True)
+@njit
 def _run(e: np.ndarray, samples: int, wind: np.ndarray, side: np.ndarray, sea: np.ndarray, phase: np.ndarray,
          test: np.ndarray, noise: np.ndarray) -> np.ndarray:  # fmt: skip
     """Close the loop; rows: pitch deg, torque kN m, speed, fore-aft, side-side, power kW, flap kN m, azimuth deg."""
