@@ -115,19 +115,22 @@ def motions_of_state_space(
         beta = 2j * shape[j] / lam**order
         q = np.imag(beta * left[k])
         v = np.imag(beta * lam * left[k])
-        push = 2 * np.real(right[:, k] / (beta * lam.imag))
+        held = np.expm1(lam * model.sample_time_s) / (lam * model.sample_time_s)  # of a force held over the sample
+        push = 2 * np.real(right[:, k] * held / (beta * lam.imag))
         feels = _felt(model.C @ right[:, k] / (beta * lam.imag * lam), model)
         tag = f"modal{len(found) + 1}"
         shared += [
             Auxiliary(f"{tag}_position", _linear(q, converted)),
             Auxiliary(f"{tag}_velocity", _linear(v, converted)),
             Auxiliary(f"{tag}_acceleration", _mean_rate(v, model, converted)),
+            Auxiliary(f"{tag}_position_next", _next(q, model, converted)),
+            Auxiliary(f"{tag}_velocity_next", _next(v, model, converted)),
         ]
         span = np.abs(q) @ sizes[: len(q)], np.abs(v) @ sizes[: len(v)]
         found.append(
             Motion(
                 f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
-                _force_on_mode(push * model.sample_time_s, feels, converted), "acceleration",
+                _force_on_mode(tag, push * model.sample_time_s, feels, converted), "acceleration",
                 f"{_base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
                 ast.Name(id=f"{tag}_acceleration"), None, _base_unit(model.outputs[j].unit),
@@ -156,21 +159,36 @@ def _felt(shape: Array, model: StateSpace) -> dict[str, float]:
     return {s.name: c for s, c in felt if _derivative_order(s.unit) == 2 and c}
 
 
-def _mean_rate(v: Array, model: StateSpace, converted: Equations) -> ast.expr:
-    """Write the mean rate of v·x over a sample, (v·x⁺ − v·x)/step, from the model's own A and B."""
-    a, b = v @ (model.A - np.eye(len(v))) / model.sample_time_s, v @ model.B / model.sample_time_s
+def _next(row: Array, model: StateSpace, converted: Equations) -> ast.expr:
+    """Write row·x⁺ from the model's own A and B."""
+    a, b = row @ model.A, row @ model.B
     terms = [f"{c!r}*{s.name}" for c, s in zip(a.tolist(), converted.states, strict=False) if c]
     terms += [f"{c!r}*drive{i + 1}" for i, c in enumerate(b.tolist()) if c]
-    return ex.parse(" + ".join(terms) or "0", "mode acceleration")
+    return ex.parse(" + ".join(terms) or "0", "mode coordinate")
+
+
+def _mean_rate(v: Array, model: StateSpace, converted: Equations) -> ast.expr:
+    """Write the mean rate of v·x over a sample, (v·x⁺ − v·x)/step."""
+    change = ex.combine("-", _next(v, model, converted), _linear(v, converted))
+    return ex.combine("/", change, ast.Constant(model.sample_time_s))
 
 
 def _force_on_mode(
-    push: Array, feels: dict[str, float], model: Equations
+    tag: str, push: Array, feels: dict[str, float], model: Equations
 ) -> Callable[[Equations, ast.expr, str], Equations]:
+    """Return what pushes a mode with the mean of a force at both ends of a sample (Heun: second order in the step).
+
+    Held from the start of the sample, a force would come half a sample late, and a push at its end would leave the
+    position out: at 20 samples a period a quadratic spring was estimated 38 % low so, drag 22 %. Accelerometers feel
+    the force of the instant.
+    """
+    ends = {f"{tag}_{what}": ast.Name(id=f"{tag}_{what}_next") for what in ("position", "velocity")}
     share = {s.name: float(c) for s, c in zip(model.states, push, strict=False)}
 
     def inject(target: Equations, force: ast.expr, name: str) -> Equations:
-        shared = (*target.auxiliaries, Auxiliary(name, force))
+        both = ex.combine("+", force, ex.substitute(force, ends))
+        mean = Auxiliary(f"{name}_mean", ex.combine("*", ast.Constant(0.5), both))
+        shared = (*target.auxiliaries, Auxiliary(name, force), mean)
         states = tuple(_push(s, name) if share.get(s.name) else s for s in target.states)
         outputs = tuple(
             replace(o, equation=_plus(o.equation, feels[o.name], name)) if o.name in feels else o
@@ -179,7 +197,7 @@ def _force_on_mode(
         return replace(target, states=states, outputs=outputs, auxiliaries=shared)
 
     def _push(state: State, name: str) -> State:
-        return replace(state, derivative=_plus(state.derivative, share[state.name], name))
+        return replace(state, derivative=_plus(state.derivative, share[state.name], f"{name}_mean"))
 
     return inject
 
