@@ -5,7 +5,7 @@
 Writes orders.txt (the table) and orders.json: of the runs, how many found the true order, and how many took more. Every
 run is a recording of its own (seed 0, 1, …): the fourth-order example in closed loop (p = 10), random systems of order
 2 … 6 with two inputs, two outputs and 10 % noise power in open loop (p = 12), and the turbine in closed loop (p = 20).
-results/ beside this file holds 100 runs.
+results/ beside this file holds 100 runs of five cases.
 """
 
 from __future__ import annotations
