@@ -213,7 +213,7 @@ def test_a_coupling_written_out_is_the_connected_model(tmp_path: Path) -> None:
     site = site_of(tmp_path, everything("equations", unconnected=True), 200)
     (a,) = attached(site, "missing_coupling")
     gains = {"gain_state:omega": -1000.0, "gain_state:v_ss": 1000.0 * rig.ROLL}
-    values = {s.name: gains.get(str(s.label), 0.0) for s in a.slots}
+    values = {s.name: gains.get(str(s.label), 0.0) / s.show(1.0) for s in a.slots}
     whole = site_of(tmp_path, everything("equations"), 200)
     rng = np.random.default_rng(1)
     names = {s.name: float(x) for s, x in zip(site.model.states, rng.standard_normal(20), strict=False)}
@@ -319,9 +319,9 @@ def test_an_entry_gives_back_what_the_turbine_has(name: str, kind: str) -> None:
 
     values, after = min((solve(error, a, start) for start in starts_of(a)), key=lambda r: r[1])
     assert np.sqrt(after) <= RECOVERED[name, kind][1] * np.linalg.norm(error({})), values
-    names = {s.label: s.name for s in a.slots}
+    names, shown = {s.label: s.name for s in a.slots}, {s.label: s.show for s in a.slots}
     for label, (value, tolerance) in RECOVERED[name, kind][0].items():
-        assert values[names[label]] == pytest.approx(value, rel=tolerance), (label, values)
+        assert shown[label](values[names[label]]) == pytest.approx(value, rel=tolerance), (label, values)
     if a.entry == "controller_state":  # 0.1 1/s of an integrator with a leak: only slow excitation tells the leak
         assert values[names["gain"]] / values[names["tau_s"]] == pytest.approx(0.1, rel=0.02)
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ast
+import operator
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -40,19 +42,19 @@ def _on(site: Site, entry: str, channel: Exogenous, places: list[Entrance], says
     values = rotor.samples(site, channel)
     mean, spread = float(np.mean(values)), float(np.std(values))
     tag = re.sub(r"\W", "_", channel.name)
+    scales = [p.size / spread for p in places]  # slots of order one: the places differ by units
     slots = [
         Slot(
-            f"{entry}_{tag}_{k + 1}", f"gain_{p.location}", "", 0.0, -1e3 * p.size / spread, 1e3 * p.size / spread,
-            1e-3 * p.size / spread,
+            f"{entry}_{tag}_{k + 1}", f"gain_{p.location}", "", 0.0, -1e3, 1e3, 1e-3, show=partial(operator.mul, scale),
         )
-        for k, p in enumerate(places)
+        for k, (p, scale) in enumerate(zip(places, scales, strict=True))
     ]  # fmt: skip
 
     def edit(model: Equations) -> Equations:
         extra = (Parameter(s.name, 0.0, "", s.low, s.high) for s in slots)
         model = replace(model, parameters=(*model.parameters, *extra))
-        for slot, p in zip(slots, places, strict=True):
-            term = ex.parse(f"{slot.name}*({channel.symbol} - {mean!r})", entry)
+        for slot, p, scale in zip(slots, places, scales, strict=True):
+            term = ex.parse(f"{slot.name}*{scale!r}*({channel.symbol} - {mean!r})", entry)
             model = rotor.push(model, p.add, term, f"{slot.name}_term")
         return model
 
