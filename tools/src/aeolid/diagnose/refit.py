@@ -20,7 +20,10 @@ from aeolid.diagnose.scores import Bank, Row, overlap, shifted
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _STEPPED = 4  # further effects that are tried from finite steps once anything is found
-_REMEASURED = {"sensor_scale", "sensor_sign"}
+_TURNING = {
+    "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
+    "sensor_second_order", "sensor_scale", "sensor_sign",
+}  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -112,15 +115,16 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
 def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
     """Return groups of points where the baseline's own values start from; each group gets fits of its own.
 
-    As fitted and as declared; where a sensor may have the wrong sign or unit, with gains chosen anew: a free gain that
-    was fitted to such a channel believes the model nothing, no small step leads from there, and it looks better at
-    first than all that do (a unit of 57.3 ended at 10.4, 2200 nats short).
+    As fitted and as declared; where the effect turns the phase, sign or size of a channel, with gains chosen anew: a
+    free gain that was fitted to such a channel believes the model nothing and ends where the predictor just forgets; no
+    small step leads from there, and it looks better at first than all that do (a unit of 57.3 ended at 10.4, 2200 nats
+    short; a drive of 8 rad/s stayed at the start it was given).
     """
     linear, declared = prepared.linear, replace(base.point, theta=prepared.extended.theta)
     if linear is None or base.point.K is None:
         return [[base.point, declared]]
     stable = np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) < 1 - 1e-9
-    if not stable or not any(a.entry in _REMEASURED for a in attachments):
+    if not stable or not any(a.entry in _TURNING for a in attachments):
         return [[base.point]]
     covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
     spreads = np.sqrt(np.diag(linear.C @ covariance @ linear.C.T + linear.D @ linear.D.T))
