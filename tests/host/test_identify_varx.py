@@ -1,5 +1,7 @@
 """Check PBSIDopt: laws, the papers' systems, and the stored answers of the reference toolbox."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -319,3 +321,9 @@ def test_closed_loop_poles_are_no_farther_than_the_toolbox_without_feedthrough(n
     validation = np.load(REFERENCE / "data" / "four_val.npz")
     scores = vaf(validation["y"], free_run(result.model, validation["u"], np.zeros(4)))
     assert np.all(scores >= np.array(printed_vaf) - 0.15), scores
+
+
+def test_plain_identification_does_without_the_compiler() -> None:
+    """Numba costs 60 MB and half a second; only refinement and VARMAX need it."""
+    code = "import sys, aeolid.identify.varx; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0

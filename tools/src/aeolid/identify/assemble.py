@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
 from aeolid.identify.excitation import require_own_excitation
-from aeolid.identify.extended import collect
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import (
@@ -24,7 +23,6 @@ from aeolid.identify.order import (
     require_order,
 )
 from aeolid.identify.quantify import quantify
-from aeolid.identify.refine import Refinement, cut_stretches, refine
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.streamed import theta_in_units
 from aeolid.identify.subspace import (
@@ -42,6 +40,9 @@ from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.prediction import estimate_initial_state
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
+
+if TYPE_CHECKING:
+    from aeolid.identify.refine import Refinement
 
 Array = NDArray[np.float64]
 LARGEST_AUTO_ORDER = 60
@@ -162,6 +163,9 @@ def _refine(windows: Windows, settings: Settings, through: tuple[bool, ...], sca
     first = system_matrices(windows.fitted, T, through)
     if settings.stable:
         first = stabilise(windows.fitted, first, T)
+    from aeolid.identify.extended import collect  # brings the compiled loops along, which others do without
+    from aeolid.identify.refine import cut_stretches, refine
+
     samples = collect(windows.records, windows.scaling.without_innovations(), settings.past)
     return refine(cut_stretches(samples), scaled, first, through, settings.stable)
 

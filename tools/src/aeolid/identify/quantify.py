@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +14,14 @@ from aeolid.errors import UsageError
 from aeolid.identify.bands import Band, curvature_covariance, frequency_response, grid, on_circle, response_covariance
 from aeolid.identify.bootstrap import collect_scores, run_bootstrap
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
-from aeolid.identify.refine import Refinement
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis
 from aeolid.identify.uncertainty import MatrixSpread, covariance_of, matrix_spread, pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
+
+if TYPE_CHECKING:
+    from aeolid.identify.refine import Refinement
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
