@@ -20,12 +20,14 @@ import pytest
 from numpy.typing import NDArray
 from study_modules import load_study
 
+from aeolid.diagnose import prepare
 from aeolid.diagnose.anatomy import motions_of_equations, motions_of_state_space
 from aeolid.diagnose.baseline import equations_of, shape_forces, with_force
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import exogenous_channels, with_exogenous
+from aeolid.diagnose.scores import score_bank
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
@@ -409,3 +411,13 @@ def test_a_band_of_noise_turns_with_the_rotor_and_fades() -> None:
     at = site.output_names.index(name)
     np.testing.assert_allclose((kicked - still)[:, at], want, atol=1e-6)
     np.testing.assert_allclose(np.delete(kicked - still, at, axis=1), 0.0, atol=1e-9)
+
+
+def test_a_mass_off_the_axis_stands_out_in_the_bank(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With wind and noise, a linear baseline and this file's entries: the mass leads, over the family's threshold."""
+    monkeypatch.setattr(prepare, "ENTRIES", tuple(entry(i) for i in IDS))
+    trial = TRIALS["mass imbalance", "state_space"]
+    prepared = prepare.prepare(load_case(rig.write_case(tmp_path, trial, 2000, 7)))
+    bank = score_bank(prepared.predictor, prepared.fit, prepared.attachments, 1)
+    assert bank.rows[0].attachment.entry == "mass_imbalance" and bank.rows[0].z > bank.threshold
+    assert all(r.z < 0.5 * bank.rows[0].z for r in bank.rows[1:])
