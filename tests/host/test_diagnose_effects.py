@@ -38,6 +38,7 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
         ("wire", "equations"),
         ("rectifier", "equations"),
         ("bracket", "equations"),
+        ("hysteresis", "equations"),
         ("delay", "state_space"),
         ("bracket", "state_space"),
     ],
@@ -98,7 +99,6 @@ def test_a_coloured_disturbance_is_no_effect(tmp_path: Path, name: str) -> None:
     "name",
     [
         "swinging spring",
-        "hysteresis",
     ],
 )
 def test_no_name_is_forced_on_what_has_none(tmp_path: Path, name: str) -> None:

@@ -214,7 +214,7 @@ def trials() -> list[Hidden]:
                    ("frequency_hz", 8.0, 0.05), ("position",)),
             Hidden("wrong gain", kind, {}, ("parameter_error",), None, declared_gain=3.2),
             Hidden("backlash", kind, {"backlash": 1.5}, ("backlash",), ("width", 3.0, 0.15)),
-            Hidden("hysteresis", kind, {"hysteresis_N": 6.0}, outside=True),
+            Hidden("hysteresis", kind, {"hysteresis_N": 6.0}, ("bouc_wen_hysteresis", "play_hysteresis")),
             Hidden("swinging spring", kind, {"swing": 0.15}, outside=True),
         ]  # fmt: skip
         found += [
