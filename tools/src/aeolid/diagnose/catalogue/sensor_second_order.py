@@ -7,6 +7,7 @@ from functools import partial
 
 from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.catalogue.sensor_lag import SHORTEST
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
@@ -59,7 +60,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
 
     return Attachment(
         "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,
-        (Slot(inverse, "omega_rad_s", "rad/s", 0.0, 0.0, longest, 0.3 * step, show=rate_of),
+        (Slot(inverse, "omega_rad_s", "rad/s", 0.0, SHORTEST * step, longest, 0.3 * step, show=rate_of),
          Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
         stepped=True,
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
