@@ -45,7 +45,7 @@ def _on(site: Site, entry: str, channel: Exogenous, places: list[Entrance], says
     scales = [p.size / spread for p in places]  # slots of order one: the places differ by units
     slots = [
         Slot(
-            f"{entry}_{tag}_{k + 1}", f"gain_{p.location}", "", 0.0, -1e3, 1e3, 1e-3, show=partial(operator.mul, scale),
+            f"{entry}_{tag}_{k + 1}", f"gain_{p.location}", "", 0.0, -1e6, 1e6, 1e-3, show=partial(operator.mul, scale),
         )
         for k, (p, scale) in enumerate(zip(places, scales, strict=True))
     ]  # fmt: skip
