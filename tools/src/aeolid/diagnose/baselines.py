@@ -28,7 +28,8 @@ class Baseline:
     """Hold a baseline as equations, noise states of a linear one included, and the recordings that go with it.
 
     linear: the model behind the equations where it is one; surrogate: what a simulator's run knows of it; inputs: how
-    many of the equations' inputs act on the plant (the others are what a simulation said).
+    many of the equations' inputs act on the plant (the others are what a simulation said); run: a simulation that
+    effects can be tried on, at the recordings' rate, None where it was predicted along with the recording.
     """
 
     equations: Equations
@@ -36,6 +37,7 @@ class Baseline:
     surrogate: Surrogate | None
     records: tuple[Record, ...]
     inputs: int
+    run: Record | None = None
 
     def bare(self, auxiliaries: tuple[Auxiliary, ...]) -> Equations:
         """Return the equations that a corrected model is built on: no noise states, these intermediates."""
@@ -70,7 +72,8 @@ def _of_run(case: Case, run: Record) -> Baseline:
     if case.same_inputs:
         turned = [with_run(r, to_fixed_frame(run, sets)) for r in turned]
     records = tuple(with_time(decimate(r, factor)) for r in turned)
-    found = surrogate(decimate(to_fixed_frame(run, sets), factor))
+    slow = decimate(to_fixed_frame(run, sets), factor)
+    found = surrogate(slow)
     form = with_values(found.form, dict(zip(found.form.values, found.mean.tolist(), strict=True)))
     linear = replace(form.model, K=found.fit.point.K[: form.model.order] if found.fit.point.K is not None else None)
     found = replace(found, form=replace(form, model=linear))
@@ -79,4 +82,5 @@ def _of_run(case: Case, run: Record) -> Baseline:
         raise DataError(f"{case.records[0].source}: an input of the simulation is never recorded")
     equations = equations_of(linear, shaped_noise=True, modal=found.form)
     equations = alongside(equations, found.form) if case.same_inputs else equations
-    return Baseline(equations, linear, found, records, len(linear.inputs))
+    control = None if case.same_inputs else slow
+    return Baseline(equations, linear, found, records, len(linear.inputs), control)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES, entry
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.frame import carry_free, carry_point
@@ -71,8 +72,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("full fits", 0.3)
     candidates = fit_finalists(prepared, bank)
-    accepted = [c for c in candidates if is_accepted(c)]
-    winner = leading(accepted)
+    winner, candidates = first_effect(prepared, candidates)
     done()
     done = step("second effect", 0.5)
     second, after_bank = (None, None) if winner is None else second_effect(prepared, winner, seed)
@@ -125,6 +125,16 @@ def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> li
     return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
 
 
+def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
+    """Return the leading accepted candidate that is a finding, and all with those that are none marked so."""
+    while (winner := leading([c for c in candidates if is_accepted(c)])) is not None:
+        if survives_control(prepared, winner):
+            break
+        refused = replace(winner, plausible=False, reason=f"{winner.key} gains as much on the simulation itself")
+        candidates = [refused if c is winner else c for c in candidates]
+    return winner, candidates
+
+
 def select_density(prepared: Prepared) -> Array:
     """Return the baseline's log-density of each sample of the selection data."""
     bare = prepared.only(())
@@ -172,7 +182,8 @@ def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Can
         difference = pair.select_difference - winner.select_difference
         spread = float(np.sqrt(len(difference)) * np.std(difference))
         worth = added > max(_LEAST_GAIN, 2.33 * spread, _SECOND_SHARE * winner.select_gain)
-        if pair.plausible and worth and (best is None or pair.select_gain > best.select_gain):
+        better = pair.plausible and worth and (best is None or pair.select_gain > best.select_gain)
+        if better and survives_control(prepared, pair):
             best = pair
     return best, bank
 

@@ -28,6 +28,7 @@ from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
 from aeolid.models.state_space import StateSpace
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
 # free parameters that are not physics of the model
@@ -50,6 +51,7 @@ class Prepared:
     fit: Fit
     settle_s: float
     decimation: int
+    run: Record | None
 
     @property
     def extended(self) -> Equations:
@@ -97,7 +99,9 @@ def prepare(case: Case) -> Prepared:
     frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     predictor, fit = _fit_baseline(predictor, free, start, case)
-    bare = Prepared(declared, linear, frame, predictor, split, (), exogenous, motions, free, fit, settle, factor)
+    bare = Prepared(
+        declared, linear, frame, predictor, split, (), exogenous, motions, free, fit, settle, factor, base.run
+    )
     return bare.only(attachments)
 
 
