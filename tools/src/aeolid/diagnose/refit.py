@@ -107,8 +107,10 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None:
         return None
-    predictor = predictor.with_order(predictor.choose_var_order(fit.point))
-    fit = predictor.fit(fit.point, free)
+    order = predictor.choose_var_order(fit.point)
+    if order != predictor.var_order:
+        predictor = predictor.with_order(order)
+        fit = predictor.fit(fit.point, free)
     return None if fit is None else judge(prepared, predictor, base, fit, attachments, baseline_select)
 
 
@@ -124,7 +126,8 @@ def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...])
     if linear is None or base.point.K is None:
         return [[base.point, declared]]
     stable = np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) < 1 - 1e-9
-    if not stable or not any(a.entry in _TURNING for a in attachments):
+    turning = any(a.entry in _TURNING for a in attachments)
+    if not stable or not turning or prepared.surrogate is not None:  # a run's gains are near those of the recording
         return [[base.point]]
     covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
     spreads = np.sqrt(np.diag(linear.C @ covariance @ linear.C.T + linear.D @ linear.D.T))
