@@ -19,6 +19,7 @@ from aeolid.models.equations import Equations
 Array = NDArray[np.float64]
 _DRAWS = 999
 _LEVEL = 0.01  # family-wise false-alarm level of the bank
+_DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
 
 
@@ -132,7 +133,7 @@ def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Arr
             gains = [(attachment.gain_states[-1], -1)]
             columns.append(noise_column(predictor, point, fit.noise, fit.residual, names.index(gains[0][0])))
         G = np.vstack([np.column_stack(columns), np.zeros((len(fit.prior_residual), len(columns)))])
-        if not np.all(np.isfinite(G)):
+        if not np.all(np.abs(G) < _DIVERGED):  # NaN too
             continue
         size = np.linalg.norm(G, axis=0)
         projected = _outside(G, baseline)
