@@ -466,7 +466,7 @@ def test_on_a_mode_an_effect_is_exact_to_second_order(worlds: dict[str, World], 
         steps = []
         for values in (theta, without):
             after = np.empty(len(model.states))
-            world.full.slope(world.full.settled(x, u, values, STEP), u, values, after)
+            after = world.full.slope(world.full.settled(x, u, values, STEP), u, values)
             steps.append(after[:2])
         errors.append(steps[0] - exact)
         effects.append(steps[1] - exact)

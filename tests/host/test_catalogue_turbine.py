@@ -418,6 +418,6 @@ def test_a_mass_off_the_axis_stands_out_in_the_bank(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(prepare, "ENTRIES", tuple(entry(i) for i in IDS))
     trial = TRIALS["mass imbalance", "state_space"]
     prepared = prepare.prepare(load_case(rig.write_case(tmp_path, trial, 2000, 7)))
-    bank = score_bank(prepared.predictor, prepared.fit, prepared.attachments, 1)
+    bank = score_bank(prepared, prepared.hypotheses, 1)
     assert bank.rows[0].attachment.entry == "mass_imbalance" and bank.rows[0].z > bank.threshold
     assert all(r.z < 0.5 * bank.rows[0].z for r in bank.rows[1:])

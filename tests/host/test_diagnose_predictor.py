@@ -336,3 +336,21 @@ def test_a_sensor_without_noise_is_no_crash() -> None:
     for noise in 10.0 ** np.arange(-10, -320, -10.0):
         K = steady_gain(A, C, Q, np.diag([0.011, noise]))
         assert np.all(np.isfinite(K)) and np.max(abs(np.linalg.eigvals(A - K @ C))) < 1, noise
+
+
+def test_a_parameter_at_the_end_of_its_range_does_not_hold_up_the_others() -> None:
+    """The best damping lies beyond the range: fitting it too ends where the others' own best is, as quickly.
+
+    Cut off after the step, its share spoiled the step of all: fits stopped up to a hundred nats short.
+    """
+    segments = (recording(1), recording(2, 200))
+    p = predictor(segments)
+    low = np.array([0.5, 2.5, -10.0])  # the true damping is 0.9
+    bounded = Predictor(p.compiled, p.segments, replace(p.scales, low=low), 0)
+    start = replace(point(2, gain=True), theta=np.array([3.0, 2.5, 2.0]))
+    gains = tuple((i, j) for i in range(2) for j in range(2))
+    held = bounded.fit(start, Free((0, 2), (), gains, (0, 1)), iterations=60, tolerance=1e-6)
+    fit = bounded.fit(start, Free((0, 1, 2), (), gains, (0, 1)), iterations=6)
+    assert held is not None and fit is not None
+    assert fit.point.theta[1] == 2.5
+    assert fit.log_likelihood == pytest.approx(held.log_likelihood, abs=0.05)

@@ -39,7 +39,7 @@ def world(kind: str, folder: Path) -> tuple[Case, Prepared, Bank]:
     hidden = study.Hidden("null", kind, noise=(1.0, 0.02, 0.01))
     case = load_case(study.write_case(folder / kind, hidden, 1200, 5))
     prepared = prepare(case)
-    return case, prepared, score_bank(prepared.predictor, prepared.fit, prepared.attachments, 1)
+    return case, prepared, score_bank(prepared, prepared.hypotheses, 1)
 
 
 def test_what_the_baseline_can_imitate_is_projected_away(world: tuple[Case, Prepared, Bank]) -> None:
@@ -56,7 +56,7 @@ def test_what_the_baseline_can_imitate_is_projected_away(world: tuple[Case, Prep
 def test_a_free_parameter_is_never_its_own_hypothesis(world: tuple[Case, Prepared, Bank]) -> None:
     _, prepared, _ = world
     names = [prepared.extended.parameters[i].name for i in prepared.free.theta]
-    for a in prepared.attachments:
+    for a in prepared.hypotheses:
         assert not {s.name for s in a.slots} & set(names), a.key
 
 
@@ -85,7 +85,7 @@ def test_the_map_of_confusion_is_symmetric_with_ones(world: tuple[Case, Prepared
 
 def test_the_same_seed_gives_the_same_bank(world: tuple[Case, Prepared, Bank]) -> None:
     _, prepared, bank = world
-    again = score_bank(prepared.predictor, prepared.fit, prepared.attachments, 1)
+    again = score_bank(prepared, prepared.hypotheses, 1)
     assert again.threshold == bank.threshold
     assert [(r.attachment.key, r.z, r.p_value) for r in again.rows] == [
         (r.attachment.key, r.z, r.p_value) for r in bank.rows
@@ -105,12 +105,12 @@ def test_other_units_and_another_order_change_nothing(folder: Path) -> None:
     hidden = study.Hidden("null", "equations", noise=(1.0, 0.02, 0.01))
     case = load_case(study.write_case(folder / "units", hidden, 1200, 5))
     first, second = (chosen(prepare(c)) for c in (case, in_millimetres(case)))
-    bank = score_bank(first.predictor, first.fit, first.attachments, 1)
+    bank = score_bank(first, first.hypotheses, 1)
     predictor, point, free = carried(first, second)
     fit = predictor.at(point, free)
     rows = len(fit.per_sample)
     assert fit.log_likelihood + rows * np.log(1000) == pytest.approx(first.fit.log_likelihood, abs=1e-3)
-    a, b = by_key(bank), by_key(score_bank(predictor, fit, second.attachments, 1))
+    a, b = by_key(bank), by_key(score_bank(replace(second, predictor=predictor, fit=fit), second.hypotheses, 1))
     assert a.keys() == b.keys() and len(a) >= 4
     for key, z in a.items():
         assert b[key] == pytest.approx(z, abs=1e-3), key
@@ -119,7 +119,7 @@ def test_other_units_and_another_order_change_nothing(folder: Path) -> None:
 def chosen(prepared: Prepared) -> Prepared:
     """Leave the entries whose parameters are numbered by input or motion, or by output as modes are."""
     kept = ("actuator_lag", "transport_delay", "coulomb_friction", "cubic_stiffness", "structural_mode")
-    return prepared.only([a for a in prepared.attachments if a.entry in kept])
+    return replace(prepared, hypotheses=tuple(a for a in prepared.hypotheses if a.entry in kept))
 
 
 def in_millimetres(case: Case) -> Case:
@@ -185,12 +185,13 @@ def test_the_null_distribution_and_the_family_level(
     found out with 90 % certainty.
     """
     _, prepared, _ = world
-    cells = {a.key: scores._cells(prepared.predictor, prepared.fit, a, scores._span(prepared.fit.jacobian)) for a in
-             prepared.attachments}  # fmt: skip
-    monkeypatch.setattr(scores, "_cells", lambda predictor, fit, a, basis: cells[a.key])
+    offered = prepared.hypotheses
+    found = scores._cells(prepared, offered, scores._span(prepared.fit.jacobian))
+    cells = {a.key: c for a, c in zip(offered, found, strict=True)}
+    monkeypatch.setattr(scores, "_cells", lambda prepared, attachments, basis: [cells[a.key] for a in attachments])
     count = 200
     banks = [
-        score_bank(prepared.predictor, replace(prepared.fit, residual=r), prepared.attachments, 1000 + k)
+        score_bank(replace(prepared, fit=replace(prepared.fit, residual=r)), offered, 1000 + k)
         for k, r in enumerate(draws(count, len(prepared.fit.residual)))
     ]
     alarms = sum(b.rows[0].z > b.threshold for b in banks)
@@ -217,9 +218,9 @@ def test_the_stated_spread_is_that_of_the_score(world: tuple[Case, Prepared, Ban
     One draw scatters by some 15 % (a hundred blocks, few of them heavy), the mean of 30 by 3 %.
     """
     _, prepared, bank = world
-    chosen = [a for a in prepared.attachments if a.entry in ("actuator_lag", "coulomb_friction")]
+    chosen = [a for a in prepared.hypotheses if a.entry in ("actuator_lag", "coulomb_friction")]
     span = scores._span(prepared.fit.jacobian)
-    cells = {a.key: scores._cells(prepared.predictor, prepared.fit, a, span)[0] for a in chosen}
+    cells = {a.key: c[0] for a, c in zip(chosen, scores._cells(prepared, chosen, span), strict=True)}
     ratios: dict[str, list[float]] = {a.key: [] for a in chosen}
     for k, r in enumerate(draws(30, len(prepared.fit.residual))):
         for a in chosen:

@@ -49,10 +49,10 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
 
 
 def filter_var(e: Array, var: Array) -> Array:
-    """Return e_t − Σ A_i e_{t−i} (N, l); the first q rows use what there is."""
+    """Return e_t − Σ A_i e_{t−i} (…, N, l); the first q rows use what there is."""
     result = e.copy()
     for i, a in enumerate(var, 1):
-        result[i:] -= e[:-i] @ a.T
+        result[..., i:, :] -= e[..., :-i, :] @ a.T
     return result
 
 

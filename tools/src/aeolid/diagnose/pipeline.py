@@ -15,7 +15,7 @@ from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
-from aeolid.diagnose.frame import carry_free, carry_point
+from aeolid.diagnose.frame import carry_fit, carry_point
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
@@ -70,7 +70,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     prepared = prepare(case)
     done()
     done = step("score bank", 0.2)
-    bank = score_bank(prepared.predictor, prepared.fit, prepared.attachments, seed)
+    bank = score_bank(prepared, prepared.hypotheses, seed)
     done()
     done = step("full fits", 0.3)
     prepared, bank, candidates = fit_thoroughly(prepared, bank, seed)
@@ -124,7 +124,7 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
         if better is None:
             break
         prepared = better
-        bank = score_bank(prepared.predictor, prepared.fit, prepared.attachments, seed)
+        bank = score_bank(prepared, prepared.hypotheses, seed)
     else:
         candidates = fit_finalists(prepared, bank)
     return prepared, bank, candidates
@@ -145,7 +145,7 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     fit = predictor.fit(starts[0], bare.free, iterations=40)
     if fit is None or fit.log_likelihood < bare.fit.log_likelihood + _SHORT:
         return None
-    return replace(bare, predictor=predictor, fit=fit).only(prepared.attachments)
+    return replace(bare, predictor=predictor, fit=fit)
 
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
@@ -154,8 +154,8 @@ def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> li
     if not rows:
         return []
     base_select = select_density(prepared)
-    lean = prepared.only([r.attachment for r in rows])
-    fitted = [refit(lean, lean.fit, [r], base_select) for r in rows]
+    stages = (prepared.only([r.attachment]) for r in rows)
+    fitted = [refit(stage, stage.fit, [r], base_select) for stage, r in zip(stages, rows, strict=True)]
     return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
 
 
@@ -195,21 +195,21 @@ def is_accepted(candidate: Candidate) -> bool:
 def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
     families = {entry(a.entry).family for a in winner.attachments}  # a lag and a delay are one drive of higher order
-    rest = tuple(a for a in prepared.attachments if entry(a.entry).family not in families)
-    full, small = prepared.only((*winner.attachments, *rest)), winner.predictor.compiled.model
-    free = carry_free(winner.fit.free, small, full.extended)
-    predictor = full.predictor.with_order(winner.predictor.var_order or 0)
-    bank = score_bank(predictor, predictor.at(carry_point(winner.fit.point, small, full.extended), free), rest, seed)
+    rest = tuple(a for a in prepared.hypotheses if entry(a.entry).family not in families)
+    stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
+    predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
+    stage = replace(stage, predictor=predictor, fit=carry_fit(winner.fit, small, stage.extended))
+    bank = score_bank(stage, rest, seed)
     rows = [r for r in bank.rows if r.z > bank.threshold][:2]
     if not rows:
         return None, bank
     base_select = select_density(prepared)
     best: Candidate | None = None
     first_row = _as_row(winner)
-    lean = prepared.only((*winner.attachments, *(r.attachment for r in rows)))
-    base = replace(winner.fit, point=carry_point(winner.fit.point, small, lean.extended), free=lean.free)
     for row in rows:
-        pair = refit(lean, base, [first_row, row], base_select)
+        both = prepared.only((*winner.attachments, row.attachment))
+        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
+        pair = refit(both, base, [first_row, row], base_select)
         if pair is None:
             continue
         added = pair.select_gain - winner.select_gain
@@ -249,7 +249,7 @@ def _declared(prepared: Prepared, seed: int) -> Proof | None:
 
 def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]) -> tuple[int, list[float]]:
     """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named."""
-    hits, largest, tested = 0, [], [a for a in prepared.attachments if not a.always_fit]
+    hits, largest, tested = 0, [], [a for a in prepared.hypotheses if not a.always_fit]
     prepared = prepared.only(())
     _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
     for k in range(count):
@@ -266,8 +266,7 @@ def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]
             continue
         split = replace(prepared.split, fit=tuple(fit_part), select=tuple(select_part))
         world = replace(prepared, predictor=predictor, fit=fit, split=split)
-        full = world.only(tested)
-        bank = score_bank(full.predictor, full.fit, tested, seed + k)
+        bank = score_bank(world, tested, seed + k)
         top = bank.rows[0].z if bank.rows else -np.inf
         largest.append(float(top) if np.isfinite(top) else 0.0)
         if top > bank.threshold and any(is_accepted(c) for c in fit_finalists(world, bank, most=2)):

@@ -16,12 +16,14 @@ from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_de
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.models.integrate import Compiled, apply_filters, substeps
+from aeolid.models.machine_code import LANES
 
 Array = NDArray[np.float64]
 # BIC chooses the noise-model order among these. A physical noise model needs little colour on top; more would
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
+_ENDS = 4  # times the parameters at the ends of their ranges are looked through
 _STEPS = 6  # with one set of sensitivities
 
 
@@ -52,6 +54,15 @@ class Fit:
         variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
         result: Array = np.sqrt(variance) / size
         return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Hold sensitivities J (M, k), those of the prior (p, k), and JᵀJ of both (k, k)."""
+
+    jacobian: Array
+    prior: Array
+    gram: Array
 
 
 class Predictor:
@@ -91,6 +102,29 @@ class Predictor:
         return self.compiled.predict(
             part, np.ascontiguousarray(y), point.theta, K, x, segment.fine_step, count, segment.stride, generate
         )
+
+    def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
+        """Return innovations (points, N, l) of one segment for up to LANES points near `base`, side by side.
+
+        All have the same values of the input filters' parameters. The integration steps are those of `base`, so that
+        a small step never changes them.
+        """
+        segment, first = self.segments[index], points[0]
+        lanes = [*points, *[first] * (LANES - len(points))]
+        u = apply_filters(self.compiled.model, segment.u, first.theta, segment.fine_step)
+        count = substeps(self.compiled, segment.u, base.theta, base.x0[index], segment.fine_step)
+        theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
+        gains = [self.gain(p) for p in points]
+        K = np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
+        e = self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
+        result: Array = np.ascontiguousarray(np.moveaxis(e[:, :, : len(points)], 2, 0))
+        return result
+
+    def whitened_wide(self, innovations: Array, noise: Noise, index: int) -> Array:
+        """Return what `whitened` says of each of several innovations (points, N, l) of one segment: (points, rows)."""
+        white = filter_var(innovations, noise.var)[:, self.segments[index].burn :] @ noise.factor
+        white[~np.all(np.isfinite(white), axis=2)] = 0.0
+        return white.reshape(len(white), -1)
 
     def gain(self, point: Point) -> Array:
         """Return the predictor's gain (n, l): given, or the Kalman gain of the noise amplitudes."""
@@ -168,10 +202,10 @@ class Predictor:
         if value >= _HUGE:
             return None
         for _ in range(iterations):
-            begun, jacobian, first = value, None, 0.0
+            begun, slopes, first = value, None, 0.0
             for _ in range(_STEPS):
                 before = value
-                jacobian, value, point, damping = self._step(value, point, free, damping, jacobian)
+                slopes, value, point, damping = self._step(value, point, free, damping, slopes)
                 first = max(first, before - value)
                 if before - value < max(tolerance, 0.2 * first):
                     break
@@ -180,22 +214,27 @@ class Predictor:
         return self.at(point, free)
 
     def _step(
-        self, value: float, point: Point, free: Free, damping: float, jacobian: Array | None
-    ) -> tuple[Array, float, Point, float]:
+        self, value: float, point: Point, free: Free, damping: float, slopes: _Slopes | None
+    ) -> tuple[_Slopes, float, Point, float]:
         """Take one damped step with given or new sensitivities; returns them, the value, the point, the damping."""
         innovations = self.innovations(point)
         noise = self.noise_of(innovations)
         assert noise is not None  # the objective was finite here
         base = self.whitened(innovations, noise)
-        jacobian = sensitivity(self, point, noise, base, free) if jacobian is None else jacobian
-        normal = self._normal(jacobian, base, point, free)
+        slopes = self._slopes(sensitivity(self, point, noise, base, free), free) if slopes is None else slopes
+        downhill = slopes.jacobian.T @ base + slopes.prior.T @ self.scales.prior.residual(point.theta)
         for _ in range(8):
-            trial = self._move(point, free, _damped_step(*normal, damping))
+            trial = self._move(point, free, self._inside(slopes.gram, downhill, damping, point, free))
             trial_value = self.objective(trial)
             if trial_value < value:
-                return jacobian, trial_value, trial, max(damping * 0.1, 1e-9)
+                return slopes, trial_value, trial, max(damping * 0.1, 1e-9)
             damping = min(damping * 10 + 1e-6, 1e6)
-        return jacobian, value, point, damping
+        return slopes, value, point, damping
+
+    def _slopes(self, jacobian: Array, free: Free) -> _Slopes:
+        """Complete sensitivities by those of the prior and by their normal matrix."""
+        prior = self._prior_columns(free, jacobian.shape[1])
+        return _Slopes(jacobian, prior, jacobian.T @ jacobian + prior.T @ prior)
 
     def at(self, point: Point, free: Free) -> Fit:
         """Return residuals, sensitivities and likelihood at a point, noise model estimated there."""
@@ -205,20 +244,33 @@ class Predictor:
         base = self.whitened(innovations, noise)
         per_sample = log_density(base, noise, self.segments[0].y.shape[1])
         jacobian = sensitivity(self, point, noise, base, free)
-        prior = self._prior(point, free, jacobian.shape[1])
+        prior = self.scales.prior.residual(point.theta), self._prior_columns(free, jacobian.shape[1])
         return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian, *prior)
 
-    def _normal(self, jacobian: Array, base: Array, point: Point, free: Free) -> tuple[Array, Array]:
-        """Return the normal equations (k, k), (k,) with the priors of declared parameters."""
-        rows, columns = self._prior(point, free, jacobian.shape[1])
-        return jacobian.T @ jacobian + columns.T @ columns, jacobian.T @ base + columns.T @ rows
+    def _inside(self, gram: Array, downhill: Array, damping: float, point: Point, free: Free) -> Array:
+        """Return the damped step (k,) of those that may take it; a θ at the end of its range does not push beyond.
 
-    def _prior(self, point: Point, free: Free, width: int) -> tuple[Array, Array]:
-        """Return residuals (p,) and sensitivities (p, k) of the prior at a point."""
+        Left in, its step would be cut off and what the others take back for it would remain.
+        """
+        theta, moving = point.theta[list(free.theta)], np.ones(len(downhill), dtype=bool)
+        low, high = self.scales.low[list(free.theta)], self.scales.high[list(free.theta)]
+        step = np.zeros(len(downhill))
+        for _ in range(_ENDS):
+            step[:] = 0.0
+            step[moving] = _damped_step(gram[np.ix_(moving, moving)], downhill[moving], damping)
+            beyond = theta + step[: len(theta)]
+            stuck = (beyond < low) & (theta <= low) | (beyond > high) & (theta >= high)
+            if not np.any(stuck & moving[: len(theta)]):
+                break
+            moving[: len(theta)] &= ~stuck
+        return step
+
+    def _prior_columns(self, free: Free, width: int) -> Array:
+        """Return the sensitivities (p, k) of the prior's residuals."""
         prior: Prior = self.scales.prior
         columns = np.zeros((len(prior.root), width))
         columns[:, : len(free.theta)] = prior.root[:, list(free.theta)]
-        return prior.residual(point.theta), columns
+        return columns
 
     def _move(self, point: Point, free: Free, step: Array) -> Point:
         theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]
@@ -273,7 +325,8 @@ def _settle(head: Predictor, fit: Fit) -> Array:
         for _ in range(15):
             if not np.isfinite(value):
                 break
-            normal = head._normal(sensitivity(head, point, fit.noise, base, free), base, point, free)
+            jacobian = sensitivity(head, point, fit.noise, base, free)
+            normal = jacobian.T @ jacobian, jacobian.T @ base  # no prior knows of the start
             before = value
             for _ in range(8):
                 trial = head._move(point, free, _damped_step(*normal, damping))

@@ -37,13 +37,18 @@ NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", modal.PREFIX)
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """Hold the stage for all later steps: the extended model, its predictor, data, hypotheses and baseline fit."""
+    """Hold the stage for all later steps: the model, its predictor, data and baseline fit.
+
+    hypotheses: all that the catalogue offers for this model; attachments: those of them that are in the model, at their
+    nulls or as fitted.
+    """
 
     declared: Equations
     linear: StateSpace | None
     frame: Frame
     predictor: Predictor
     split: Split
+    hypotheses: tuple[Attachment, ...]
     attachments: tuple[Attachment, ...]
     exogenous: tuple[Exogenous, ...]
     motions: tuple[Motion, ...]
@@ -55,7 +60,7 @@ class Prepared:
 
     @property
     def extended(self) -> Equations:
-        """Return the model with the effects in question, at their nulls."""
+        """Return the model with the effects in question."""
         return self.predictor.compiled.model
 
     @property
@@ -74,7 +79,7 @@ class Prepared:
 
 
 def prepare(case: Case) -> Prepared:
-    """Bring the baseline into predictor form, attach every catalogue entry at its null, fit what is free."""
+    """Bring the baseline into predictor form, fit what is free, ask every catalogue entry where it could attach."""
     base = baseline_of(case)
     declared, linear, records = base.equations, base.linear, base.records
     compiled = compile_equations(declared)
@@ -99,10 +104,10 @@ def prepare(case: Case) -> Prepared:
     frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     predictor, fit = _fit_baseline(predictor, free, start, case)
-    bare = Prepared(
-        declared, linear, frame, predictor, split, (), exogenous, motions, free, fit, settle, factor, base.run
-    )
-    return bare.only(attachments)
+    return Prepared(
+        declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
+        base.run,
+    )  # fmt: skip
 
 
 def _anatomy(

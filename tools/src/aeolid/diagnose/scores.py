@@ -13,11 +13,13 @@ from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
-from aeolid.diagnose.sensitivity import gain_column, noise_column, theta_column
+from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.sensitivity import Variant, columns, gain_variant, noise_variant, theta_variant
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 _DRAWS = 999
+_TOGETHER = 10  # attachments in one model of the bank
 _LEVEL = 0.01  # family-wise false-alarm level of the bank
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
@@ -67,20 +69,21 @@ def overlap(a: Row, b: Row) -> float:
 
 
 def score_bank(
-    predictor: Predictor, fit: Fit, attachments: Sequence[Attachment], seed: int, threshold: float | None = None
+    prepared: Prepared, attachments: Sequence[Attachment], seed: int, threshold: float | None = None
 ) -> Bank:
-    """Score all attachments at a fitted baseline.
+    """Score all attachments at a fitted baseline, which may hold effects found before.
 
     G̃ = G − Q Qᵀ G, Q spanning the baseline's own sensitivities; LM = |Hᵀ r|², H an orthonormal basis of G̃, one-sided
     where the physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a
     block wild bootstrap of the residuals (robust to changing variance and short correlation). `threshold` overrides it.
-    Cost: one filter pass a parameter and grid point.
+    Cost: one filter pass for every LANES parameters and grid points.
     """
+    fit = prepared.fit
     basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian]))
-    outputs = predictor.segments[0].y.shape[1]
+    outputs = prepared.predictor.segments[0].y.shape[1]
     signs = _block_signs(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed)
     residual = np.concatenate([fit.residual, fit.prior_residual])
-    cells = [_cells(predictor, fit, a, basis) for a in attachments]
+    cells = _cells(prepared, attachments, basis)
     null_max = np.full(_DRAWS, -np.inf)
     rows = []
     for attachment, options in zip(attachments, cells, strict=True):
@@ -114,47 +117,92 @@ class _Cell:
     one_sided: bool
 
 
-def _cells(predictor: Predictor, fit: Fit, attachment: Attachment, baseline: Array) -> list[_Cell]:
+@dataclass(frozen=True, eq=False)
+class _Direction:
+    """Hold what one cell of the bank asks: which quantities move (θ by name, gains by state and output), and where."""
+
+    attachment: Attachment
+    grid: Mapping[str, float]
+    names: tuple[str, ...]
+    gains: tuple[tuple[str, int], ...]
+    variants: tuple[Variant, ...]
+
+
+def _directions(predictor: Predictor, fit: Fit, attachment: Attachment) -> list[_Direction]:
     local = [s for s in attachment.slots if s.local]
     if not local and not attachment.gain_states:
         return []
     model = predictor.compiled.model
-    names = [s.name for s in model.states]
+    states = [s.name for s in model.states]
     outputs = predictor.segments[0].y.shape[1]
     result = []
     for grid in attachment.grid:
         point = shifted(fit.point, model, grid)
-        steps = [{model.index(s.name): s.size} for s in local]
-        columns = [theta_column(predictor, point, fit.noise, fit.residual, step) for step in steps]
+        variants = [theta_variant(point, {model.index(s.name): s.size}) for s in local]
         stirred = () if point.K is None else attachment.gain_states
         gains = [(g, j) for g in stirred for j in range(outputs)]
-        columns += [gain_column(predictor, point, fit.noise, fit.residual, names.index(g), j) for g, j in gains]
+        variants += [gain_variant(predictor, point, states.index(g), j) for g, j in gains]
         if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
             gains = [(attachment.gain_states[-1], -1)]
-            columns.append(noise_column(predictor, point, fit.noise, fit.residual, names.index(gains[0][0])))
-        G = np.vstack([np.column_stack(columns), np.zeros((len(fit.prior_residual), len(columns)))])
-        if not np.all(np.abs(G) < _DIVERGED):  # NaN too
-            continue
-        size = np.linalg.norm(G, axis=0)
-        projected = _outside(G, baseline)
-        keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
-        if not np.any(keep):
-            continue
-        Q, R = np.linalg.qr(projected[:, keep])
-        if np.min(np.abs(np.diag(R))) < 1e-9 * np.max(np.abs(np.diag(R))):
-            continue
-        if len(R) == 1 and R[0, 0] < 0:
-            Q, R = -Q, -R
-        labels: list[str | tuple[str, int]] = [*(s.name for s in local), *gains]
-        kept = [n for n, k in zip(labels, keep, strict=True) if k]
-        sided = len(kept) == 1 and len(local) == 1 and local[0].low == local[0].null
-        result.append(
-            _Cell(
-                grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
-                Q, R, sided,
-            )
-        )  # fmt: skip
+            variants.append(noise_variant(point, states.index(gains[0][0])))
+        names = tuple(s.name for s in local)
+        result.append(_Direction(attachment, grid, names, tuple(gains), tuple(variants)))
     return result
+
+
+def _cells(prepared: Prepared, attachments: Sequence[Attachment], baseline: Array) -> list[list[_Cell]]:
+    """Return each attachment's cells.
+
+    A few attachments at a time are put into the model: each one makes every pass slower, each model costs its
+    translation.
+    """
+    result: list[list[_Cell]] = []
+    for first in range(0, len(attachments), _TOGETHER):
+        some = attachments[first : first + _TOGETHER]
+        result += _cells_of(prepared.only((*prepared.attachments, *some)), some, baseline)
+    return result
+
+
+def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Array) -> list[list[_Cell]]:
+    predictor, fit = stage.predictor, stage.fit
+    asked = [_directions(predictor, fit, a) for a in attachments]
+    variants = [v for of_one in asked for d in of_one for v in d.variants]
+    moved = columns(predictor, fit.point, fit.noise, fit.residual, variants)
+    known = np.zeros((len(fit.prior_residual), len(variants)))  # what was known before says nothing of an effect
+    directions, result = np.vstack([moved, known]), []
+    first = 0
+    for of_one in asked:
+        found = []
+        for d in of_one:
+            cell = _cell(d, directions[:, first : first + len(d.variants)], baseline)
+            first += len(d.variants)
+            found += [cell] if cell else []
+        result.append(found)
+    return result
+
+
+def _cell(asked: _Direction, G: Array, baseline: Array) -> _Cell | None:
+    """Project one cell's directions out of the baseline's own; None where they say nothing of their own."""
+    if not np.all(np.abs(G) < _DIVERGED):  # NaN too
+        return None
+    size = np.linalg.norm(G, axis=0)
+    projected = _outside(G, baseline)
+    keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
+    if not np.any(keep):
+        return None
+    Q, R = np.linalg.qr(projected[:, keep])
+    if np.min(np.abs(np.diag(R))) < 1e-9 * np.max(np.abs(np.diag(R))):
+        return None
+    if len(R) == 1 and R[0, 0] < 0:
+        Q, R = -Q, -R
+    labels: list[str | tuple[str, int]] = [*asked.names, *asked.gains]
+    kept = [n for n, k in zip(labels, keep, strict=True) if k]
+    local = [s for s in asked.attachment.slots if s.local]
+    sided = len(kept) == 1 and len(local) == 1 and local[0].low == local[0].null
+    return _Cell(
+        asked.grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
+        Q, R, sided,
+    )  # fmt: skip
 
 
 def _outside(G: Array, baseline: Array) -> Array:

@@ -1,10 +1,10 @@
-"""Differentiate a predictor: one filter pass a parameter, by finite differences of the whitened innovations."""
+"""Differentiate a predictor: finite differences of the whitened innovations, several parameters a filter pass."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.noise import Noise
 from aeolid.diagnose.point import Free, Point
+from aeolid.models.machine_code import LANES
 
 if TYPE_CHECKING:
     from aeolid.diagnose.predictor import Predictor
@@ -22,20 +23,67 @@ _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the in
 _STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """Hold a point a small step h away in one direction; `segment` where only one stretch's start has moved."""
+
+    point: Point
+    h: float
+    segment: int | None = None
+
+
 def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, free: Free) -> Array:
     """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
 
-    One filter pass a parameter, on two threads.
+    One filter pass for every LANES parameters, on two threads.
     """
-    jobs: list[Callable[[], Array]] = []
+    variants = [theta_variant(point, {i: step_of(predictor, i, point)}) for i in free.theta]
+    variants += [noise_variant(point, i) for i in free.noise]
+    variants += [gain_variant(predictor, point, i, j) for i, j in free.gain]
     segments = range(len(predictor.segments))
-    steps = [{i: step_of(predictor, i, point)} for i in free.theta]
-    jobs += [partial(theta_column, predictor, point, noise, base, step) for step in steps]
-    jobs += [partial(noise_column, predictor, point, noise, base, i) for i in free.noise]
-    jobs += [partial(gain_column, predictor, point, noise, base, i, j) for i, j in free.gain]
-    jobs += [partial(_x0_column, predictor, point, noise, base, s, i) for s in segments for i in free.x0]
-    columns = list(_POOL.map(lambda job: job(), jobs))
-    return np.column_stack([*columns, _var_columns(predictor, point, noise)]) if columns else np.zeros((len(base), 0))
+    variants += [_x0_variant(predictor, point, s, i) for s in segments for i in free.x0]
+    own = columns(predictor, point, noise, base, variants)
+    return np.hstack([own, _var_columns(predictor, point, noise)]) if variants else np.zeros((len(base), 0))
+
+
+def columns(predictor: Predictor, at: Point, noise: Noise, base: Array, variants: Sequence[Variant]) -> Array:
+    """Return the change of −residual (M, k) a unit of each variant's step; `base` is the residual at `at`.
+
+    A variant may start from another point than `at`, as long as the residual there is the same.
+    """
+    result = np.zeros((len(base), len(variants)))
+    jobs = []
+    for places in _alike(predictor, variants):
+        for first in range(0, len(places), LANES):
+            jobs.append(partial(_fill, result, predictor, at, noise, base, variants, places[first : first + LANES]))
+    list(_POOL.map(lambda job: job(), jobs))
+    return result
+
+
+def _fill(
+    result: Array, predictor: Predictor, at: Point, noise: Noise, base: Array, variants: Sequence[Variant],
+    places: Sequence[int],
+) -> None:  # fmt: skip
+    """Write the columns of up to LANES variants of one kind."""
+    chosen = [variants[p] for p in places]
+    only, outputs = chosen[0].segment, predictor.segments[0].y.shape[1]
+    rows = [(len(s.y) - s.burn) * outputs for s in predictor.segments]
+    first = 0 if only is None else sum(rows[:only])
+    steps = np.array([v.h for v in chosen])
+    for i in range(len(rows)) if only is None else [only]:
+        moved = predictor.whitened_wide(predictor.wide(at, [v.point for v in chosen], i), noise, i)  # (lanes, rows)
+        result[first : first + rows[i], places] = (base[first : first + rows[i], None] - moved.T) / steps
+        first += rows[i]
+
+
+def _alike(predictor: Predictor, variants: Sequence[Variant]) -> list[list[int]]:
+    """Group variants that may run side by side: the same inputs behind the filters, the same stretches."""
+    model = predictor.compiled.model
+    own = [model.index(p) for f in model.filters for p in f.parameters]
+    groups: dict[tuple[int | None, bytes], list[int]] = {}
+    for place, v in enumerate(variants):
+        groups.setdefault((v.segment, v.point.theta[own].tobytes()), []).append(place)
+    return list(groups.values())
 
 
 def _var_columns(predictor: Predictor, point: Point, noise: Noise) -> Array:
@@ -65,41 +113,34 @@ def step_of(predictor: Predictor, index: int, point: Point) -> float:
     return h if point.theta[index] + h <= predictor.scales.high[index] else -h
 
 
-def theta_column(predictor: Predictor, point: Point, noise: Noise, base: Array, steps: dict[int, float]) -> Array:
-    """Return the change of −residual (M,) a unit of the first step when these θ move together."""
+def theta_variant(point: Point, steps: Mapping[int, float]) -> Variant:
+    """Move these θ together; columns are a unit of the first step."""
     theta = point.theta.copy()
     for index, h in steps.items():
         theta[index] += h
-    moved = predictor.whitened(predictor.innovations(replace(point, theta=theta)), noise)
-    return (base - moved) / next(iter(steps.values()))
+    return Variant(replace(point, theta=theta), next(iter(steps.values())))
 
 
-def noise_column(predictor: Predictor, point: Point, noise: Noise, base: Array, index: int) -> Array:
-    """Return the change of −residual (M,) a unit of a noise amplitude's square (variance)."""
+def noise_variant(point: Point, index: int) -> Variant:
+    """Move a noise amplitude; columns are a unit of its square (variance)."""
     amplitude = point.noise.copy()
     h = max(1e-3 * float(amplitude[index]) ** 2, 1e-6)
     amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
-    return (base - predictor.whitened(predictor.innovations(replace(point, noise=amplitude)), noise)) / h
+    return Variant(replace(point, noise=amplitude), h)
 
 
-def gain_column(predictor: Predictor, point: Point, noise: Noise, base: Array, state: int, output: int) -> Array:
-    """Return the change of −residual (M,) a unit of K[state, output]."""
+def gain_variant(predictor: Predictor, point: Point, state: int, output: int) -> Variant:
+    """Move K[state, output]."""
     assert point.K is not None
     h = _STEP * float(predictor.scales.gain[state, output])
     K = point.K.copy()
     K[state, output] += h
-    return (base - predictor.whitened(predictor.innovations(replace(point, K=K)), noise)) / h
+    return Variant(replace(point, K=K), h)
 
 
-def _x0_column(predictor: Predictor, point: Point, noise: Noise, base: Array, segment: int, state: int) -> Array:
+def _x0_variant(predictor: Predictor, point: Point, segment: int, state: int) -> Variant:
     h = _STEP * predictor.scales.x0[state]
     x0 = list(point.x0)
     x0[segment] = x0[segment].copy()
     x0[segment][state] += h
-    alone = predictor.on([predictor.segments[segment]])
-    moved = alone.whitened(alone.innovations(replace(point, x0=(x0[segment],))), noise)
-    outputs = predictor.segments[0].y.shape[1]
-    before = sum(len(s.y) - s.burn for s in predictor.segments[:segment]) * outputs
-    column = np.zeros(len(base))
-    column[before : before + len(moved)] = (base[before : before + len(moved)] - moved) / h
-    return column
+    return Variant(replace(point, x0=tuple(x0)), h, segment)

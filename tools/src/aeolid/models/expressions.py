@@ -1,4 +1,4 @@
-"""Check and rewrite the arithmetic of a model file; turn it into compilable source."""
+"""Check and rewrite the arithmetic of a model file."""
 
 from __future__ import annotations
 
@@ -85,27 +85,6 @@ def to_text(tree: ast.expr) -> str:
     return ast.unparse(tree)
 
 
-def to_source(tree: ast.expr, variables: Mapping[str, str]) -> str:
-    """Return Python source for the compiler, each variable written as `variables` says (for example `x[0]`).
-
-    sqrt of a negative number and division by zero follow IEEE rules in the compiled code (NaN, inf).
-    """
-    if isinstance(tree, ast.Constant):
-        return repr(float(tree.value))  # type: ignore[arg-type]
-    if isinstance(tree, ast.Name):
-        return CONSTANTS[tree.id] if tree.id in CONSTANTS else variables[tree.id]
-    if isinstance(tree, ast.UnaryOp):
-        return f"({'-' if isinstance(tree.op, ast.USub) else '+'}{to_source(tree.operand, variables)})"
-    if isinstance(tree, ast.BinOp):
-        left, right = to_source(tree.left, variables), to_source(tree.right, variables)
-        return f"({left}{_SYMBOL[type(tree.op)]}{right})"
-    if isinstance(tree, ast.Call):
-        name = tree.func.id  # type: ignore[attr-defined]
-        arguments = ",".join(to_source(a, variables) for a in tree.args)
-        return f"{_COMPILED[name]}({arguments})"
-    raise AssertionError(f"unchecked node {type(tree).__name__}")
-
-
 def combine(operator: str, left: ast.expr, right: ast.expr) -> ast.expr:
     """Join two expressions by + - * or /."""
     op = {"+": ast.Add(), "-": ast.Sub(), "*": ast.Mult(), "/": ast.Div()}[operator]
@@ -115,13 +94,6 @@ def combine(operator: str, left: ast.expr, right: ast.expr) -> ast.expr:
 def unknown_names(tree: ast.expr, known: Iterable[str]) -> list[str]:
     """List variables that nobody defines, in alphabetical order."""
     return sorted(names_in(tree) - set(known))
-
-
-_SYMBOL: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
-_COMPILED = {
-    "sqrt": "np.sqrt", "exp": "np.exp", "log": "np.log", "sin": "np.sin", "cos": "np.cos",
-    "tan": "np.tan", "tanh": "np.tanh", "abs": "abs", "sign": "np.sign", "min": "min", "max": "max",
-}  # fmt: skip
 
 
 def _copy(tree: ast.expr) -> ast.expr:

@@ -1,0 +1,169 @@
+"""Run translated models through a recording: one after another, or several parameter sets side by side."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_WORD = 8  # bytes a double
+
+
+def _pointers(count: int, last_is_number: bool) -> Any:
+    """Return a numba function call(address, p1 …) for machine code that takes pointers (and a last number)."""
+
+    def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kinds = [ir.IntType(64)] * (count - last_is_number) + [ir.DoubleType()] * last_is_number
+        kind = ir.FunctionType(ir.VoidType(), kinds)
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), list(args[1:]))
+        return context.get_dummy_value()
+
+    return generate
+
+
+def _four(typing: Any, address: Any, x: Any, u: Any, th: Any, d: Any) -> Any:
+    return types.void(*[types.int64] * 5), _pointers(4, False)
+
+
+def _five(typing: Any, address: Any, x: Any, u: Any, th: Any, y: Any, s: Any) -> Any:
+    return types.void(*[types.int64] * 6), _pointers(5, False)
+
+
+def _three_and_number(typing: Any, address: Any, x: Any, u: Any, th: Any, step: Any) -> Any:
+    return types.void(*[types.int64] * 4, types.float64), _pointers(4, True)
+
+
+_call4: Any = intrinsic(_four)
+_call5: Any = intrinsic(_five)
+_renew4: Any = intrinsic(_three_and_number)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def march(
+    code: tuple[int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
+    step: float, count: int, stride: int, generate: bool,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
+
+    U (N · stride, r) and Y (N, l) are the same for all lanes; th (np, lanes), K (n, l, lanes), x0 (n + memories,
+    lanes). The model runs at the inputs' rate, `count` classical Runge–Kutta steps a row of U (or one step of a
+    discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s is the slope of a folding
+    sensor. With `generate` Y holds innovations and the states follow from them. All arrays C-contiguous.
+    Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes).
+    """
+    flow, read, renew = code
+    N, m, n = len(Y), Y.shape[1], K.shape[0] * lanes
+    E, P, X = np.empty((N, m * lanes)), np.empty((N, m * lanes)), np.empty((N + 1, x0.size))
+    x, s = x0.copy().ravel(), np.empty(m * lanes)
+    k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), x.copy()
+    at, at_mid, at_s, thetas = x.ctypes.data, mid.ctypes.data, s.ctypes.data, th.ctypes.data
+    d1, d2, d3, d4 = k1.ctypes.data, k2.ctypes.data, k3.ctypes.data, k4.ctypes.data
+    gains = K.ravel()
+    h = step / count
+    for k in range(N):
+        X[k] = x
+        u = U.ctypes.data + _WORD * U.shape[1] * k * stride
+        _renew4(renew, at, u, thetas, step * stride)
+        _call5(read, at, u, thetas, P.ctypes.data + _WORD * m * lanes * k, at_s)
+        mid[:] = x
+        for part in range(stride * (1 if discrete else count)):
+            if discrete:
+                _call4(flow, at, u + _WORD * U.shape[1] * part, thetas, d1)
+                x[:n] = k1
+                continue
+            held = u + _WORD * U.shape[1] * (part // count)
+            _call4(flow, at, held, thetas, d1)
+            for i in range(n):
+                mid[i] = x[i] + 0.5 * h * k1[i]
+            _call4(flow, at_mid, held, thetas, d2)
+            for i in range(n):
+                mid[i] = x[i] + 0.5 * h * k2[i]
+            _call4(flow, at_mid, held, thetas, d3)
+            for i in range(n):
+                mid[i] = x[i] + h * k3[i]
+            _call4(flow, at_mid, held, thetas, d4)
+            for i in range(n):
+                x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+        _correct(x, Y[k], P[k], E[k], gains, s, lanes, generate)
+    X[N] = x
+    return E, P, X
+
+
+@njit(cache=True, error_model="numpy", nogil=True, inline="always")
+def _correct(x: Array, y: Array, p: Array, e: Array, K: Array, s: Array, lanes: int, generate: bool) -> None:
+    m = len(y)
+    n = len(K) // (m * lanes) if m else 0
+    for j in range(m):
+        known = y[j] == y[j]  # a missing output is NaN and corrects nothing
+        for q in range(j * lanes, (j + 1) * lanes):
+            e[q] = y[j] if generate else y[j] - p[q]
+            if known and e[q] == e[q]:
+                s[q] *= e[q]
+            else:
+                s[q] = 0.0
+    if lanes == 1:
+        for i in range(n):
+            for j in range(m):
+                x[i] += K[i * m + j] * s[j]
+        return
+    for i in range(n):
+        for j in range(m):
+            for q in range(lanes):
+                x[i * lanes + q] += K[(i * m + j) * lanes + q] * s[j * lanes + q]
+
+
+@njit(cache=True, error_model="numpy")
+def slope(flow: int, x: Array, u: Array, th: Array, out: Array) -> None:
+    """Write dx/dt (or the next state in discrete time) of one lane into `out` (n,)."""
+    _call4(flow, x.ctypes.data, u.ctypes.data, th.ctypes.data, out.ctypes.data)
+
+
+@njit(cache=True, error_model="numpy")
+def outputs(read: int, x: Array, u: Array, th: Array, out: Array, s: Array) -> None:
+    """Write outputs and the sign of action of each sensor of one lane into `out` and `s` (l,)."""
+    _call5(read, x.ctypes.data, u.ctypes.data, th.ctypes.data, out.ctypes.data, s.ctypes.data)
+
+
+@njit(cache=True, error_model="numpy")
+def settle(renew: int, x: Array, u: Array, th: Array, step: float) -> None:
+    """Renew the memories at the end of x (n + memories,) of one lane, in place; NaN starts settled."""
+    _renew4(renew, x.ctypes.data, u.ctypes.data, th.ctypes.data, step)
+
+
+@njit(cache=True, error_model="numpy")
+def state_jacobian(flow: int, n: int, x: Array, u: Array, th: Array) -> Array:
+    """Return ∂f/∂x (n, n) by central differences, steps 1e-6 of each state's size; x (n + memories,) settled."""
+    result, up, down = np.empty((n, n)), np.empty(n), np.empty(n)
+    moved = x.copy()
+    for i in range(n):
+        h = 1e-6 * max(1.0, abs(x[i]))
+        moved[i] = x[i] + h
+        slope(flow, moved, u, th, up)
+        moved[i] = x[i] - h
+        slope(flow, moved, u, th, down)
+        moved[i] = x[i]
+        result[:, i] = (up - down) / (2 * h)
+    return result
+
+
+@njit(cache=True, error_model="numpy")
+def reading_jacobian(
+    read: int, renew: int, sizes: tuple[int, int], x: Array, u: Array, th: Array, step: float
+) -> Array:
+    """Return s ∂h/∂x (l, n), sizes (n, l), by central differences through settled memories x (n + memories,)."""
+    n, m = sizes
+    result, up, down, s = np.empty((m, n)), np.empty(m), np.empty(m), np.empty(m)
+    for i in range(n):
+        h = 1e-6 * max(1.0, abs(x[i]))
+        for side in range(2):
+            moved = x.copy()
+            moved[i] += h if side == 0 else -h
+            settle(renew, moved, u, th, step)
+            outputs(read, moved, u, th, up if side == 0 else down, s)
+        result[:, i] = s * (up - down) / (2 * h)
+    return result
