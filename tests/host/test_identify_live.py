@@ -78,6 +78,25 @@ def test_batches_of_a_propagator_are_its_single_samples(model_set):
     assert rows[0].shape == (0, width) and all(np.isfinite(r).all() and r.shape[1] == width for r in rows)
 
 
+@pytest.mark.parametrize("past, forgetting", [(2, 0.9), (1, 0.5), (2, 0.99)])
+def test_a_batch_longer_than_the_memory_loses_no_sample(past, forgetting):
+    """A short memory bounds what a snapshot computes anew, not what the least squares take from a batch."""
+    record = simulate_fourth_order(1000, 3, feedback=0.25)
+    s = settings(record, past=past, forgetting=forgetting, order=2)
+    one, many = (Propagator(inputs=2, outputs=2, past=past, order=2, forgetting=forgetting) for _ in range(2))
+    u, y, early = record.matrix("input"), record.matrix("output"), theta(record, s, 500)
+    for tracker in (one, many):
+        tracker.update_markov(early)
+    for k in range(len(u)):
+        one.update(u[k], y[k])
+    rows = [many.update_many(u[k : k + 300], y[k : k + 300]) for k in range(0, 1000, 300)]
+    assert one.updates == many.updates == sum(map(len, rows)) == 1000 - past
+    np.testing.assert_allclose(many.matrices[2], one.matrices[2], atol=1e-8)
+    live = LiveModes(s)
+    feed(live, record, batch=250)
+    assert live._moments.weight == pytest.approx(float((forgetting ** np.arange(1000.0 - past)).sum()))
+
+
 @pytest.mark.parametrize("samples, forgetting", [(700, 1.0), (1200, 0.99)])
 def test_told_deviations_are_those_of_trials(samples, forgetting):
     """95 % intervals of both modes cover what 80 trials scatter, less 4 deviations of a count."""

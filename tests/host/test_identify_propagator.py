@@ -71,6 +71,18 @@ def test_small_rls_stays_bounded_when_nothing_moves():
     assert np.isfinite(small.theta).all()
 
 
+def test_a_restart_long_after_its_start_is_solvable_without_excitation():
+    """λ^N of a long memory is zero in binary64; a direction that never moved keeps a little of its start."""
+    random, small = np.random.default_rng(2), SmallRls(1, 3, 0.5)
+    phi = random.standard_normal((4000, 3)) * [1.0, 1.0, 0.0]
+    small.restart(phi, phi @ np.array([[2.0], [-1.0], [5.0]]))
+    np.testing.assert_allclose(small.theta, [[2.0, -1.0, 0.0]], atol=1e-9)
+    for _ in range(200):
+        row = random.standard_normal(3)
+        small.update(row, np.array([row @ [2.0, -1.0, 5.0]]))
+    np.testing.assert_allclose(small.theta, [[2.0, -1.0, 5.0]], atol=1e-6)
+
+
 @pytest.mark.parametrize("selection", ["combined", "rows"])
 @pytest.mark.parametrize("memory", [0, 300])
 def test_clean_data_give_the_exact_model(selection, memory):
@@ -242,6 +254,21 @@ def test_bad_snapshots_and_samples_are_named():
     with pytest.raises(NotIdentifiable, match="0 samples have come with a full window, 8 are needed"):
         tracker.model((), (), 1.0)
     assert np.isnan(tracker.poles).all() and not tracker.update(np.zeros(2), np.zeros(2))
+
+
+def test_batches_of_another_shape_are_refused_and_no_inputs_are_fine():
+    """Transposed samples have as many numbers: they must not be taken for others."""
+    tracker, u, y = Propagator(**settings()), np.zeros((40, 2)), np.zeros((40, 2))
+    for wrong, words in (
+        ((u.T, y.T), r"u has shape \(2, 40\), \(samples, 2\) is needed"),
+        ((u, np.zeros((40, 3))), r"y has shape \(40, 3\)"),
+        ((u[:30], y), "hold 30, 40 and 30 samples"),
+        ((u, y, np.zeros((40, 1))), r"e has shape \(40, 1\)"),
+    ):
+        with pytest.raises(UsageError, match=words):
+            tracker.update_many(*wrong)
+    alone = Propagator(inputs=0, outputs=2, past=3, order=2)
+    assert alone.update_many(np.zeros((20, 0)), y[:20]).shape == (17, 8)
 
 
 def test_rows_are_chosen_by_size_too():

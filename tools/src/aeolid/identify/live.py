@@ -21,6 +21,7 @@ from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, choose_order
 from aeolid.identify.propagator import Propagator
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, Moments, joint_spread, known_share, remainder
+from aeolid.identify.streamed import GROWTH_MAX
 from aeolid.identify.subspace import ScaledModel, StateBasis, find_states, gamma_k
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import WindowFactor, triangularise
@@ -30,7 +31,6 @@ from aeolid.models.modes import Mode, continuous_poles, modes_of
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 FARTHEST = 0.25  # relative distance of two continuous-time poles beyond which they are not one mode
-GROWTH_MAX = 10.0  # of the filter's variances: the wire does not carry its guards
 ENOUGH = 4  # windows a parameter before an order is chosen
 BUSY = 20  # deviations are worked out again after so many times what they took
 

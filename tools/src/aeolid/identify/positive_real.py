@@ -18,7 +18,7 @@ from aeolid.identify.markov import regressor_columns
 from aeolid.identify.windows import WindowFactor, triangularise
 
 Array = NDArray[np.float64]
-STEPS = 10  # halvings of the range of the weight, 1e-10 … 1e4 of the largest: a third of a decade is left
+STEPS = 10  # halvings of the range of the weight, 1e-10 … 1e4 of the largest: 1/70 of a decade is left
 RANK = 1e-3  # of the largest eigenvalue of the innovation covariance; below it a direction counts as free of noise
 POINTS = 1024  # frequencies from 0 to the Nyquist frequency, both included
 BESIDE = np.array([0, 1, 2, 4, 8, 16])  # distances from a zero's angle, in its distance to the unit circle

@@ -20,19 +20,17 @@ from math import ceil
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import qr
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.identify.propagator_states import choose_states
 from aeolid.identify.small_rls import SmallRls
 from aeolid.identify.subspace import gamma_k
-from aeolid.identify.windows import decompose, triangularise
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 LONGEST_MEMORY = 5000  # samples kept; λ nearer to 1 forgets what lies further back with each snapshot
 BATCH = 64  # samples that step 3 takes at once
-INDEPENDENT = 1e-9  # least singular value of ΓK Z that is not rounding, beside the largest
 
 
 class Propagator:
@@ -96,7 +94,8 @@ class Propagator:
             raise UsageError("scale must be above 0")
         self._theta: Array | None = None
         self._map: Array | None = None  # S ΓK, (n, p m)
-        self._span = max(self.memory, 2 * past * self.block) + past  # blocks kept: S is chosen from them too
+        # blocks kept: for the states of `memory`, for the choice of S, and for all windows of a batch
+        self._span = max(self.memory, 2 * past * self.block, BATCH) + past
         self._blocks_kept: Array = np.zeros((2 * self._span, self.block))
         self._kept = self._filled = 0
         self.updates = 0
@@ -195,11 +194,15 @@ class Propagator:
         """Take samples u (N, r), y (N, l), oldest first; returns the windows (k, (p + 1) m) that are complete, scaled.
 
         As `update` one by one, but e of step 3 is taken with the last C of each batch. Cost a sample of a long batch:
-        2 n p m + 2 (n + r + l)² operations without the interpreter's; VARMAX goes one by one.
+        2 n p m + 2 (n + r + l)² operations without the interpreter's; VARMAX goes one by one. Raises UsageError where a
+        shape is wrong.
         """
-        us, ys = (np.asarray(v, np.float64).reshape(-1, k) for v, k in ((u, self.inputs), (y, self.outputs)))
+        us, ys = _rows(u, self.inputs, "u"), _rows(y, self.outputs, "y")
+        es = None if e is None else _rows(e, self.outputs, "e")
+        if len({len(v) for v in (us, ys, es) if v is not None}) > 1:
+            raise UsageError(f"u, y and e hold {len(us)}, {len(ys)} and {len(us) if es is None else len(es)} samples")
         if self.block != self.inputs + self.outputs:
-            windows = [self._follow(us[k], ys[k], None if e is None else np.asarray(e)[k]) for k in range(len(us))]
+            windows = [self._follow(us[k], ys[k], None if es is None else es[k]) for k in range(len(us))]
             done = [w[None, :] for w in windows if len(w)]
         else:
             done = [self._take(us[i : i + BATCH], ys[i : i + BATCH]) for i in range(0, len(us), BATCH)]
@@ -319,28 +322,11 @@ class Propagator:
         )  # fmt: skip
 
 
-def choose_states(stacked: Array, windows: Array, order: int, combined: bool) -> Array:
-    """Return S (n, f l) from ΓK (f l, p m) and the windows so far (N, p m).
-
-    combined: S = Σ^{−1/2} U' of ΓK Z/√N = U Σ V', the state of paper 000 eq. (27). Else n rows, by QR with pivoting of
-    (U Σ)', which weighs how independent a row is against how large; rows chosen from ΓK alone, far ahead and small,
-    gave poles off by 0.06. Few windows count as unit noise. Raises NotIdentifiable with fewer than n independent rows.
-    """
-    width = stacked.shape[1]
-    root = triangularise(np.vstack([windows, np.eye(width)])) / np.sqrt(len(windows) + 1)
-    left, values, _ = decompose(stacked @ root.T)
-    rank = int(np.count_nonzero(values > INDEPENDENT * max(float(values[0]), 1e-300)))
-    if rank < order:
-        raise NotIdentifiable(
-            f"the Markov parameters show {rank} states above rounding, {order} were asked for; lower the order or wait"
-            " until the filter has converged"
-        )
-    if combined:
-        scaled: Array = left[:, :order].T / np.sqrt(values[:order])[:, None]
-        return scaled
-    _, _, pivots = qr((left[:, :order] * values[:order]).T, mode="economic", pivoting=True)
-    rows: Array = np.eye(len(stacked))[np.sort(pivots[:order])]
-    return rows
+def _rows(values: ArrayLike, width: int, name: str) -> Array:
+    table = np.asarray(values, dtype=np.float64)
+    if table.ndim != 2 or table.shape[1] != width:
+        raise UsageError(f"{name} has shape {table.shape}, (samples, {width}) is needed")
+    return table
 
 
 def _table(values: ArrayLike, length: int, name: str) -> Array:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 GROWTH_MAX = 10.0  # of a variance over its start 1/ρ, before forgetting stops
 REGULARISATION = 1e-4  # ρ: as if that part of a sample of unit size had been seen in each direction
+FAINTEST = 1e-12  # of ρ, that a restart leaves: far below any data, and still invertible where there are none
 
 
 class SmallRls:
@@ -59,7 +60,7 @@ class SmallRls:
         """Start again as if these samples, (N, k) and (N, t), oldest first, had come one by one."""
         N, k = regressors.shape
         fade = np.sqrt(self.forgetting) ** np.arange(N)[::-1]
-        first = np.sqrt(self._least * self.forgetting**N) * np.eye(k)  # what is left of P = I/ρ
+        first = np.sqrt(self._least * max(self.forgetting**N, FAINTEST)) * np.eye(k)  # what is left of P = I/ρ
         R = np.linalg.qr(np.vstack([first, regressors * fade[:, None]]), mode="r")
         self.root = np.linalg.inv(R)
         self.theta = (targets * (fade**2)[:, None]).T @ regressors @ self.root @ self.root.T

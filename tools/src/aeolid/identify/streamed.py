@@ -20,7 +20,7 @@ from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-GROWTH_MAX = 10.0  # of a filter that does not say its own
+GROWTH_MAX = 10.0  # of the variances of a filter that does not say its own; the wire never does
 ON_WIRE = 32, 16  # bytes of a channel's name and unit that a controller sends
 SAME_TIME = 0.02  # relative; clocks and rounded time columns differ by less, decimated recordings by more
 
