@@ -1,6 +1,7 @@
 """Check what a fleet rests on: summaries merge to the stacked problem, whatever their scaling and order."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -100,9 +101,30 @@ def test_the_model_of_a_merge_is_the_model_of_the_recordings(records, plan):
 def test_the_order_of_the_true_system_is_chosen(plan):
     records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(4)]
     order, reason = choose_common_order([merge_all(summarise(r, PAST) for r in records)], plan)
-    assert order == 4 and reason.startswith("order 4: ")
+    assert order == 4 and reason.startswith("order 4: ") and reason.endswith(", 1 periods")
     with pytest.raises(NotIdentifiable, match="no period carries a choice"):
         choose_common_order([summarise(records[0].slice(0, 60), PAST)], plan)
+
+
+def test_a_period_without_a_window_to_fit_is_left_out_of_the_choice(plan):
+    """Nothing but its last third is there: the other periods choose; alone it says why it cannot."""
+    records = [simulate_fourth_order(2000, seed, feedback=0.25) for seed in range(3)]
+    values = records[0].values.copy()
+    values[:1395] = np.nan
+    late = summarise(replace(records[0], values=values), PAST)
+    assert late.windows[0] == 0 < late.windows[1]
+    order, reason = choose_common_order([late, *(summarise(r, PAST) for r in records[1:])], plan)
+    assert order == 4 and reason.endswith(", 2 periods")
+    with pytest.raises(NotIdentifiable, match="no complete window in the first part"):
+        choose_common_order([late], plan)
+
+
+def test_samples_in_binary32_are_summed_in_binary64():
+    record = simulate_fourth_order(50_000, 1)
+    lifted = replace(record, values=record.values + np.array([1e4, 0.0, 3e4, 0.0]))
+    double, single = (summarise(r, 4) for r in (lifted, replace(lifted, values=lifted.values.astype(np.float32))))
+    np.testing.assert_allclose(single.mean, double.mean, atol=1e-3)
+    np.testing.assert_allclose(single.scale, double.scale, rtol=1e-3)
 
 
 def test_modes_that_move_between_periods_cost_no_states(plan):
@@ -181,14 +203,20 @@ def test_drift_is_the_weighted_line():
     assert drift(t, t, [*s[:4], None]) is None
 
 
-def test_names_of_periods_and_turbines(plan, tmp_path):
+def test_names_of_periods_and_turbines(plan, tmp_path, monkeypatch):
     daily = replace(plan, window_s=parse_window("1d"))
     assert daily.period_of(1.7e9) == "2023-11-14"
     assert replace(plan, window_s=parse_window("6h")).period_of(1.7e9) == "2023-11-14T18:00:00"
     assert daily.period_of(90000.0) == "86400 s"
+    short = replace(plan, window_s=parse_window("30s"))
+    assert [short.period_of(s) for s in (12345600.0, 12345630.0)] == ["12345600 s", "12345630 s"]
     named = replace(plan, group=r"(?P<turbine>WT\d+)_(?P<start>\d{8}_\d{4})")
     assert named.place(tmp_path / "WT07_20231114_2213.csv") == ("WT07", None, 1699999980.0)
     assert plan.place(tmp_path / "WT1" / "a.csv") == ("WT1", None, None)
+    for where, file in (("WT1", "a.csv"), ("WT1/b", "../a.csv"), (".", "WT1/a.csv")):  # from wherever it is asked
+        (tmp_path / where).mkdir(parents=True, exist_ok=True)
+        monkeypatch.chdir(tmp_path / where)
+        assert plan.place(Path(file))[0] == "WT1"
     with pytest.raises(DataError, match="does not match"):
         named.place(tmp_path / "other.csv")
 
@@ -206,7 +234,7 @@ def test_bad_settings_are_named(plan, change, words):
         replace(plan, **change)
 
 
-@pytest.mark.parametrize("text", ["", "1", "d", "0d", "-1d", "1y"])
+@pytest.mark.parametrize("text", ["", "1", "d", "0d", "-1d", "1y", "0.5s"])
 def test_bad_windows_are_named(text):
     with pytest.raises(UsageError, match="no length of time"):
         parse_window(text)

@@ -14,7 +14,7 @@ from aeolid.cli.main import main
 from aeolid.fleet import tasks, workers
 from aeolid.fleet.plan import Plan, find_recordings
 from aeolid.fleet.run import run_fleet
-from aeolid.fleet.tables import SCHEMA, mode_rows
+from aeolid.fleet.tables import SCHEMA, mode_rows, write_models
 from aeolid.formats import write_table
 from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
@@ -27,11 +27,12 @@ ROLES = '[recording]\ntime = "time_s"\n' + "".join(
 DAY = 86400.0
 
 
-def write(path, seed, start, step=0.1):
+def write(path, seed, start, step=0.1, jitter=0.0):
     path.parent.mkdir(parents=True, exist_ok=True)
     record = simulate_fourth_order(600, seed, feedback=0.25)
     columns = {name: record.column(name) for name in ("u1", "u2", "y1", "y2")}
-    write_table(path, {"time_s": start + step * np.arange(600), **columns})
+    late = jitter * np.random.default_rng(seed).uniform(-1, 1, 600)
+    write_table(path, {"time_s": start + step * np.arange(600) + late, **columns})
 
 
 @pytest.fixture(scope="module")
@@ -232,6 +233,39 @@ def test_bad_files_are_named_and_the_rest_goes_on(folder, tmp_path, capsys):
     assert "the same content as" in reasons["good0.parquet"]
     page = (tmp_path / "out" / "report.html").read_text()
     assert "Left out" in page and "broken.parquet" in page and "<svg" in page
+
+
+def test_clocks_that_jitter_have_one_sample_time(folder, plan, tmp_path):
+    """Steps may jitter by a tenth: the mean step of 600 then differs by parts in 10⁵ from file to file."""
+    for k in range(6):
+        write(tmp_path / "data" / "T0" / f"r{k}.parquet", k, 19000 * DAY + 600 * k, jitter=0.004)
+    write(tmp_path / "data" / "T0" / "r6.parquet", 6, 19000 * DAY, step=0.1005)
+    facts = run(tmp_path, plan, tmp_path / "out")
+    assert facts["usable"] == 6 and [row["name"][-10:] for row in facts["skipped"]] == ["r6.parquet"]
+    assert len({p["sample_time_s"] for p in facts["periods"]}) == 1
+
+
+def test_folders_of_one_name_are_one_turbine_and_said_to_be(folder, tmp_path, capsys):
+    for k, place in enumerate(("north/T1", "south/T1", "south/T2")):
+        write(tmp_path / "data" / place / "a.parquet", k, 19000 * DAY)
+    words = ["--order", "4", "--workers", "1"]
+    assert command(folder, tmp_path / "out", str(tmp_path / "data"), *words) == 0
+    said = "".join(capsys.readouterr().out.split())
+    assert "turbineT1ismadeof2foldersofthatname" in said and "turbineT2" not in said
+    assert "turbine T1 is made of 2 folders" in (tmp_path / "out" / "report.html").read_text()
+    group = ["--group", r"(?P<turbine>\w+/T\d)/"]
+    assert command(folder, tmp_path / "two", str(tmp_path / "data"), *words, *group, "--models") == 0
+    facts = json.loads((tmp_path / "two" / "fleet.json").read_text())
+    assert facts["turbines"] == 3 and facts["notes"] == []
+    assert len(list((tmp_path / "two" / "models").rglob("*.json"))) == 3
+
+
+def test_no_model_of_a_period_takes_the_place_of_another(tmp_path):
+    """Turbines and periods that differ in what no file name holds, and a name that would leave the folder."""
+    names = [("a/b", "1"), ("a_b", "1"), ("a:b", "1"), ("..", "1"), (".", ".")]
+    write_models(tmp_path / "in", [{"turbine": t, "period": p, "model": {"of": k}} for k, (t, p) in enumerate(names)])
+    found = sorted(json.loads(p.read_text())["of"] for p in (tmp_path / "in").rglob("*.json"))
+    assert found == [0, 1, 2, 3, 4] and [p.name for p in tmp_path.iterdir()] == ["in"]
 
 
 def test_nothing_usable_ends_with_code_3(folder, tmp_path, capsys):

@@ -123,6 +123,7 @@ def _text(facts: dict[str, Any], out: Path, models: bool) -> str:
     lines += ["modes that moved:", *(f"  {text}" for text in facts["moved"])] if facts["moved"] else []
     if not facts["moved"] and len(facts["periods"]) > facts["turbines"]:
         lines.append("no mode moved by more than chance")
+    lines += [f"note: {note}" for note in facts["notes"]]
     if facts["skipped"]:
         lines.append(f"{len(facts['skipped'])} left out:")
         lines += [f"  {row['kind']} {row['name']}: {row['reason']}" for row in facts["skipped"][:20]]

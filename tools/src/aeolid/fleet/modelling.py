@@ -13,7 +13,7 @@ from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, model_in_units
 from aeolid.identify.markov import estimate_markov, require_excitation
-from aeolid.identify.order import FIT_PART, TOLERANCE
+from aeolid.identify.order import smallest_sufficient
 from aeolid.identify.subspace import StateBasis, equilibrium, find_states, largest_useful_order, system_matrices
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
@@ -78,17 +78,18 @@ def choose_common_order(periods: Sequence[Summary], plan: Plan) -> tuple[int, st
         raise NotIdentifiable(f"no period carries a choice of the order; the last: {reason}")
     most = min(map(len, scored))
     losses = np.average([each[:most] for each in scored], axis=0, weights=weights)
-    best = int(np.argmin(losses))
-    order = next(i for i, loss in enumerate(losses) if loss <= losses[best] + TOLERANCE) + 1
-    return order, (
-        f"order {order}: the smallest whose one-step error on the held-out last {1 - FIT_PART:.0%} of each recording "
-        f"is within {TOLERANCE:.0%} per output of the best (order {best + 1} of 1 to {most}), {len(scored)} periods"
-    )
+    choice = smallest_sufficient(losses.tolist(), tail=f", {len(scored)} periods")
+    return choice.order, choice.reason
 
 
 def _held_out_losses(summary: Summary, plan: Plan, through: tuple[bool, ...]) -> list[float]:
     """Return the losses of the orders from 1; raises NotIdentifiable without state or with too little held out."""
     fitted, rest = summary.factor("fitted"), summary.factor("rest")
+    if fitted.windows == 0:
+        raise NotIdentifiable(
+            "a period: no complete window in the first part of its recordings, which an order is fitted to; use longer "
+            "periods or name the order"
+        )
     basis = find_states(fitted, estimate_markov(fitted, through, REGULARIZATION).theta, plan.past)
     most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
     if most == 0 or rest.windows < 20 * fitted.channels:

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.fleet.plan import DAY, EPOCH
+
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
 LIKELY = 3.84  # rise of χ² within which the onset lies in 95 %
@@ -16,8 +18,6 @@ STEPS = 8  # places of an onset between two periods
 NOTABLE = 4.0  # deviations a change must have to be named: a page of a hundred modes has none by chance
 SHARE = 0.8  # of a turbine's periods a mode must be found in
 LIGHT = 0.2  # damping above which a pole is not followed by name: such poles wander with the order
-DAY = 86400.0
-EPOCH = 1e8  # starts above this are seconds since 1970
 
 
 def find_onset(times: Sequence[float], values: Sequence[float], deviations: Sequence[float | None]) -> Facts | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ from aeolid.errors import DataError, UsageError
 from aeolid.formats.recording import SUFFIXES
 from aeolid.record import Roles
 
-SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": 86400.0, "w": 604800.0}
+DAY = 86400.0
+SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY, "w": 7 * DAY}
 FORMAT = 1  # of the cached factors: one more where their content changes
-_EPOCH = 1e8  # times above this are seconds since 1970, below since some start of their own
+EPOCH = 1e8  # times above this are seconds since 1970, below since some start of their own
 _STAMPS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
 
 
@@ -60,7 +62,7 @@ class Plan:
 
         Raises DataError where the path does not match the pattern.
         """
-        turbine = path.parent.name or "."
+        turbine = Path(os.path.abspath(path)).parent.name or "/"  # whatever folder the command is given in
         if self.group is None:
             return turbine, None, None
         found = re.search(self.group, path.as_posix())
@@ -75,8 +77,8 @@ class Plan:
         if self.window_s is None:
             return "all"
         first = int(start_s // self.window_s) * self.window_s
-        if abs(first) < _EPOCH:
-            return f"{first:g} s"
+        if abs(first) < EPOCH:
+            return f"{first:.15g} s"
         return datetime.fromtimestamp(first, UTC).strftime("%Y-%m-%dT%H:%M:%S").removesuffix("T00:00:00")
 
     def to_json(self) -> dict[str, Any]:
@@ -110,9 +112,10 @@ def compile_group(pattern: str | None) -> None:
 def parse_window(text: str) -> float:
     """Return the seconds of a length of time such as 1d, 6h, 30min; raises UsageError."""
     found = re.fullmatch(r"(\d+(?:\.\d+)?)(s|min|h|d|w)", text.strip())
-    if found is None or float(found[1]) <= 0:
-        raise UsageError(f"--window {text!r} is no length of time; write for example 1d, 6h or 30min")
-    return float(found[1]) * SECONDS[found[2]]
+    seconds = 0.0 if found is None else float(found[1]) * SECONDS[found[2]]
+    if seconds < 1:  # periods are named by their first second
+        raise UsageError(f"--window {text!r} is no length of time of a second or more; write for example 1d or 30min")
+    return seconds
 
 
 def find_recordings(given: Sequence[str], excluded: Path) -> list[Path]:

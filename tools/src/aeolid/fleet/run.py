@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import aeolid
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.onset import find_onset, notable, say_change
-from aeolid.fleet.plan import Plan
+from aeolid.fleet.plan import DAY, Plan
 from aeolid.fleet.tasks import (
     FileDone,
     Period,
@@ -24,10 +27,10 @@ from aeolid.fleet.tasks import (
 )
 from aeolid.fleet.tracking import drift, track
 from aeolid.fleet.workers import Pool
+from aeolid.formats.timebase import CLOCK_TOLERANCE
 
 Facts = dict[str, Any]
 Notice = Callable[[str, int, int], None]  # stage, pieces done, pieces in all
-TIME_UNIT_S = 86400.0
 
 
 @dataclass
@@ -69,7 +72,7 @@ def run_fleet(paths: Sequence[Path], plan: Plan, out: Path, pool: Pool, notice: 
         "version": aeolid.__version__, "settings": plan.to_json(), "recordings": len(paths), "usable": len(done),
         "reused": reused, "turbines": len({p["turbine"] for p in found}), "order_reasons": reasons,
         "periods": found, "tracks": tracks, "skipped": skipped.rows,
-        "moved": [say_change(t) for t in tracks if notable(t, count[t["turbine"]])],
+        "moved": [say_change(t) for t in tracks if notable(t, count[t["turbine"]])], "notes": _notes(done, plan),
     }  # fmt: skip
 
 
@@ -77,7 +80,7 @@ def _compress(
     paths: Sequence[Path], plan: Plan, cache: str, pool: Pool, tell: Notice, skipped: Skipped
 ) -> list[FileDone]:
     """Compress every file; those without a factor, with another sample time or a content met before are skipped."""
-    names = [str(p) for p in paths]
+    names = sorted(str(p) for p in paths)
     results: dict[int, FileDone] = {}
     tell("recordings", 0, len(names))
     for index, result in pool.run(compress_file, names, plan, cache):
@@ -86,12 +89,11 @@ def _compress(
         tell("recordings", len(results), len(names))
     usable = []
     met: dict[str, str] = {}
-    steps = Counter(f"{r.sample_time_s:.6g}" for r in results.values() if r.reason is None)
-    usual = max(steps, key=lambda step: (steps[step], step), default="")
+    usual = _usual_step([r.sample_time_s for r in results.values() if r.reason is None])
     for result in (results[i] for i in range(len(names))):
-        reason = result.reason
-        if reason is None and f"{result.sample_time_s:.6g}" != usual:
-            reason = f"{result.path}: sample time {result.sample_time_s:.6g} s, most have {usual} s; resample it"
+        reason, step = result.reason, result.sample_time_s
+        if reason is None and abs(step - usual) > CLOCK_TOLERANCE * usual:
+            reason = f"{result.path}: sample time {step:.6g} s, most have {usual:.6g} s; resample it"
         elif reason is None and result.sha256 in met:
             reason = f"{result.path}: the same content as {met[result.sha256]}"
         if reason is None:
@@ -100,6 +102,31 @@ def _compress(
         else:
             skipped.add("recording", result.path, reason)
     return usable
+
+
+def _usual_step(steps: Sequence[float]) -> float:
+    """Return the sample time, s, that most recordings have but for the jitter of their clocks; 0 of none."""
+    if not steps:
+        return 0.0
+    found = np.sort(steps)
+    low, high = (np.searchsorted(found, found * (1 + share)) for share in (-CLOCK_TOLERANCE, CLOCK_TOLERANCE))
+    most = found[high - low == np.max(high - low)]
+    return float(most[len(most) // 2])
+
+
+def _notes(files: Sequence[FileDone], plan: Plan) -> list[str]:
+    """Say which turbines are put together from several folders of one name, which may be turbines of their own."""
+    if plan.group is not None:
+        return []
+    folders: dict[str, set[str]] = {}
+    for done in files:
+        folders.setdefault(plan.place(Path(done.path))[0], set()).add(os.path.dirname(os.path.abspath(done.path)))
+    return [
+        f"turbine {turbine} is made of {len(found)} folders of that name, {min(found)} to {max(found)}; where they are "
+        "turbines of their own, --group with (?P<turbine>…) tells them apart"
+        for turbine, found in sorted(folders.items())
+        if len(found) > 1
+    ]
 
 
 def _group(files: Sequence[FileDone], plan: Plan, skipped: Skipped) -> list[Period]:
@@ -195,7 +222,7 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
     series: dict[tuple[str, int], list[tuple[float, Facts]]] = {}
     place: Counter[str] = Counter()
     for period in periods:
-        time = period["middle_s"] / TIME_UNIT_S if clocks else float(place[period["turbine"]])
+        time = period["middle_s"] / DAY if clocks else float(place[period["turbine"]])
         place[period["turbine"]] += 1
         for mode in period["modes"]:
             series.setdefault((period["turbine"], mode["track"]), []).append((time, mode))

@@ -108,7 +108,7 @@ def summarise(record: Record, past: int) -> Summary:
     names = record.names("input", "output")
     inputs = record.names("input")
     ordered = inputs + tuple(n for n in names if n not in inputs)
-    values = record.columns(ordered)
+    values = np.asarray(record.columns(ordered), dtype=np.float64)  # means of binary32 samples go astray
     if np.isinf(values).any():
         row, column = np.argwhere(np.isinf(values))[0]
         raise DataError(

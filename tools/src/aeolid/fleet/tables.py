@@ -48,9 +48,13 @@ def mode_rows(periods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def write_models(folder: Path, periods: Sequence[Mapping[str, Any]]) -> None:
     """Write the model of each period as TURBINE/PERIOD.json, which all commands take. Raises UsageError."""
+    written: set[Path] = set()
     for period in periods:
-        turbine, label = (re.sub(r"[^\w.+-]", "_", str(period[key])) for key in ("turbine", "period"))
+        turbine, label = (re.sub(r"^\.|[^\w.+-]", "_", str(period[key])) for key in ("turbine", "period"))
         path = folder / turbine / f"{label}.json"
+        while path in written:  # names that differ in what no file name holds
+            path = path.with_name(f"{path.stem}_.json")
+        written.add(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(json.dumps(period["model"], indent=1), encoding="utf-8")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from aeolid.fleet.onset import LIGHT
+from aeolid.fleet.plan import DAY
 from aeolid.report import charts
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 
 Facts = dict[str, Any]
 _MOST_TURBINES = 60  # drawn on one page; the table holds all
-_DAY = 86400.0
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1b1f24")
 _MARKERS = "osD^vPX"
 
@@ -26,7 +26,8 @@ def render_fleet(facts: Facts, path: str | Path) -> None:
     left = len(turbines) - _MOST_TURBINES
     more = tag("p", f"{left} more turbines are in modes.parquet.", class_="soft") if left > 0 else None
     write_page(
-        path, title, tag("h1", title), tag("p", _summary(facts)), _drifts(facts),
+        path, title, tag("h1", title), tag("p", _summary(facts)),
+        *(tag("p", f"Note: {note}.", class_="soft") for note in facts.get("notes", [])), _drifts(facts),
         *(_turbine(facts, name) for name in turbines[:_MOST_TURBINES]), more, _skipped(facts), _settings(facts),
     )  # fmt: skip
 
@@ -74,7 +75,7 @@ def _turbine(facts: Facts, name: str) -> Html:
     reason = facts["order_reasons"].get(name)
     starts = np.array([p["start_s"] for p in periods])
     clocked = len(set(starts.tolist())) > 1
-    times = (starts - starts[0]) / _DAY if clocked else np.arange(float(len(periods)))
+    times = (starts - starts[0]) / DAY if clocked else np.arange(float(len(periods)))
     with charts.sketch(charts.WIDE, 1, 2) as drawing:
         for axes, key, unit, text in zip(
             drawing.axes[0], ("frequency_hz", "damping"), (1.0, 100.0), ("frequency (Hz)", "damping (%)"), strict=True
