@@ -94,6 +94,9 @@ def test_control_without_a_time_base_or_with_the_wrong_kind_is_refused():
     assert from_control(unspecified, sample_time_s=0.2).sample_time_s == 0.2
     with pytest.raises(UsageError, match="sample time"):
         from_control(control.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], True))
+    for wrong in (-0.2, np.nan):
+        with pytest.raises(UsageError, match="is not a time in seconds"):
+            from_control(unspecified, sample_time_s=wrong)
     with pytest.raises(UsageError, match="contradicts"):
         from_control(control.StateSpace([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1), sample_time_s=0.2)
     with pytest.raises(DataError, match="TransferFunction"):
@@ -154,6 +157,26 @@ def test_an_unusable_matlab_file_is_named(tmp_path, content, text):
     with pytest.raises(DataError, match=text) as error:
         read_mat_model(tmp_path / "bad.mat")
     assert "bad.mat" in str(error.value)
+
+
+def test_properties_that_make_another_system_are_refused(tmp_path):
+    """What `get` of a MATLAB system holds besides the matrices: at its defaults it says nothing."""
+    plain = {"A": np.diag([0.5, 0.2]), "B": np.ones((2, 1)), "C": np.ones((1, 2)), "D": [[0.0]], "Ts": 0.1}
+    default = {"E": np.zeros((0, 0)), "InputDelay": [[0.0]], "OutputDelay": [[0.0]], "InternalDelay": np.zeros((0, 1))}
+    savemat(tmp_path / "m.mat", plain | default | {"TimeUnit": "seconds"})
+    assert read_mat_model(tmp_path / "m.mat").order == 2
+    savemat(tmp_path / "m.mat", plain | {"E": np.eye(2), "TimeUnit": ""})
+    assert read_mat_model(tmp_path / "m.mat").order == 2
+    for more, words in (
+        ({"E": 2 * np.eye(2)}, "E is not the unit matrix; take ss"),
+        ({"InputDelay": [[3.0]]}, "InputDelay is not zero"),
+        ({"OutputDelay": [[1.0]]}, "OutputDelay is not zero"),
+        ({"InternalDelay": [[1.0]]}, "InternalDelay is not zero"),
+        ({"TimeUnit": "minutes"}, "TimeUnit is 'minutes'; take chgTimeUnit"),
+    ):
+        savemat(tmp_path / "m.mat", {"s": plain | default | more})
+        with pytest.raises(DataError, match=words):
+            read_mat_model(tmp_path / "m.mat")
 
 
 def test_a_matlab_file_is_a_baseline_of_a_diagnosis(tmp_path):
@@ -339,6 +362,9 @@ def test_a_linearisation_runs_on_a_recording_as_its_differential_equation(tmp_pa
     for name in ("m.json", "m.mat"):
         command = ["validate", str(tmp_path / name), *common, "--fail-above", "1e-6"]
         assert main(command) == 0
+        for wrong in ("nan", "inf", "-1"):
+            assert main([*command[:-1], wrong]) == 2
+            assert f"--fail-above {wrong} is no NRMSE" in capsys.readouterr().err
         assert main(["simulate", str(tmp_path / name), *common, "--out", str(tmp_path / "s.csv")]) == 0
 
 
@@ -378,6 +404,9 @@ def test_the_command_goes_round_and_says_what_it_wrote(tmp_path, capsys):
     [
         (["a.json", "b.txt"], 2, "written as .json, .mat or .h"),
         (["a.json", "b.mat", "--sample-time", "-1"], 2, "--sample-time -1"),
+        (["a.json", "b.mat", "--precision", "f64"], 2, "--precision and --name belong to a C observer"),
+        (["a.json", "b.json", "--name", "plant"], 2, "--precision and --name belong to a C observer"),
+        (["a.json", "b.h", "--output", "y1"], 2, "all outputs that its Kalman gain was made for: y1, y2"),
         (["a.json", "b.mat", "--sample-time", "0.3"], 2, "sample time of 1 s already"),
         (["a.json", "b.mat", "--output", "none"], 3, "no output 'none'"),
         (["a.json", "absent/b.mat"], 2, "cannot be written"),

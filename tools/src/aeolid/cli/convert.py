@@ -41,7 +41,9 @@ def convert(
     outputs: Annotated[
         list[str] | None, typer.Option("--output", help="Keep this output, NEW=NAME renames it; repeat for several.")
     ] = None,
-    precision: Annotated[str, typer.Option("--precision", help="Numbers of the C observer: f32 or f64.")] = "f32",
+    precision: Annotated[
+        str | None, typer.Option("--precision", help="Numbers of the C observer: f32 (default) or f64.")
+    ] = None,
     name: Annotated[str | None, typer.Option("--name", help="Prefix in C; default: the name of the file.")] = None,
     json_target: JsonOption = None,
 ) -> None:
@@ -49,6 +51,8 @@ def convert(
     suffix = out.suffix.lower()
     if suffix not in WRITABLE:
         raise UsageError(f"{out}: a model is written as .json, .mat or .h")
+    if suffix != ".h" and (precision, name) != (None, None):
+        raise UsageError(f"--precision and --name belong to a C observer (.h), not to {out.name}")
     if sample_time is not None and not 0 < sample_time < 1e6:
         raise UsageError(f"--sample-time {sample_time:g} is not a time in seconds above 0")
     from aeolid.models.exchange.files import read_with_notes
@@ -60,8 +64,11 @@ def convert(
     if suffix == ".h":
         from aeolid.models.exchange.c_observer import c_observer
 
+        if whole.K is not None and model.K is None:
+            kept = ", ".join(s.name for s in whole.outputs)
+            raise UsageError(f"--output: an observer needs all outputs that its Kalman gain was made for: {kept}")
         prefix = name or re.sub(r"\W", "_", out.stem, flags=re.ASCII)
-        _write(out, c_observer(model, name=prefix, precision=precision, source=model_file.name))
+        _write(out, c_observer(model, name=prefix, precision=precision or "f32", source=model_file.name))
     elif suffix == ".mat":
         from aeolid.models.exchange.matlab import write_mat
 

@@ -34,6 +34,8 @@ def validate(
     """Measure one-step, k-step and free-run fit, and test the innovations of the predictor."""
     if metric not in ("free-run", "one-step"):
         raise UsageError(f"--metric {metric!r} is neither free-run nor one-step")
+    if fail_above is not None and not 0 <= fail_above < float("inf"):
+        raise UsageError(f"--fail-above {fail_above:g} is no NRMSE; give a finite number of 0 or more")
     horizons = _horizons(steps)
     from aeolid.formats import read_record
     from aeolid.identify.validation import validate_model

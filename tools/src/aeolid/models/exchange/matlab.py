@@ -2,7 +2,8 @@
 
 Names are those of MATLAB's own ss and idss properties: A, B, C, D, K, Ts, InputName, InputUnit, OutputName, OutputUnit,
 StateName, StateUnit, X0, NoiseVariance, InputOffset, OutputOffset; as variables of the file or as fields of its one
-structure. In MATLAB: m = load('model.mat'); s = ss(m.A, m.B, m.C, m.D, m.Ts, 'InputName', m.InputName). Objects of
+structure. Properties that would make another system of the same matrices (E, delays, another unit of time) are refused.
+In MATLAB: m = load('model.mat'); s = ss(m.A, m.B, m.C, m.D, m.Ts, 'InputName', m.InputName). Objects of
 classes are opaque outside MATLAB and are refused.
 
 The reader of scipy can crash the process on a damaged file, so it runs in a process of its own.
@@ -25,7 +26,8 @@ from aeolid.models.state_space import StateSpace
 _READ = "import sys; from aeolid.models.exchange.matlab import print_content; print_content(sys.argv[1])"
 _PATIENCE_S = 120
 _NUMBERS = ("A", "B", "C", "D", "K", "Ts", "X0", "NoiseVariance", "InputOffset", "OutputOffset")
-_TEXTS = ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit")
+_DELAYS = ("InputDelay", "OutputDelay", "InternalDelay")
+_TEXTS = ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit", "TimeUnit")
 
 
 def write_mat(path: str | Path, model: StateSpace) -> None:
@@ -54,6 +56,7 @@ def read_mat_model(path: str | Path, sample_time_s: float | None = None) -> Stat
     for name in ("A", "B", "C"):
         if name not in content:
             raise DataError(f"{path}: no matrix {name}; a model needs A, B, C and Ts as variables or in one structure")
+    _refuse_other_systems(path, content)
     # MATLAB has no vectors: a row or column, an empty matrix and a number all are matrices
     n, r, m = np.shape(content["A"])[0], np.shape(content["B"])[-1], np.shape(content["C"])[0]
     data: dict[str, Any] = {"kind": "state_space", "sample_time_s": _sample_time(path, content, sample_time_s)}
@@ -87,9 +90,10 @@ def print_content(source: str) -> None:
         found = {name: structures[0].reshape(-1)[0][name] for name in names}
     result: dict[str, Any] = {}
     for name, value in found.items():
-        if name in _NUMBERS and value.dtype.kind in "biuf" and value.ndim == 2:
+        wanted = name in (*_NUMBERS, *_DELAYS, "E")
+        if wanted and value.dtype.kind in "biuf" and value.ndim == 2:
             result[name] = {"shape": value.shape, "values": value.astype(float).ravel().tolist()}
-        elif name in _NUMBERS:
+        elif wanted:
             result[name] = None
         elif name in _TEXTS:
             result[name] = [_text(v) for v in (value.ravel() if value.dtype.kind == "O" else value)]
@@ -115,12 +119,25 @@ def _content(path: str | Path) -> dict[str, Any]:
         cause = done.stderr.strip().splitlines()[-1:] if done.returncode == 3 else []
         raise DataError(f"{path}: not a readable MATLAB file: {cause[0] if cause else 'damaged'}")
     raw = json.loads(done.stdout)
-    for name in _NUMBERS:
+    for name in (*_NUMBERS, *_DELAYS, "E"):
         if name in raw:
             if raw[name] is None:
                 raise DataError(f"{path}: {name} is not a matrix of real numbers")
             raw[name] = np.reshape(raw[name]["values"], raw[name]["shape"])
     return dict(raw)
+
+
+def _refuse_other_systems(path: str | Path, content: dict[str, Any]) -> None:
+    """Refuse what `get` of a MATLAB system says beyond A, B, C, D, K and Ts and no model here can hold."""
+    E = content.get("E", np.zeros((0, 0)))
+    if E.size and (E.shape[0] != E.shape[1] or (np.eye(len(E)) != E).any()):
+        raise DataError(f"{path}: a descriptor model, E is not the unit matrix; take ss(sys, 'explicit') of it")
+    late = next((name for name in _DELAYS if np.any(content.get(name, 0.0))), None)
+    if late is not None:
+        raise DataError(f"{path}: {late} is not zero; put delays into the states: absorbDelay, or pade for continuous")
+    units = [text for text in content.get("TimeUnit", []) if text]
+    if units and units[0] != "seconds":
+        raise DataError(f"{path}: TimeUnit is {units[0]!r}; take chgTimeUnit(sys, 'seconds') of it")
 
 
 def _sample_time(path: str | Path, content: dict[str, Any], given: float | None) -> float:

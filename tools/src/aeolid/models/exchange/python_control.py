@@ -57,6 +57,8 @@ def from_control(system: Any, *, sample_time_s: float | None = None) -> StateSpa
 
 
 def _sample_time(own: float | bool | None, given: float | None) -> float:
+    if given is not None and not 0 <= given < 1e6:
+        raise UsageError(f"sample_time_s = {given:g} is not a time in seconds (0: continuous time)")
     if own is None or own is True:
         if given is None:
             raise UsageError("the control system does not say its sample time; give sample_time_s (0: continuous time)")
