@@ -94,6 +94,19 @@ def test_advice_tells_a_wrong_gain_from_missing_dynamics():
     assert moved.residuals.verdict == "fail" and any("Past u" in a for a in moved.advice)
 
 
+def test_rounding_is_no_finding():
+    """Exact data, as they are and with seven digits: what is left is not white, and of no consequence."""
+    clean, fresh = (simulate_fourth_order(2000, seed, noise_variance=0.0) for seed in (0, 1))
+    digits = replace(fresh, values=fresh.values.astype(np.float32).astype(np.float64))
+    found = identify_varx([clean], past=6, order=4, regularization="none").model
+    for model in (found, fourth_order()):
+        for record in (fresh, digits):
+            result = validate_model(LinearModel(model), record)
+            assert result.residuals.verdict in ("pass", "immaterial") and result.advice == ()
+    slightly = replace(fourth_order(), B=fourth_order().B * 1.00001)
+    assert validate_model(LinearModel(slightly), fresh).residuals.verdict == "fail"
+
+
 def test_model_without_noise_model_is_scored_by_its_free_run():
     record = simulate_fourth_order(1000, 9)
     bare = replace(fourth_order(), K=None)

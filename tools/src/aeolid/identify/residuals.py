@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy.stats import chi2
 Array = NDArray[np.float64]
 LEVEL = 0.01  # chance that any of the tests alarms on an exact model
 MATERIAL = 0.01  # part of an innovation's variance; below it a finding is true but does not matter
+EXACT = 1e-6  # of an output's deviation; innovations below it are the rounding of files, whatever they follow
 WHITENING_ORDER = 30  # of the autoregression that whitens an input before it is correlated
 
 
@@ -20,7 +22,8 @@ class ResidualTest:
     """Hold one test: which innovation against which past signal.
 
     p_value is corrected for the number of tests (Holm); predictable is the part of the innovation's variance that the
-    other signal's past explains beyond chance; verdict is "pass", "immaterial" (significant, below 1 %) or "fail".
+    other signal's past explains beyond chance; verdict is "pass", "immaterial" (significant, but below 1 %, or of an
+    innovation that is itself at rounding) or "fail".
     """
 
     output: str
@@ -57,13 +60,15 @@ class ResidualReport:
 
 
 def run_residual_tests(
-    innovations: Array, u: Array, outputs: tuple[str, ...], inputs: tuple[str, ...], lags: int = 20
-) -> ResidualReport:
+    innovations: Array, u: Array, outputs: tuple[str, ...], inputs: tuple[str, ...], lags: int = 20,
+    nrmse: Mapping[str, float] | None = None,
+) -> ResidualReport:  # fmt: skip
     """Correlate each innovation with the past of all innovations and of all inputs.
 
     innovations (N, l), u (N, r) of one stretch; lags: 1 … 20 samples back. Only the past counts, so feedback from y to
     u is no alarm. Inputs are whitened by an autoregression first: the sum N Σ ρ² is then χ² with `lags` degrees of
-    freedom whatever the input's spectrum. Level 1 % over all tests together (Holm).
+    freedom whatever the input's spectrum. Level 1 % over all tests together (Holm). nrmse: rms of each innovation over
+    its output's deviation, default: none is at rounding.
     """
     N = len(innovations)
     white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
@@ -80,7 +85,8 @@ def run_residual_tests(
     tests = []
     for (output, other, kind, rho), statistic, p in zip(found, statistics, p_values, strict=True):
         predictable = max(float(np.sum(rho**2)) - lags / N, 0.0)
-        verdict = "pass" if p > LEVEL else "fail" if predictable > MATERIAL else "immaterial"
+        material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
+        verdict = "pass" if p > LEVEL else "fail" if material else "immaterial"
         tests.append(ResidualTest(output, other, kind, float(statistic), float(p), predictable, verdict))
     return ResidualReport(tuple(tests), lags, LEVEL)
 

@@ -80,7 +80,9 @@ class Validation:
                 past = "its own" if test.against == test.output else f"{test.against}'s"
                 lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} past ({test.verdict})")
         if self.residuals.verdict == "immaterial":
-            lines.append("  immaterial: there beyond chance, but below 1 % of the variance; nothing to do")
+            lines.append(
+                "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; nothing to do"
+            )
         return "\n".join([*lines, *self.advice])
 
 
@@ -96,7 +98,7 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
     names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
     if isinstance(model, LpvModel) and model.state_space.K is not None:
         fit, u = measure_lpv_fit(model.state_space, [record], steps)
-        return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names))
+        return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names, nrmse=fit.one_step.nrmse))
     if not isinstance(model, LinearModel) or model.state_space.K is None:
         matched(record, model.inputs)
         y = matched(record, model.outputs)
@@ -104,4 +106,4 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
     state_space = discretise(model.state_space, record.sample_time_s)
     fit = measure_fit(state_space, [record], steps)
     u = np.concatenate([u for _, u, _ in stretches(state_space, record)])
-    return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names))
+    return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names, nrmse=fit.one_step.nrmse))
