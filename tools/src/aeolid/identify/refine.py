@@ -135,10 +135,10 @@ def refine(
     steps, each 4 N n (n + r + l) f + 2 N l f² operations with f = n (r + 2 l) + what D has free.
     """
     descent = Descent(stretches, feedthrough, stable)
-    late = sum(len(s.y) - s.early for s in stretches)
-    if late < HELD_OUT_LEAST * (start.B.shape[1] + len(start.C)):
-        return descent.result([start], None, "too few samples to hold some out")
     early = [s.head() for s in stretches if s.early > len(start.A)]
+    late = sum(len(s.y) - s.early for s in stretches)
+    if not early or late < HELD_OUT_LEAST * (start.B.shape[1] + len(start.C)):
+        return descent.result([start], None, "too few samples to hold some out")
     trial = Descent(early, feedthrough, stable).path(head, MOST_STEPS)
     losses = [held_out_loss(model, stretches) for model in trial]
     best = int(np.argmin(losses))
