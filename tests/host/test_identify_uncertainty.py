@@ -204,6 +204,9 @@ def test_unknown_phase_is_said_and_gain_is_a_distance():
     band = Band(np.array([0.1, 0.2, 0.3, 0.4]), np.array([10.0, 10j, 1 + 1j, 2.0])[:, None, None], covariance)
     np.testing.assert_allclose(band.gain_std.ravel(), [1.0, 2.0, np.sqrt(2.5), 1.0])
     np.testing.assert_allclose(band.phase_std.ravel(), [0.2, 0.1, np.nan, np.nan])
+    turned = np.array([[3.0, 1.0], [1.0, 3.0]])[None, None, None]  # axes of 2 and √2, the longer at 45 degrees
+    nil = Band(np.array([0.1]), np.zeros((1, 1, 1), complex), turned)
+    assert nil.gain_std[0, 0, 0] == pytest.approx(2.0) and np.isnan(nil.phase_std).all()
     facts = band.to_json(["u"], ["y"])
     assert facts["pairs"][0]["phase_std_deg"][2] is None and facts["pairs"][0]["gain"] == [10.0, 10.0, 1.4142, 2.0]
 

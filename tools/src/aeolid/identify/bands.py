@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.identify.frequency import transfer
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.uncertainty import MatrixSpread, covariance_of
 from aeolid.models.modes import continuous_poles, frequency_and_damping
@@ -41,7 +42,11 @@ class Band:
     @property
     def gain_std(self) -> Array:
         """Return the standard deviation of |G| (points, l, r): along G, where G is 0 along the longer axis."""
-        return self._along(1.0)
+        s = self.covariance
+        half, slant = (s[..., 0, 0] - s[..., 1, 1]) / 2, s[..., 0, 1]
+        longest = (s[..., 0, 0] + s[..., 1, 1]) / 2 + np.sqrt(half**2 + slant**2)
+        out: Array = np.where(self.response == 0, np.sqrt(np.maximum(longest, 0.0)), self._along(1.0))
+        return out
 
     @property
     def phase_std(self) -> Array:
@@ -96,10 +101,7 @@ def grid(sample_time_s: float, eigenvalues: ComplexArray) -> Array:
 
 def frequency_response(model: ScaledModel, z: ComplexArray) -> ComplexArray:
     """Return G(z) (points, l, r)."""
-    n = len(model.A)
-    states = np.linalg.solve(z[:, None, None] * np.eye(n) - model.A, model.B[None].astype(complex))
-    out: ComplexArray = np.asarray(model.C @ states + model.D, dtype=np.complex128)
-    return out
+    return transfer(model.A, model.B, model.C, model.D, z)
 
 
 def response_covariance(model: ScaledModel, spread: MatrixSpread, z: ComplexArray) -> Array:

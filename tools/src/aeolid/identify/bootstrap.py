@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.bands import frequency_response
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
+from aeolid.identify.outcome import nearest
 from aeolid.identify.subspace import ScaledModel, find_states, regressed_matrices
 from aeolid.identify.windows import Scaling, WindowFactor, decompose, window_rows
 from aeolid.record import Record
@@ -130,8 +130,7 @@ def run_bootstrap(
             values = np.linalg.eigvals(other.A).astype(complex)
         except np.linalg.LinAlgError:
             continue
-        rows, columns = linear_sum_assignment(abs(poles[:, None] - values[None]))
-        found.append(values[columns[np.argsort(rows)]])
+        found.append(values[nearest(poles, values)])
         responses.append(frequency_response(other, z))
     if len(found) < SOUND * runs:
         raise NotIdentifiable(

@@ -54,14 +54,19 @@ def frequency_response(
     """
     f = default_frequencies(model) if frequency_hz is None else np.asarray(frequency_hz, float)
     h = model.sample_time_s
-    points = np.exp(2j * np.pi * f * h) if h > 0 else 2j * np.pi * f
+    points = (np.exp(2j * np.pi * f * h) if h > 0 else 2j * np.pi * f).astype(np.complex128)
     B, D = model.B, model.D
     names = tuple(s.name for s in model.inputs)
     if noise:
         if model.K is None:
             raise ValueError("the model has no noise model K")
         B, D, names = model.K, np.eye(len(model.outputs)), tuple(s.name for s in model.outputs)
-    resolvent = points[:, None, None] * np.eye(model.order) - model.A  # (F, n, n)
-    states = np.linalg.solve(resolvent, np.broadcast_to(B, (len(f), *B.shape)))
-    response = np.asarray(model.C @ states + D, dtype=np.complex128)
-    return FrequencyResponse(f, response, names, tuple(s.name for s in model.outputs))
+    return FrequencyResponse(f, transfer(model.A, B, model.C, D, points), names, tuple(s.name for s in model.outputs))
+
+
+def transfer(A: Array, B: Array, C: Array, D: Array, points: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Return D + C (ζ I − A)⁻¹ B at each of the points ζ (F,): (F, l, r) complex."""
+    resolvent = points[:, None, None] * np.eye(len(A)) - A  # (F, n, n)
+    states = np.linalg.solve(resolvent, np.broadcast_to(B.astype(np.complex128), (len(points), *B.shape)))
+    out: NDArray[np.complex128] = np.asarray(C @ states + D, dtype=np.complex128)
+    return out

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
+from aeolid.identify.outcome import nearest
 from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
@@ -49,8 +49,7 @@ def jackknife(
             others = estimate(factor)
         except np.linalg.LinAlgError:
             return np.full((n, 2, 2), np.nan)
-        rows, columns = linear_sum_assignment(abs(poles[:, None] - others[None]))
-        found.append(others[columns[np.argsort(rows)]])
+        found.append(others[nearest(poles, others)])
     z = np.array(found)  # (G, n)
     parts = np.stack([z.real, z.imag], axis=-1)
     parts -= parts.mean(axis=0)

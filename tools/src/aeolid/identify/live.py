@@ -19,6 +19,7 @@ from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, choose_order
+from aeolid.identify.outcome import nearest
 from aeolid.identify.propagator import Propagator
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, Moments, joint_spread, known_share, remainder
 from aeolid.identify.streamed import GROWTH_MAX
@@ -246,8 +247,7 @@ class LiveModes:
         if self._spread is None or len(self._spread[0]) != len(poles):
             return np.full((len(poles), 2, 2), np.nan)
         before, covariances = self._spread
-        rows, columns = linear_sum_assignment(abs(poles[:, None] - before[None]))
-        found: Array = covariances[columns[np.argsort(rows)]]
+        found: Array = covariances[nearest(poles, before)]
         return found
 
     def _numbers(self, poles: list[complex]) -> list[int]:

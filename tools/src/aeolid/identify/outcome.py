@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from aeolid.identify.fit import Fit
 from aeolid.identify.order import OrderChoice
@@ -92,6 +93,11 @@ def poles_of(A: Array) -> ComplexArray:
     """Return the eigenvalues (n,) of A, largest magnitude first."""
     values = np.linalg.eigvals(A).astype(complex)
     return values[np.argsort(-abs(values), kind="stable")]
+
+
+def nearest(poles: ComplexArray, others: ComplexArray) -> NDArray[np.intp]:
+    """Return for each pole (n,) the index of its own among as many others, so that all distances add up to least."""
+    return np.asarray(linear_sum_assignment(abs(poles[:, None] - others[None]))[1], dtype=np.intp)
 
 
 def pole_facts(values: Iterable[complex]) -> list[list[float]]:

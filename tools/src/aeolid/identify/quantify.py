@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import UsageError
 from aeolid.identify.bands import Band, curvature_covariance, frequency_response, grid, on_circle, response_covariance
 from aeolid.identify.bootstrap import collect_scores, run_bootstrap
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
+from aeolid.identify.outcome import nearest
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis
 from aeolid.identify.uncertainty import MatrixSpread, covariance_of, matrix_spread, pole_covariance
@@ -111,7 +111,6 @@ def in_order_of(covariance: Array, before: Array, after: Array) -> Array:
     """Return the poles' covariance (n, 2, 2) in the order of eig(after): each pole's goes to the nearest one."""
     if after is before:
         return covariance
-    distance = abs(np.linalg.eigvals(after)[:, None] - np.linalg.eigvals(before)[None])
-    rows, columns = linear_sum_assignment(distance)
-    out: Array = covariance[columns[np.argsort(rows)]]
+    here, there = (np.linalg.eigvals(A).astype(complex) for A in (after, before))
+    out: Array = covariance[nearest(here, there)]
     return out

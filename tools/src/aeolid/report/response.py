@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.identify.frequency import transfer
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -23,10 +25,8 @@ def response(model: dict[str, Any], frequency_hz: Array) -> Complex:
     A, B, C = (np.asarray(model[k], dtype=float) for k in "ABC")
     D = np.zeros((len(C), B.shape[1])) if model.get("D") is None else np.asarray(model["D"], dtype=float)
     h = model["sample_time_s"]
-    z = np.exp(2j * np.pi * frequency_hz * h) if h else 2j * np.pi * frequency_hz
-    shifted = z[:, None, None] * np.eye(len(A)) - A  # (points, n, n)
-    out: Complex = C @ np.linalg.solve(shifted, np.broadcast_to(B, (len(z), *B.shape))) + D
-    return out
+    z: Complex = (np.exp(2j * np.pi * frequency_hz * h) if h else 2j * np.pi * frequency_hz).astype(np.complex128)
+    return transfer(A, B, C, D, z)
 
 
 def poles(entries: Any) -> Complex:
