@@ -118,6 +118,23 @@ def test_recordings_merge_and_gaps_are_left_out():
     assert gapped.skipped == 62 and "62 windows with a missing sample" in gapped.notes[0]
 
 
+def test_holes_that_leave_no_block_to_hold_out_are_no_crash():
+    """Every 45th sample missing: each stretch predicts 14 samples after a window of 30, no block of 30 in a row."""
+    record = open_loop(4000, 1, 0.1)
+    values = record.values.copy()
+    values[::45, 2] = np.nan
+    result = identify_fir([replace(record, values=values)], past=30, future=12, feedthrough=("u1",))
+    assert result.order_choice.reason.endswith("too few samples to hold some out") and result.order == 4
+
+
+def test_a_channel_that_begins_late_leaves_the_choice_to_everything():
+    record = open_loop(4000, 1, 0.1)
+    values = record.values.copy()
+    values[:2900, 0] = np.nan
+    result = identify_fir([replace(record, values=values)], past=30, future=12, feedthrough=("u1",))
+    assert result.order_choice.reason.endswith("too few samples to hold some out") and result.order == 4
+
+
 def test_window_too_short_for_the_plant_is_said():
     result = identify_fir([open_loop(3000, 4, 0.1)], past=12, order=4, feedthrough=("u1",))
     assert any("after the past window of 12 samples the slowest mode has" in note for note in result.notes)

@@ -265,7 +265,7 @@ def benchmark_record(samples=300):
         (lambda r: [flat(r, "s", 7.0)], {}, NotIdentifiable, "channel 's' is constant at 7 m/s; record over"),
         (lambda r: [flat(r, "u2", 1.0)], {}, NotIdentifiable, "'u2' is constant at 1 V"),
         (lambda r: [flat(r, "s", np.nan)], {}, NotIdentifiable, "scheduling s: no sample with a value"),
-        (lambda r: [flat(r, "s", np.inf)], {}, DataError, "flat.csv: channel 's' is infinite at sample 0"),
+        (lambda r: [flat(r, "s", np.inf)], {}, DataError, "flat.csv: channel 's' is infinite at sample 1"),
         (lambda r: [flat(r, "u1", np.sin(np.arange(500)))], {"past": 9, "method": "lpv-kernel"}, NotIdentifiable,
          "input 'u1' is not persistently exciting: over past window 9 it spans 2 of 10"),
         (lambda r: [r.slice(0, 8)], {}, NotIdentifiable, "5 complete windows of 4 samples; a model of order 2"),

@@ -94,7 +94,7 @@ def test_simulate_needs_every_sample_of_the_scheduling(folder, capsys):
     text[5] = ",".join(cells)
     (folder / "holed.csv").write_text("\n".join(text) + "\n")
     assert run(folder, "simulate", "model.json", "holed.csv", "--out", "s.csv") == 3
-    assert "'mu2' is missing at sample 4" in " ".join(capsys.readouterr().err.split())
+    assert "'mu2' is missing at sample 5" in " ".join(capsys.readouterr().err.split())
     assert run(folder, "validate", "model.json", "holed.csv") == 0
 
 

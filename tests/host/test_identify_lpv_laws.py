@@ -10,8 +10,8 @@ from aeolid.identify.lpv.data import LpvData, feedthrough_columns, find_lpv_scal
 from aeolid.identify.lpv.dual import select_rows, solve_dual
 from aeolid.identify.lpv.kernel import Kernel
 from aeolid.identify.lpv.primal import extended_rows, factorise_lpv, gamma_k, lag_blocks, solve_primal
-from aeolid.identify.lpv.ridge import Spectrum, choose_penalty, filter_factors, gcv_score
 from aeolid.identify.lpv.structure import Structure
+from aeolid.identify.ridge import Spectrum, choose_penalty, filter_factors, gcv_score
 from aeolid.plants.lpv import benchmark, benchmark_signals, blade_scheduling, flapping_blade, simulate_open
 
 PAST = 3

@@ -8,8 +8,17 @@ from test_identify_lpv import random_system, run
 from test_identify_lpv_laws import some_data
 
 from aeolid.identify.lpv import identify_lpv
+from aeolid.identify.lpv import refine as lpv_refine
+from aeolid.identify.lpv.data import find_lpv_scaling, gather
 from aeolid.identify.lpv.matrices import ScaledLpv, prediction_loss, run_stretches
-from aeolid.identify.lpv.refine import Layout, descend, error_derivatives, information_factor, refine
+from aeolid.identify.lpv.refine import (
+    Layout,
+    descend,
+    error_derivatives,
+    information_factor,
+    refine,
+    shortened,
+)
 from aeolid.identify.lpv.structure import Structure
 from aeolid.models.lpv import apply_at
 from aeolid.models.lpv_prediction import predictor_states
@@ -122,6 +131,20 @@ def test_standard_deviations_cover_the_true_modes():
             hits.append(abs(found.frequency_hz - true.frequency_hz) < 1.96 * found.frequency_std_hz)
             hits.append(abs(found.damping - true.damping) < 1.96 * found.damping_std)
     assert np.mean(hits) >= 0.8
+
+
+def test_long_recordings_are_refined_as_short_ones(monkeypatch):
+    """With more windows than are taken, both sides are: what is refined on and what says when to stop."""
+    monkeypatch.setattr(lpv_refine, "LONGEST", 1000)
+    model = replace(random_system(), K=np.array([[[0.5, 0.1], [-0.2, 0.4]], np.zeros((2, 2))]))
+    records = [run(model, n, seed, noise=0.4)[0] for seed, n in ((3, 1500), (4, 600))]
+    data = gather(records, find_lpv_scaling(records, ("s",), centre=False), 2)
+    part = data.take(shortened(data))
+    early = np.count_nonzero(part.place < 0.7)
+    assert part.windows == 1000 and early == 700
+    assert shortened(data.take(data.targets < 900)).all()
+    result = identify_lpv(records, past=2, order=2)
+    assert result.refinement.steps > 0 and result.refinement.gain > 0.02
 
 
 def test_exact_data_need_no_step_and_a_worse_step_is_not_taken():

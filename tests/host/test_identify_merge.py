@@ -187,6 +187,29 @@ def test_inputs_that_tell_nothing_are_refused(method, kind, words):
         RUN[method]([record_of(simulate(400, 1, kind))])
 
 
+@pytest.mark.parametrize("method", ["varx", "varmax"])
+def test_a_feedback_to_which_nothing_is_added_is_refused(method):
+    """u1 = −0.3 y1 + 0.1 y2 in every sample; with the least dither the plant is found."""
+    for dither in (0.0, 0.1):
+        random = np.random.default_rng(3)
+        A, B = np.array([[0.7, 0.5], [-0.4, 0.6]]), np.array([[1.0, 0.3], [-0.5, 0.8]])
+        x, values = np.zeros(2), np.empty((4000, 4))
+        for k in range(4000):
+            y = x + 0.3 * random.standard_normal(2)
+            u = [-0.3 * y[0] + 0.1 * y[1] + dither * random.standard_normal(), random.standard_normal()]
+            values[k] = *u, *y
+            x = A @ x + B @ u
+        record = record_of(values, roles=[n for n in NAMES if n[1] in ("input", "output")])
+        if dither:
+            found = RUN[method]([record])
+            assert np.sort_complex(found.eigenvalues) == pytest.approx(np.sort_complex(np.linalg.eigvals(A)), abs=0.05)
+            continue
+        with pytest.raises(
+            NotIdentifiable, match="input 'u1' is a fixed combination of outputs and other inputs of the"
+        ):
+            RUN[method]([record])
+
+
 def test_a_sine_serves_an_order_that_needs_no_more():
     record = record_of(simulate(400, 1, "sine"))
     assert identify_varx([record], past=PAST, order=2).order == 2

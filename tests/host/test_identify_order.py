@@ -1,6 +1,7 @@
 """Hold the choice of the order to what each criterion says by its definition."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -104,6 +105,29 @@ def test_where_nothing_can_be_held_out_bic_decides_and_without_it_the_gap():
     assert set(short.answers) == {"aic", "bic", "gap"} and short.order == short.answers["bic"]
     kept = OrderChoice(5, "order 5: because", (0.0,) * 5)
     assert decide("held-out", kept, {}, values, 4).reason.startswith("order 5: because; the singular values")
+
+
+def test_the_run_in_of_a_stretch_does_not_count_as_held_out():
+    """p = 20, 200 samples: 60 are predicted, 80 would be needed; the 20 before them choose nothing."""
+    choices = [
+        identify_varx([simulate_fourth_order(n, 1)], past=20, uncertainty="none").order_choice for n in (200, 270)
+    ]
+    assert "held-out" not in choices[0].answers and "too few samples to hold some out" in choices[0].reason
+    assert "held-out" in choices[1].answers
+
+
+@pytest.mark.parametrize("method", [identify_varx, identify_varmax])
+def test_a_channel_that_begins_late_leaves_the_choice_to_everything(method):
+    """The first 70 % hold no complete window: nothing is held out, nothing is tried there, and nothing crashes."""
+    whole = simulate_fourth_order(3000, 1, feedback=0.25)
+    values = whole.values.copy()
+    values[:2300, 0] = np.nan
+    late, cut = replace(whole, values=values), whole.slice(2300, 3000)
+    chosen = method([late], past=6, uncertainty="none")
+    assert chosen.order == 4 and set(chosen.order_choice.answers) == {"aic", "bic", "gap"}
+    refined = method([late], past=6, order=4, uncertainty="none", refined=True)
+    assert any("not refined: the first 70% of the recordings" in n for n in refined.notes)
+    assert refined.windows == method([cut], past=6, order=4, uncertainty="none").windows
 
 
 def test_exact_data_have_the_exact_order_by_every_criterion():

@@ -405,6 +405,23 @@ def test_data_that_do_not_carry_the_answer_are_named(record):
         identify_ort([simulate_disturbed_loop(2000, 1, dither=0.0, noise=0.0)], past=10)
 
 
+def test_a_disturbance_that_begins_late_leaves_the_choice_to_everything(record):
+    """Nothing of r in the first 75 %: the fit part cannot be decomposed, the whole can."""
+    values = record.column("r").copy()
+    values[:3000] = 0.0
+    result = identify_ort([with_disturbance(record, values)], past=10)
+    for choice in (result.joint_choice, result.order_choice):
+        assert choice.reason.endswith("too few samples to hold some out")
+
+
+def test_stable_models_say_how_their_gain_was_found():
+    """Moving a pole inside fits K anew, by the Riccati equation."""
+    found = {s: identify_ort([unstable_record(4000, 0)], past=15, order=2, joint_order=3, feedthrough=(), stable=s)
+             for s in (False, True)}  # fmt: skip
+    assert found[False].gain_method.startswith("PBSIDopt") and found[True].gain_method == "riccati"
+    assert spectral_radius(found[True].model.A - found[True].model.K @ found[True].model.C) < 1
+
+
 def test_result_is_complete_json_and_the_model_reads_back(record):
     result = identify_ort([record], past=15)
     facts = json.loads(json.dumps(result.model_json(), allow_nan=False))

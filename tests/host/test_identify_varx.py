@@ -15,7 +15,7 @@ from aeolid.identify.order import largest_gap
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.subspace import kalman_gain, spectral_radius
 from aeolid.identify.varx import identify_varx
-from aeolid.models.prediction import free_run, predict, vaf
+from aeolid.models.prediction import channel_weights, estimate_initial_state, free_run, nrmse, predict, vaf
 from aeolid.models.state_space import from_json
 from aeolid.plants.hawt import Excitation, build_turbine, simulate_closed_loop
 from aeolid.plants.lti import fourth_order, simulate_fourth_order
@@ -83,6 +83,30 @@ def test_units_and_offsets_change_nothing_but_the_numbers_units(loop_record):
         (simulated - offsets[2:]) / gains[2:], free_run(base.model, u, zero), atol=1e-6 * y.std()
     )
     np.testing.assert_allclose(other.model.u_offset, base.model.u_offset * gains[:2] + offsets[:2], rtol=1e-9)
+
+
+def test_units_of_any_size_give_the_same_fit(loop_record):
+    """Outputs 18 decades apart: first states, and with them every score, are weighed channel by channel."""
+    gains = np.array([1e9, 1e-9, 1e9, 1e-9])
+    base = identify_varx([loop_record], past=10, order=4, uncertainty="none")
+    other = identify_varx(
+        [replace(loop_record, values=loop_record.values * gains)], past=10, order=4, uncertainty="none"
+    )
+    np.testing.assert_allclose(other.model.x0, base.model.x0, rtol=1e-6)
+    for one, two in ((base.fit.free_run, other.fit.free_run), (base.fit.one_step, other.fit.one_step)):
+        assert two.vaf == pytest.approx(one.vaf, abs=1e-6)
+
+
+def test_an_output_at_rest_at_the_start_does_not_decide_on_the_first_state():
+    """One output stands for 250 samples: its deviation is that of the recording. One that stands throughout is left."""
+    plant, start = fourth_order(), np.array([3.0, -2.0, 1.0, 4.0])
+    u = np.random.default_rng(0).standard_normal((1000, 2))
+    y = plant.simulate(u, start)
+    y[:250, 1] = y[250:, 1].mean()
+    weights = channel_weights(y)
+    np.testing.assert_allclose(weights, 1 / y.std(axis=0))
+    y[:, 1] = 3.0  # nothing to tell
+    np.testing.assert_allclose(estimate_initial_state(replace(plant, K=None), u, y), start, atol=1e-6)
 
 
 def test_order_of_channels_does_not_matter(loop_record):
@@ -284,13 +308,62 @@ def test_bad_requests_are_named(loop_record, options, error, words):
         identify_varx([loop_record], **options)
 
 
-def test_inputs_without_own_excitation_are_refused():
-    """One input that is an exact static function of the other leaves half the regressors dark."""
-    record = simulate_fourth_order(2000, 1, noise_variance=0.0)
-    values = record.values.copy()
-    values[:, 1:] = values[:, :1]
-    with pytest.raises(NotIdentifiable, match="excite 10 of 40 regressors"):
-        identify_varx([replace(record, values=values)], past=10)
+def simulate_second_order(u, outputs, noise=0.0, seed=0):
+    """Return a recording of u (N,) and of y (N, outputs) of a plant with poles 0.81 ± 0.27 j."""
+    random, A = np.random.default_rng(seed), np.array([[0.81, 0.27], [-0.27, 0.81]])
+    C = random.standard_normal((outputs, 2))
+    x, y = np.zeros(2), np.empty((len(u), outputs))
+    for k in range(len(u)):
+        y[k] = C @ x + noise * random.standard_normal(outputs)
+        x = A @ x + [u[k], 0.5 * u[k]]
+    channels = [Channel("u", "V", "input"), *(Channel(f"y{i + 1}", "V", "output") for i in range(outputs))]
+    return Record(np.arange(len(u)) * 0.1, np.column_stack([u, y]), tuple(channels), 0.1, "a.csv", "")
+
+
+@pytest.mark.parametrize("outputs", [1, 3])
+def test_exact_data_serve_whatever_part_of_the_regressors_they_excite(outputs):
+    """One input and three outputs without noise: 32 of 120 directions, and each number is exact."""
+    record = simulate_second_order(np.random.default_rng(1).standard_normal(1500), outputs)
+    result = identify_varx([record], past=30)
+    assert (result.order, result.markov.rank) == (2, 32)
+    assert pole_errors(result.eigenvalues, [0.81 + 0.27j, 0.81 - 0.27j]).max() < 1e-9
+
+
+@pytest.mark.parametrize("start", [0, 500])
+@pytest.mark.parametrize("lines", [1, 3, 4, 5, 6, 8])
+def test_too_few_lines_for_the_window_are_refused_and_enough_are_exact(lines, start):
+    """K sines excite 2 K directions, a start from rest 2 more; p = 10 and two states take 12 (Willems et al.).
+
+    With fewer the smallest solution has other poles: .09 off with three lines in the steady state.
+    """
+    t, random = np.arange(3000 + start), np.random.default_rng(3)
+    u = sum(np.sin(0.17 * (i + 1) * t + random.uniform(0, 6)) for i in range(lines))
+    record = simulate_second_order(u, 1).slice(start, len(t))
+    if 2 * lines + (2 if start == 0 else 0) < 12:
+        with pytest.raises(NotIdentifiable, match=r"excite \d+ directions of past window 10; its 10 samples of inputs"):
+            identify_varx([record], past=10, order=2)
+        return
+    result = identify_varx([record], past=10, order=2)
+    assert pole_errors(result.eigenvalues, [0.81 + 0.27j, 0.81 - 0.27j]).max() < 1e-6
+
+
+def test_a_mode_that_is_slow_for_the_recording_keeps_its_rest():
+    """Pole .999 from far off, 3000 samples, no noise: the mean is no rest, and new data are explained all the same."""
+    random, A = np.random.default_rng(0), np.diag([0.999, 0.5])
+    u, x, y = random.standard_normal(6000), np.array([30.0, 0.0]), np.empty(6000)
+    for k in range(6000):
+        y[k] = x.sum()
+        x = A @ x + np.array([0.1, 1.0]) * u[k]
+    channels = (Channel("u", "", "input"), Channel("y", "", "output"))
+    record = Record(np.arange(6000) * 1.0, np.column_stack([u, y]), channels, 1.0, "slow", "")
+    result = identify_varx([record.slice(0, 3000)], past=6, order=2, regularization="none")
+    model, rest = result.model, record.slice(3000, 6000)
+    assert result.fit.free_run.nrmse["y"] < 1e-9
+    x0 = estimate_initial_state(model, rest.matrix("input") - model.u_offset, rest.matrix("output") - model.y_offset)
+    assert nrmse(rest.matrix("output"), free_run(model, rest.matrix("input"), x0))[0] < 1e-9
+    # at rest under no input the true plant gives zero
+    gain = model.C @ np.linalg.solve(np.eye(2) - model.A, model.B) + model.D
+    assert model.y_offset - gain @ model.u_offset == pytest.approx([0.0], abs=1e-6)
 
 
 @needs_reference

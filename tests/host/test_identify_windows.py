@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
-from aeolid.identify.markov import estimate_markov, gcv_score
-from aeolid.identify.subspace import gamma_k
+from aeolid.identify.markov import estimate_markov
+from aeolid.identify.subspace import find_states, gamma_k, largest_useful_order
 from aeolid.identify.windows import decompose, factorise, find_scaling, require_windows
 from aeolid.plants.lti import simulate_fourth_order
 from aeolid.record import Record
@@ -94,7 +94,7 @@ def test_scaling_is_common_and_ignores_missing_samples(noisy):
     [
         (lambda v: v.__setitem__((slice(None), 1), 5.0), NotIdentifiable, ["u2", "constant at 5"]),
         (lambda v: v.__setitem__((slice(None), 2), np.nan), NotIdentifiable, ["y1", "no sample"]),
-        (lambda v: v.__setitem__((17, 3), np.inf), DataError, ["y2", "infinite at sample 17"]),
+        (lambda v: v.__setitem__((17, 3), np.inf), DataError, ["y2", "infinite at sample 18"]),
     ],
 )
 def test_dead_channels_are_named(noisy, spoil, error, words):
@@ -146,18 +146,35 @@ def test_penalty_solves_the_ridge_problem(noisy):
     np.testing.assert_allclose(estimate.theta[:, :16], ridge.T, atol=1e-10)
 
 
-def test_gcv_scores_the_filter_that_is_applied():
-    """Compare the score with its textbook definition: the hat matrix of the very ridge solution."""
-    random = np.random.default_rng(4)
-    X, y = random.standard_normal((60, 8)) * np.geomspace(1, 1e-3, 8), random.standard_normal(60)
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
-    projected = U.T @ y
-    outside = float(y @ y - projected @ projected)
-    for penalty in (0.0, 1e-3, 0.1, 3.0):
-        hat = X @ np.linalg.solve(X.T @ X + penalty**2 * np.eye(8), X.T)
+def test_the_penalty_of_the_estimate_has_the_least_textbook_score():
+    """The score of the very ridge solution through its hat matrix, at the penalty taken and at others, each output."""
+    record = simulate_fourth_order(130, 2)
+    scaling = find_scaling([record])
+    rows = about_mean(plain_windows(record, scaling, 10))
+    X, Y, N = rows[:, :40], rows[:, 42:], len(rows)
+    estimate = estimate_markov(factorise([record], scaling, 10), (False, False), "gcv")
+    largest = np.linalg.svd(X, compute_uv=False)[0]
+
+    def score(penalty, y):
+        hat = X @ np.linalg.solve(X.T @ X + penalty**2 * np.eye(40), X.T)
         residual = y - hat @ y
-        textbook = 60 * float(residual @ residual) / (60 - np.trace(hat)) ** 2
-        assert gcv_score(penalty, s, projected, outside, 60) == pytest.approx(textbook, rel=1e-9)
+        return N * float(residual @ residual) / (N - np.trace(hat)) ** 2
+
+    assert np.all(estimate.penalty > 0)
+    for y, taken, theta in zip(Y.T, estimate.penalty * largest, estimate.theta, strict=True):
+        np.testing.assert_allclose(theta[:40], np.linalg.solve(X.T @ X + taken**2 * np.eye(40), X.T @ y), atol=1e-9)
+        others = [score(p, y) for p in np.geomspace(1e-3 * largest, largest, 200)]
+        assert score(taken, y) <= min(others) * (1 + 1e-6)
+
+
+def test_no_window_is_no_direction():
+    """A part of a recording without a complete window has a factor of zeros, and nothing follows from it."""
+    record = simulate_fourth_order(200, 2)
+    for rule in ("gcv", "none", 0.1):
+        empty = factorise([record], find_scaling([record]), 5, last=0.02)
+        estimate = estimate_markov(empty, (True, False), rule)
+        assert empty.windows == estimate.rank == 0 and not estimate.theta.any() and not estimate.penalty.any()
+        assert largest_useful_order(find_states(empty, estimate.theta, 5)) == 0
 
 
 def test_gcv_lowers_the_error_on_short_data():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
-from aeolid.identify.excitation import require_own_excitation
+from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import (
@@ -101,6 +101,7 @@ def assemble(
     choice = _order(windows, settings, through, basis, streamed)
     require_order(choice.order, largest_useful_order(basis), records[0].source)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
+    require_states(factor, estimate.rank, choice.order, through, records[0].source)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
@@ -124,7 +125,7 @@ def assemble(
         windows=factor.windows,
         skipped=factor.skipped,
         gain_method=scaled.gain_method,
-        notes=(*_notes(factor, estimate, model), *notes, *([] if done is None else [done.text()])),
+        notes=(*_notes(factor, estimate, model), *notes, *_say_refinement(settings, done)),
         version=aeolid.__version__,
         extra=(extra or {}) | known.facts | ({} if done is None else {"refinement": done.to_json()}),
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
@@ -154,11 +155,16 @@ def _order(
 
 
 def _refine(windows: Windows, settings: Settings, through: tuple[bool, ...], scaled: ScaledModel) -> Refinement | None:
-    """Refine the model where that was asked for; the model of the fit part, of the same order, says how far."""
+    """Refine the model where that was asked for; the model of the fit part, of the same order, says how far.
+
+    None where it was not asked for, and where the fit part shows no state.
+    """
     if not settings.refined:
         return None
     head = _head_states(windows, settings, through, None)
     order = min(len(scaled.A), largest_useful_order(head))
+    if order == 0:
+        return None
     T = head.state_map(order)
     first = system_matrices(windows.fitted, T, through)
     if settings.stable:
@@ -168,6 +174,13 @@ def _refine(windows: Windows, settings: Settings, through: tuple[bool, ...], sca
 
     samples = collect(windows.records, windows.scaling.without_innovations(), settings.past)
     return refine(cut_stretches(samples), scaled, first, through, settings.stable)
+
+
+def _say_refinement(settings: Settings, done: Refinement | None) -> list[str]:
+    if not settings.refined:
+        return []
+    nothing = f"not refined: the first {FIT_PART:.0%} of the recordings, on which steps would be tried, show no state"
+    return [nothing if done is None else done.text()]
 
 
 def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[StateSpace, Fit]:

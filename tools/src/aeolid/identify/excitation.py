@@ -39,6 +39,41 @@ def require_own_excitation(
                 "of interest, or lower the order"
             )
     require_told_apart(columns, names, source)
+    require_no_bare_feedback(factor, names, feedthrough, source)
+
+
+def require_no_bare_feedback(
+    factor: WindowFactor, names: Sequence[str], feedthrough: Sequence[bool], source: str
+) -> None:
+    """Refuse an input that is a fixed combination of the outputs of its sample: a feedback to which nothing is added.
+
+    The columns of u in eq. (23) then repeat those of y, and the smallest Ξ shares the plant out between them: with
+    y⁺ = .9 y + .5 u + e under u = −.4 y a pole of .35. With feedthrough the plant itself may be that combination.
+    """
+    now = np.hstack([factor.u_now, factor.y_now])
+    for i, name in enumerate(names):
+        if not feedthrough[i] and share_left(np.delete(now, i, axis=1), now[:, i]) < OWN:
+            raise NotIdentifiable(
+                f"{source}: input {name!r} is a fixed combination of outputs and other inputs of the same sample, a "
+                "feedback to which nothing is added: it shows no plant; move it by a dither or set points, or give the "
+                "role 'ignore' to what only repeats it"
+            )
+
+
+def require_states(factor: WindowFactor, rank: int, order: int, feedthrough: Sequence[bool], source: str) -> None:
+    """Refuse windows without noise that inputs and states do not fill.
+
+    The windows of a system of order n span a direction for each sample of the inputs in them and n more, if the inputs
+    excite p + n directions (the fundamental lemma of Willems et al.); noise on the outputs only adds. With fewer, Ξ is
+    one of many, and the smallest has other poles. rank: of the regressors, as the estimate counts it.
+    """
+    inputs = factor.past * factor.inputs + sum(feedthrough)
+    if rank < inputs + order:
+        raise NotIdentifiable(
+            f"{source}: the data excite {rank} directions of past window {factor.past}; its {inputs} samples of inputs "
+            f"and order {order} need {inputs + order}; excite every input over more frequencies, or use a shorter past "
+            "window"
+        )
 
 
 def require_told_apart(columns: Array, names: Sequence[str], source: str) -> None:

@@ -26,7 +26,14 @@ from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_exci
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.settings import make_settings
-from aeolid.identify.subspace import ScaledModel, StateBasis, equilibrium, find_states, largest_useful_order
+from aeolid.identify.subspace import (
+    ScaledModel,
+    StateBasis,
+    equilibrium,
+    find_states,
+    largest_useful_order,
+    least_squares,
+)
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
@@ -34,6 +41,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 GROUPS = 20  # stretches of each recording; FIT_PART of them are 14
+BLOCKS_LEAST = 4  # of p samples that must be held out
 FORGOTTEN = 0.02  # of the slowest mode after the past window; with more left the window is too short
 
 
@@ -90,7 +98,7 @@ def identify_fir(
     estimate = estimate_markov(whole, through, regularization)
     require_excitation(estimate, source)
     basis = find_states(whole, estimate.theta, settings.future)
-    choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through)
+    choice = _order(settings, merged(parts[: round(FIT_PART * GROUPS)]), records, scaling, through, basis)
     require_order(choice.order, largest_useful_order(basis), source)
     require_own_excitation(whole, scaling.inputs, choice.order, through, source)
     T = basis.state_map(choice.order)
@@ -118,13 +126,14 @@ def identify_fir(
 
 
 def _order(
-    settings: Settings, fitted: WindowFactor, records: Sequence[Record], scaling: Scaling, through: tuple[bool, ...]
-) -> OrderChoice:
+    settings: Settings, fitted: WindowFactor, records: Sequence[Record], scaling: Scaling, through: tuple[bool, ...],
+    basis: StateBasis,
+) -> OrderChoice:  # fmt: skip
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
     theta = estimate_markov(fitted, through, settings.regularization).theta
     held_out = held_out_stretches(records, scaling, settings.past)
-    return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through)
+    return choose_order(fitted, find_states(fitted, theta, settings.future), held_out, through, basis)
 
 
 def _poles(
@@ -146,9 +155,8 @@ def fit_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) 
     width, outputs = factor.past * m, factor.outputs
     now, following = R[:, :width] @ T.T, R[:, m : width + m] @ T.T
     u, y, through = factor.u_now, factor.y_now, np.flatnonzero(feedthrough)
-    first = np.linalg.lstsq(np.hstack([now, u[:, through]]), y, rcond=1e-11)[0].T
-    second = np.linalg.lstsq(np.hstack([now, u]), following, rcond=1e-11)[0].T
-    A, B, C = (np.asarray(m, np.float64) for m in (second[:, :n], second[:, n:], first[:, :n]))
+    first, second = least_squares(np.hstack([now, u[:, through]]), y), least_squares(np.hstack([now, u]), following)
+    A, B, C = second[:, :n], second[:, n:], first[:, :n]
     D = np.zeros((outputs, r))
     D[:, through] = first[:, n:]
     noise = y - now @ C.T - u @ D.T
@@ -157,17 +165,19 @@ def fit_matrices(factor: WindowFactor, T: Array, feedthrough: tuple[bool, ...]) 
 
 
 def choose_order(
-    fitted: WindowFactor, basis: StateBasis, held_out: Sequence[Array], feedthrough: tuple[bool, ...]
-) -> OrderChoice:
+    fitted: WindowFactor, basis: StateBasis, held_out: Sequence[Array], feedthrough: tuple[bool, ...],
+    whole: StateBasis,
+) -> OrderChoice:  # fmt: skip
     """Choose the smallest order whose free run of the held-out part is within one standard error of the best.
 
     A share of the error power, as for one-step predictions, would not do: the power is that of the noise, and a poor
     model may add little to it. The standard error is that of the difference between two models over blocks of p samples
-    (each output's error in its standard deviations).
+    (each output's error in its standard deviations). fitted, basis: of the fit part; whole: of everything, whose gap
+    decides where too little is held out or fitted.
     """
+    gap = largest_gap(whole.singular_values, min(LARGEST_AUTO_ORDER, largest_useful_order(whole)))
     most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
-    gap = largest_gap(basis.singular_values, most)
-    if sum(max(len(z) - fitted.past, 0) for z in held_out) < 4 * fitted.past:
+    if most == 0 or sum(max(len(z) - fitted.past, 0) // fitted.past for z in held_out) < BLOCKS_LEAST:
         return OrderChoice(
             gap, f"order {gap}: the singular values fall most there; too few samples to hold some out", ()
         )

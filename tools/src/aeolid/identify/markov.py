@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
-from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.errors import NotIdentifiable
+from aeolid.identify.ridge import Spectrum, filter_factors
 from aeolid.identify.windows import WindowFactor, decompose, triangularise
 
 Array = NDArray[np.float64]
-EXACT = 1e-13  # residual power below this fraction of an output's power is rounding: the data are interpolated
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,23 +60,22 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     targets = factor.past * factor.channels + factor.inputs
     R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
     U, s, Vt = decompose(R[:size, :size])
-    condition = float(s[0] / max(s[-1], np.finfo(float).tiny))
+    condition = float(s[0] / max(s[-1], TINY))
     rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
     projected = U[:, :rank].T @ R[:size, size:]  # (rank, l)
     total = (R[:, size:] ** 2).sum(axis=0)  # (l,): power of each output
     outside = np.maximum(total - (projected**2).sum(axis=0), 0.0)  # power no regressor reaches
-    s = s[:rank]
-    penalty = np.array(
-        [_penalty(regularization, s, projected[:, j], outside[j], factor.windows) for j in range(outputs)]
-    )
-    shrink = s / (s**2 + penalty[:, None] ** 2)  # (l, rank)
+    penalty, factors = filter_factors(Spectrum(s[:rank], projected, outside, factor.windows), regularization)
+    shrink = factors / s[:rank]  # (l, rank)
     theta = np.zeros((outputs, targets))
     theta[:, keep] = (shrink * projected.T) @ Vt[:rank]
     error = (factor.y_now - factor.R[:, :targets] @ theta.T).T  # (l, q): residuals in the coordinates of R
     freedom = max(factor.windows - rank, 1)
     spread = np.zeros((targets, rank))
     spread[keep] = Vt[:rank].T * shrink.mean(axis=0)
-    return MarkovEstimate(theta, rank, size, condition, penalty / s[0], spread, error @ error.T / freedom)
+    return MarkovEstimate(
+        theta, rank, size, condition, penalty / s.max(initial=TINY), spread, error @ error.T / freedom
+    )
 
 
 def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> MarkovEstimate:
@@ -84,45 +83,6 @@ def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> 
     error = factor.y_now - factor.R[:, : theta.shape[1]] @ theta.T
     covariance = error.T @ error / max(factor.windows - estimate.rank, 1)
     return replace(estimate, theta=theta, residual_covariance=covariance, penalty=np.zeros_like(estimate.penalty))
-
-
-def gcv_score(penalty: float, s: Array, projected: Array, outside: float, windows: int) -> float:
-    """Return the generalised cross-validation score N ‖(I − F) y‖²/(N − tr F)², F = U diag(s²/(s² + λ²)) Uᵀ."""
-    leftover = penalty**2 / (s**2 + penalty**2)
-    residual = float(((leftover * projected) ** 2).sum() + outside)
-    freedom = windows - len(s) + float(leftover.sum())
-    return windows * residual / max(freedom, 1e-9 * windows) ** 2
-
-
-def _penalty(regularization: str | float, s: Array, projected: Array, outside: float, windows: int) -> float:
-    """Return λ of one output."""
-    if isinstance(regularization, str):
-        if regularization == "none":
-            return 0.0
-        if regularization != "gcv":
-            raise UsageError(f"regularization {regularization!r} is none of gcv, none or a number")
-        # with the residual at rounding level the score is 0/0 noise: nothing needs damping then
-        if outside <= EXACT * float((projected**2).sum()):
-            return 0.0
-        return _best_penalty(s, projected, outside, windows)
-    if not 0 <= regularization < 1:
-        raise UsageError(
-            f"regularization {regularization} is not within 0 … 1 (relative to the largest singular value)"
-        )
-    return float(regularization * s[0])
-
-
-def _best_penalty(s: Array, projected: Array, outside: float, windows: int) -> float:
-    grid = np.linspace(np.log(s[-1] * 1e-2), np.log(s[0]), 60)
-    scores = [gcv_score(float(np.exp(g)), s, projected, outside, windows) for g in grid]
-    place = int(np.argmin(scores))
-    if gcv_score(0.0, s, projected, outside, windows) <= scores[place]:
-        return 0.0
-    around = (grid[max(place - 1, 0)], grid[min(place + 1, len(grid) - 1)])
-    found = minimize_scalar(
-        lambda g: gcv_score(float(np.exp(g)), s, projected, outside, windows), bounds=around, method="bounded"
-    )
-    return float(np.exp(found.x))
 
 
 def require_excitation(estimate: MarkovEstimate, source: str) -> None:

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 FIT_PART = 0.7  # of each recording; the rest chooses the order
 TOLERANCE = 0.02  # a larger order must lower the held-out error power by more than this, per output
 LONGEST = 20_000  # samples of each recording that are predicted; more change nothing
+HELD_OUT_LEAST = 20  # samples per channel that must be predicted
 CRITERIA = ("held-out", "aic", "bic", "gap")
 
 
@@ -116,7 +117,8 @@ def choose_held_out(
     so that outputs of any size count alike. None without held-out samples.
     """
     most = min(most, largest_useful_order(basis))
-    if most == 0 or sum(len(z) for z in held_out) < 20 * fitted.channels:
+    predicted = sum(max(len(z) - fitted.past, 0) for z in held_out)  # the first p samples of a stretch are its run-in
+    if most == 0 or predicted < HELD_OUT_LEAST * fitted.channels:
         return None
     return smallest_sufficient([_log_powers(fitted, basis, n, held_out, feedthrough)[0] for n in range(1, most + 1)])
 

@@ -17,6 +17,7 @@ from aeolid.identify.windows import WindowFactor, decompose
 
 Array = NDArray[np.float64]
 INSIDE = 0.9999  # where poles on or outside the unit circle are moved
+LONGEST_REST = 3.0  # over the number of windows: a mode with less of I − A shows no rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ def find_states(factor: WindowFactor, theta: Array, future: int) -> StateBasis:
     width = factor.past * factor.channels
     stacked = gamma_k(theta, factor.past, future, factor.channels)
     left, values, _ = decompose(stacked @ factor.R[:width, :width].T)
-    return StateBasis(values / np.sqrt(factor.windows), left, stacked, factor.windows)
+    return StateBasis(values / np.sqrt(max(factor.windows, 1)), left, stacked, factor.windows)
 
 
 def largest_useful_order(basis: StateBasis) -> int:
@@ -167,8 +168,8 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     """Return the outputs at rest (l,) under the mean input, scaled units: what the constants of the regressions say.
 
     The regressions are about the mean window, x⁺ = A x + B u + b, y = C x + D u + c; the rest is x* = (I − A)⁻¹ b,
-    y* = C x* + c. Directions in which I − A is below 1 % of its largest singular value stay at zero: an integrator
-    has no rest.
+    y* = C x* + c. Directions in which I − A is below 3/N of its largest singular value, 1 % at the most, stay at zero:
+    an integrator has no rest, and a mode that is slow for the recording shows none.
     """
     m, r, n = factor.channels, factor.inputs, len(T)
     width, mean = factor.past * m, factor.mean
@@ -176,7 +177,8 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     y = mean[width + r : width + r + factor.outputs]
     b = following - model.A @ x - model.B @ u
     c = y - model.C @ x - model.D @ u
-    rest = np.linalg.lstsq(np.eye(n) - model.A, b, rcond=1e-2)[0]
+    known = min(1e-2, LONGEST_REST / max(factor.windows, 1))
+    rest = np.linalg.lstsq(np.eye(n) - model.A, b, rcond=known)[0]
     out: Array = model.C @ rest + c
     return out
 

@@ -9,7 +9,7 @@ from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
 from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import Samples, collect
-from aeolid.identify.markov import estimate_markov, require_excitation, with_theta
+from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
@@ -75,7 +75,6 @@ def identify_varmax(
     plain = compress(records, scaling, past)
     samples = collect(records, scaling, past)
     start = estimate_markov(plain.whole, through, regularization)
-    require_excitation(start, records[0].source)
     if markov is None:
         found = whiten(records, samples, extended, plain.whole, start, through, regularization, passes, forgetting)
     else:

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.identify.extended import Samples, innovations, run_pass
-from aeolid.identify.markov import EXACT, MarkovEstimate, estimate_markov
+from aeolid.identify.markov import MarkovEstimate, estimate_markov
+from aeolid.identify.ridge import EXACT
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
 from aeolid.record import Channel, Record

@@ -147,7 +147,7 @@ def find_scaling(records: Sequence[Record]) -> Scaling:
                 row, col = np.argwhere(np.isinf(chunk))[0]
                 name = (inputs + outputs)[col]
                 raise DataError(
-                    f"{record.source}: channel {name!r} is infinite at sample {start + row}; mark it missing"
+                    f"{record.source}: channel {name!r} is infinite at sample {start + row + 1}; mark it missing"
                 )
             count, mean, square = _merge_moments(count, mean, square, chunk)
     _refuse_dead_channels(records, inputs + outputs, count, mean, square)

@@ -12,7 +12,7 @@ from aeolid.errors import DataError
 from aeolid.models.load import matched, require_sample_time
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled, with_one
 from aeolid.models.model_file import Signal
-from aeolid.models.prediction import complete_stretches
+from aeolid.models.prediction import channel_weights, complete_stretches
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -47,11 +47,10 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
     e_k(x_0) = e_k(0) − C φ_k x_0 over k < max(20 n, 200), φ_k the product of the predictor's transitions. u, y:
     deviations without missing samples.
     """
-    horizon = min(len(u), max(20 * model.order, 200))
+    horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y, mu = u[:horizon], y[:horizon], mu[:horizon]
     states = predictor_states(model, u, y, mu, np.zeros(model.order))[:-1]
     innovation = y - apply_at(model.C, mu, states) - apply_at(model.D, mu, u)  # (N, l)
-    weight = 1.0 / np.maximum(y.std(axis=0), 1e-12 * (abs(y).max() or 1.0))
     A, C = (np.tensordot(mu, matrix, axes=1) for matrix in (model.A, model.C))
     transition = A if model.K is None else A - np.tensordot(mu, model.K, axes=1) @ C
     rows, product = np.empty((horizon, y.shape[1], model.order)), np.eye(model.order)
@@ -60,8 +59,8 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
         product = transition[k] @ product
     good = (abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1)
     matrix = rows[good].reshape(-1, model.order)
-    x0: Array = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
-    return x0
+    x0 = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
+    return np.asarray(x0, dtype=np.float64)
 
 
 def predict(model: LpvStateSpace, u: Array, y: Array, scheduling: Array, steps: int, x0: Array) -> Array:
@@ -119,7 +118,7 @@ class LpvModel:
             sample, column = bad[0]
             name = (*model.inputs, *model.scheduling)[column].name
             raise DataError(
-                f"{record.source}: {name!r} is missing at sample {sample}; a free run needs every sample of the "
+                f"{record.source}: {name!r} is missing at sample {sample + 1}; a free run needs every sample of the "
                 "inputs and the scheduling, cut the recording or fill it"
             )
         u, s = known[:, : len(model.inputs)], known[:, len(model.inputs) :]

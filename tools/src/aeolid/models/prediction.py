@@ -32,11 +32,10 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     e_k(x_0) = e_k(0) − C (A − K C)^k x_0 over k < max(20 n, 200): the maximum-likelihood start under the model's own
     noise model (output error where it has none). u (N, r), y (N, l): deviations, no missing samples.
     """
-    horizon = min(len(u), max(20 * model.order, 200))
+    horizon, weight = min(len(u), max(20 * model.order, 200)), channel_weights(y)
     u, y = u[:horizon], y[:horizon]
     states = predictor_states(model, u, y, np.zeros(model.order))[:-1]
     innovation = y - states @ model.C.T - u @ model.D.T  # (N, l)
-    weight = 1.0 / np.maximum(y.std(axis=0), 1e-12 * (abs(y).max() or 1.0))
     transition = model.A - gain(model) @ model.C
     rows = np.empty((horizon, len(model.outputs), model.order))
     block = model.C * weight[:, None]
@@ -46,8 +45,19 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     with np.errstate(all="ignore"):
         good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
     matrix = rows[good].reshape(-1, model.order)
-    x0: Array = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
-    return x0
+    x0 = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
+    return np.asarray(x0, dtype=np.float64)
+
+
+def channel_weights(y: Array) -> Array:
+    """Return one over the standard deviation of each channel of y (N, l), (l,): 0 where it stands still.
+
+    Each channel is held against its own size: the weights of all units are alike.
+    """
+    spread = y.std(axis=0)
+    moves = spread > 1e-12 * abs(y).max(axis=0)
+    out: Array = np.where(moves, 1.0 / np.where(moves, spread, 1.0), 0.0)
+    return out
 
 
 def predict(model: StateSpace, u: Array, y: Array, steps: int = 1, x0: Array | None = None) -> Array:

@@ -115,7 +115,7 @@ def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, ce
         bad = np.argwhere(np.isinf(record.columns(scheduling)))
         if len(bad):
             name = scheduling[bad[0, 1]]
-            raise DataError(f"{record.source}: channel {name!r} is infinite at sample {bad[0, 0]}; mark it missing")
+            raise DataError(f"{record.source}: channel {name!r} is infinite at sample {bad[0, 0] + 1}; mark it missing")
     complete = values[np.isfinite(values).all(axis=1)]
     if not len(complete):
         raise NotIdentifiable(f"{records[0].source}: scheduling {', '.join(scheduling)}: no sample with a value in all")

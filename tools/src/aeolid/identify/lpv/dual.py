@@ -17,9 +17,9 @@ from scipy.linalg import eigh, lapack, solve_triangular
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.lpv.data import Indices, LpvData
 from aeolid.identify.lpv.kernel import Kernel
-from aeolid.identify.lpv.ridge import Spectrum, filter_factors
 from aeolid.identify.lpv.states import Estimate, StateSequence, largest_kept
 from aeolid.identify.lpv.structure import Structure
+from aeolid.identify.ridge import Spectrum, filter_factors
 from aeolid.identify.windows import decompose
 
 Array = NDArray[np.float64]

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import Indices, LpvData, feedthrough_columns, lag_channels, spread
-from aeolid.identify.lpv.ridge import Spectrum, filter_factors
 from aeolid.identify.lpv.states import Estimate, StateSequence, largest_kept
 from aeolid.identify.lpv.structure import Structure
+from aeolid.identify.ridge import Spectrum, filter_factors
 from aeolid.identify.windows import decompose, triangularise
 
 Array = NDArray[np.float64]

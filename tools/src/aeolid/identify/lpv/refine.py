@@ -114,7 +114,7 @@ def refine(data: LpvData, structure: Structure, start: ScaledLpv, head: ScaledLp
     taken. The steps are first taken from it on that part; the number after which the rest is predicted best, none
     included, is then taken from `start` on everything.
     """
-    part, limit = data.take(np.arange(data.windows) < LONGEST), descent.MOST_STEPS
+    part, limit = data.take(shortened(data)), descent.MOST_STEPS
     layout = layout_of(structure, start)
     if head is not None:
         early = part.place < FIT_PART
@@ -124,6 +124,14 @@ def refine(data: LpvData, structure: Structure, start: ScaledLpv, head: ScaledLp
     model, before, after = path[-1], prediction_loss(start, part), prediction_loss(path[-1], part)
     gain = 1 - float(np.exp(after - before)) if np.isfinite(before) else 0.0
     return Refinement(model, len(path) - 1, gain, entry_covariance(part, layout, model))
+
+
+def shortened(data: LpvData) -> NDArray[np.bool_]:
+    """Mark at most LONGEST windows (N,): the first of the fit part and of what is held out, in their proportion."""
+    early = data.place < FIT_PART
+    if data.windows <= LONGEST:
+        return np.ones(data.windows, bool)
+    return np.where(early, np.cumsum(early) <= FIT_PART * LONGEST, np.cumsum(~early) <= (1 - FIT_PART) * LONGEST)
 
 
 def layout_of(structure: Structure, model: ScaledLpv) -> Layout:

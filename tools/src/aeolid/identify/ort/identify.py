@@ -21,6 +21,7 @@ from aeolid.identify.ort.joint import Layout, require_disturbance, require_own_n
 from aeolid.identify.ort.order import choose_joint_order, choose_plant_order
 from aeolid.identify.ort.plant import predictor_map
 from aeolid.identify.ort.result import OrtIdentification, OrtSettings
+from aeolid.identify.quantify import in_order_of
 from aeolid.identify.settings import check_feedthrough, require_some
 from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
@@ -72,10 +73,12 @@ def identify_ort(
     loop = Loop.of(whole, layout)
     require_own_noise(loop.lq, layout, scaling, source)
     _require_orders(loop, settings, source)
-    orders = _choose(loop, merged(groups[: round(FIT_PART * GROUPS)]), held_out, settings)
+    part = _fit_part(merged(groups[: round(FIT_PART * GROUPS)]), layout, scaling)
+    orders = _choose(loop, part, held_out, settings)
     scaled, values, gap = _solve(loop, orders, settings)
     spread = jackknife(groups, np.linalg.eigvals(scaled.A).astype(complex), _poles(layout, orders))
-    model, fit = _finish(scaled, whole, scaling, records, settings.stable)
+    final, model, fit = _finish(scaled, whole, scaling, records, settings.stable)
+    spread = in_order_of(spread, scaled.A, final.A)
     tests = check_feedback(whole, layout, settings.disturbances)
     return OrtIdentification(
         model=model,
@@ -93,7 +96,7 @@ def identify_ort(
         data=tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
         windows=whole.windows,
         skipped=whole.skipped,
-        gain_method=scaled.gain_method,
+        gain_method=final.gain_method,
         notes=_notes(whole, model, fit, past, condition, tests),
         version=aeolid.__version__,
     )
@@ -169,14 +172,25 @@ def _require_orders(loop: Loop, settings: OrtSettings, source: str) -> None:
             )
 
 
+def _fit_part(fitted: WindowFactor, layout: Layout, scaling: Scaling) -> Loop | None:
+    """Return the loop of the part that chooses the orders; None where it does not determine the windows by itself."""
+    if fitted.windows <= 2 * len(fitted.R):
+        return None
+    try:
+        require_disturbance(fitted, layout, scaling, "the fit part")
+        part = Loop.of(fitted, layout)
+        require_own_noise(part.lq, layout, scaling, "the fit part")
+    except NotIdentifiable:  # a disturbance or a dither that begins late
+        return None
+    return part
+
+
 def _choose(
-    loop: Loop, fitted: WindowFactor, held_out: Sequence[Array], settings: OrtSettings
+    loop: Loop, fitted: Loop | None, held_out: Sequence[Array], settings: OrtSettings
 ) -> tuple[OrderChoice, OrderChoice]:
-    """Return the choices of the joint order and of the plant's."""
+    """Return the choices of the joint order and of the plant's; without a fit part the whole chooses by itself."""
     asked, joint = settings.order, settings.joint_order
-    # with few samples the fit part may not determine the windows: the whole then chooses by itself
-    part = Loop.of(fitted, loop.layout) if fitted.windows > 2 * len(fitted.R) else loop
-    samples = held_out if part is not loop else []
+    part, samples = (loop, ()) if fitted is None else (fitted, held_out)
     if joint is not None:
         first = OrderChoice(joint, f"joint order {joint}: as asked for", ())
     else:
@@ -197,13 +211,13 @@ def _solve(
 
 def _finish(
     scaled: ScaledModel, whole: WindowFactor, scaling: Scaling, records: Sequence[Record], stable: bool
-) -> tuple[StateSpace, Fit]:
-    """Return the model in the channels' units with its start and the covariance of its innovations, and its fit."""
+) -> tuple[ScaledModel, StateSpace, Fit]:
+    """Return the model, scaled and in the channels' units with start and covariance of its innovations, and its fit."""
     T = predictor_map(scaled, whole.past)
     if stable:
         scaled = stabilise(whole, scaled, T)
     model = with_start(model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0]), records)
-    return with_innovations(model, records)
+    return scaled, *with_innovations(model, records)
 
 
 def _poles(layout: Layout, orders: tuple[OrderChoice, OrderChoice]) -> Callable[[WindowFactor], NDArray[np.complex128]]:

@@ -47,7 +47,7 @@ def filter_factors(spectrum: Spectrum, regularization: str | float) -> tuple[Arr
             raise UsageError(
                 f"regularization {regularization} is not within 0 … 1 (relative to the largest singular value)"
             )
-        penalty = np.full(outputs, regularization * s[0])
+        penalty = np.full(outputs, regularization * s.max(initial=0.0))
     return penalty, s**2 / (s**2 + penalty[:, None] ** 2)
 
 
