@@ -1,5 +1,6 @@
 """Check what a fleet rests on: summaries merge to the stacked problem, whatever their scaling and order."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,10 +11,12 @@ from hypothesis import strategies as st
 from study_modules import load_study
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.fleet import modelling, tasks
 from aeolid.fleet.modelling import choose_common_order, model_summary
 from aeolid.fleet.onset import find_onset, notable, say_change
 from aeolid.fleet.plan import Plan, find_recordings, parse_window
 from aeolid.fleet.summary import load, merge_all, save, summarise
+from aeolid.fleet.tasks import Period
 from aeolid.fleet.tracking import drift, mac, track
 from aeolid.identify.varx import identify_varx
 from aeolid.identify.windows import factorise, find_scaling
@@ -96,6 +99,48 @@ def test_the_model_of_a_merge_is_the_model_of_the_recordings(records, plan):
     for key in ("damping", "damping_std", "frequency_std_hz"):
         assert [m[key] for m in facts["modes"]] == pytest.approx([getattr(m, key) for m in expected.modes], rel=1e-6)
     np.testing.assert_allclose(facts["model"]["inputs"][0]["offset"], expected.model.inputs[0].offset, rtol=1e-9)
+
+
+def test_the_fit_of_a_period_is_that_of_its_worst_output(plan):
+    record = simulate_fourth_order(3000, 1, feedback=0.25)
+    noisy = replace(record, values=record.values + [0, 0, 0, 3] * np.random.default_rng(0).standard_normal((3000, 4)))
+    fits = identify_varx([noisy], past=PAST, order=4).fit.one_step.vaf
+    assert fits["y2"] + 5 < fits["y1"]
+    assert model_summary(summarise(noisy, PAST), plan, 4, "all")["vaf_percent"] == pytest.approx(fits["y2"], abs=1.5)
+
+
+def test_periods_choose_an_order_by_their_windows(plan, monkeypatch):
+    """Nine parts of the windows want two states, one part one: the mean over windows decides, not over periods."""
+    long, short = (summarise(simulate_fourth_order(n, n), PAST) for n in (3600, 400))
+    losses = {long.windows: [0.0, -0.5], short.windows: [0.0, 0.6, 0.7]}
+    monkeypatch.setattr(modelling, "_held_out_losses", lambda summary, *_: losses[summary.windows])
+    assert choose_common_order([long, short], plan)[0] == 2
+    assert choose_common_order([short], plan)[0] == 1
+
+
+def test_few_of_many_periods_choose_and_are_spread_evenly(plan, monkeypatch):
+    periods = [Period("T", f"{k}", float(k), (f"f{k}",)) for k in range(100)]
+    place = {p.merged: int(p.start_s) for p in periods}
+    monkeypatch.setattr(tasks, "load", lambda path: place[path.stem])
+    monkeypatch.setattr(tasks, "choose_common_order", lambda chosen, plan: (len(chosen), str(chosen)))
+    count, said = tasks.order_of(periods, plan, "cache")
+    gaps = np.diff(json.loads(said))
+    assert count == tasks.MOST_PERIODS and gaps.min() >= 4 and gaps.max() <= 5
+    assert tasks.order_of(periods[:3], plan, "cache") == (3, "[0, 1, 2]")
+
+
+def test_rotor_speeds_are_averaged_over_samples():
+    """3 P of the mean speed of both recordings, weighted by their lengths, is marked where a mode lies on it."""
+    parts = []
+    for samples, hertz in ((3000, 0.030), (1000, 0.050)):
+        record = simulate_fourth_order(samples, samples, feedback=0.25)
+        turned = np.mod(360 * hertz * np.arange(samples), 360)[:, None]
+        channels = (*record.channels, Channel("azimuth", "deg", "azimuth"))
+        parts.append(summarise(replace(record, values=np.hstack([record.values, turned]), channels=channels), PAST))
+    assert parts[0].merged(parts[1]).rotor_hz == pytest.approx(0.035, rel=1e-3)
+    assert parts[1].merged(parts[0]).rotor_hz == pytest.approx(0.035, rel=1e-3)
+    still = summarise(simulate_fourth_order(500, 1), PAST)
+    assert still.rotor_hz is None and still.merged(parts[0]).rotor_hz == pytest.approx(0.030, rel=1e-3)
 
 
 def test_the_order_of_the_true_system_is_chosen(plan):
@@ -263,6 +308,17 @@ def test_the_onset_of_a_change_is_found_with_its_interval():
     line = find_onset(t, 5 - 0.01 * t + s * rng.standard_normal(52), s)
     assert line["from_start"] and line["change"] == pytest.approx(-0.51, abs=0.05)
     assert find_onset(t[:4], t[:4], s[:4]) is None and find_onset(t, t, [None, *s[1:]]) is None
+
+
+def test_scatter_beyond_the_deviations_widens_the_interval_of_the_onset():
+    """Values scatter three times as much as they are told to: the intervals still cover what they should."""
+    rng, t, told = np.random.default_rng(6), np.arange(52.0), np.full(52, 0.02)
+    inside = changed = 0
+    for _ in range(100):
+        found = find_onset(t, 5 - 0.02 * np.maximum(t - 30, 0) + 0.06 * rng.standard_normal(52), told)
+        inside += found["since_low"] <= 30 <= found["since_high"]
+        changed += abs(found["change"] + 0.42) < 3 * found["change_std"]
+    assert inside >= 85 and changed >= 85
 
 
 def test_changes_by_chance_are_not_named():

@@ -13,12 +13,13 @@ import pytest
 from aeolid.cli.main import main
 from aeolid.fleet import tasks, workers
 from aeolid.fleet.plan import Plan, find_recordings
-from aeolid.fleet.run import run_fleet
+from aeolid.fleet.run import Skipped, _group, _tracks, run_fleet
 from aeolid.fleet.tables import SCHEMA, mode_rows, write_models
 from aeolid.formats import write_table
 from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
 from aeolid.record import Roles
+from aeolid.report.fleet import render_fleet
 
 ROLES = '[recording]\ntime = "time_s"\n' + "".join(
     f'[[channel]]\nname = "{name}"\nunit = ""\nrole = "{role}"\n'
@@ -258,6 +259,33 @@ def test_folders_of_one_name_are_one_turbine_and_said_to_be(folder, tmp_path, ca
     facts = json.loads((tmp_path / "two" / "fleet.json").read_text())
     assert facts["turbines"] == 3 and facts["notes"] == []
     assert len(list((tmp_path / "two" / "models").rglob("*.json"))) == 3
+
+
+def test_periods_stand_at_the_middle_of_their_recordings(plan):
+    """Starts of a day and of the next: the period begins with the first, drift is measured at their mean."""
+    done = [tasks.FileDone(f"T0/{k}.csv", None, f"{k}", f"f{k}", 19000 * DAY + s) for k, s in enumerate((600, 0, 5400))]
+    (period,) = _group([*done, tasks.FileDone("T1/x.csv", None, "x", "fx", 0.0)], plan, Skipped())[:1]
+    assert (period.start_s, period.middle_s) == (19000 * DAY, 19000 * DAY + 2000)
+    assert period.factors == ("f0", "f1", "f2") and period.label == "2022-01-08"
+
+
+def test_the_page_tells_the_change_of_each_mode(tmp_path):
+    """A mode that falls by 10 mHz a day for two days while its damping rises by half a point: as the table says."""
+    periods = []
+    for k in range(3):
+        mode = {"frequency_hz": 0.5 - 0.01 * k, "frequency_std_hz": 0.001, "damping": 0.02 + 0.005 * k,
+                "damping_std": 0.002, "track": 0, "rotor_order": None}  # fmt: skip
+        when = {"start_s": (19000 + k) * DAY, "middle_s": (19000 + k) * DAY + 300.0, "period": f"day {k}"}
+        periods.append({"turbine": "T7", "modes": [mode]} | when)
+    (track,) = tracks = _tracks(periods)
+    assert (track["frequency_hz"]["first"], track["frequency_hz"]["last"]) == (0.5, 0.48) and track["per"] == "day"
+    assert track["frequency_hz"]["drift"]["slope"] == pytest.approx(-0.01)
+    facts = {"periods": periods, "tracks": tracks, "recordings": 3, "usable": 3, "skipped": [], "order_reasons": {},
+             "settings": {"past": 8}, "reused": 0}  # fmt: skip
+    render_fleet(facts, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in ("−20.0 ± 1.4", "1.00 ± 0.28", "0.4800", "3.000", "Turbine T7"):  # mHz, points, Hz, %
+        assert words in page, words
 
 
 def test_no_model_of_a_period_takes_the_place_of_another(tmp_path):
