@@ -25,7 +25,7 @@ def test_intervals_hold_the_truth(tmp_path, capsys):
         spread = np.array(row["z_std"])
         assert np.all((spread > 0.6) & (spread < 1.45)), row  # 13 % is one deviation of a deviation
         if "band" in row:
-            assert all(0.88 < row["band"][k] <= 1 for k in ("ellipse", "gain", "phase")), row
+            assert all(0.88 < row["band"][k] <= 1 for k in ("ellipse", "gain", "phase", "clear")), row
 
 
 def test_inputs_held_fixed_under_feedback_say_too_little(tmp_path):
