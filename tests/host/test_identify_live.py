@@ -204,6 +204,15 @@ def test_modes_keep_their_numbers():
         assert all(abs(n[number] - true.frequency_hz) < 0.02 for n in numbers)
 
 
+def test_numbers_follow_relative_distances_and_never_change_kind():
+    """Slow modes part where fast ones are still the same; a pair is no real pole, however near."""
+    live = LiveModes(settings(simulate_fourth_order(100, 1)))
+    assert live._numbers([-0.01 + 0.1j, -0.1 + 8j, -0.3 + 0j]) == [1, 2, 3]
+    assert live._numbers([-0.01 + 0.2j, -0.1 + 9j, -0.31 + 0j]) == [4, 2, 3]
+    assert live._numbers([-0.3 + 0.01j, -0.01 + 0.11j]) == [5, 1]
+    assert live._numbers([-0.31 + 0j, -0.1 + 9.5j, -0.01 + 0.21j]) == [3, 2, 4]
+
+
 def test_what_cannot_be_followed_is_said():
     record = simulate_fourth_order(600, 1)
     with pytest.raises(UsageError, match="order 13 is not within 1 … 12"):
