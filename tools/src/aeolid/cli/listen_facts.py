@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-MOST_MODES = 8  # named on one line
+from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, times, with_deviation
 
 if TYPE_CHECKING:
     from aeolid.can import Node
-    from aeolid.can.clock import ClockFit
     from aeolid.can.reception import Reception
     from aeolid.can.runs import Run
     from aeolid.cli.listen_modes import ModeFollower
@@ -54,18 +51,6 @@ def _written_facts(written: dict[str, Any]) -> dict[str, Any]:
 def _run_facts(run: Run) -> dict[str, Any]:
     facts = {"samples": run.rows, "lost_values": run.lost, "first_sample": run.first, "file": run.file}
     return facts | {"roles": run.roles, "clock": None if run.clock is None else clock_facts(run.clock)}
-
-
-def clock_facts(fit: ClockFit) -> dict[str, Any]:
-    """Return the facts of a clock."""
-    return {
-        "utc_of_sample_0": datetime.fromtimestamp(fit.start_utc, UTC).isoformat(timespec="microseconds"),
-        "real_time": fit.is_real_time,
-        "drift_ppm": fit.drift_ppm,
-        "drift_half_width_ppm": fit.half_width_ppm,
-        "scatter_s": fit.scatter_s,
-        "span_s": fit.span_s,
-    }
 
 
 def _node_facts(node: Node) -> dict[str, Any]:
@@ -135,14 +120,6 @@ def _mode_lines(modes: dict[str, Any] | None) -> list[str]:
     return [f"  modes (damping): {told}" + (f"; deviations not known: {why}" if why else "")]
 
 
-def with_deviation(value: float, deviation: float | None) -> str:
-    """Write a number with its standard deviation, to two digits of it; four digits where that is not known."""
-    if deviation is None or not deviation > 0:
-        return f"{value:.4g}"
-    digits = min(max(1 - math.floor(math.log10(deviation)), 0), 6)
-    return f"{value:.{digits}f} ± {deviation:.{digits}f}"
-
-
 def _troubles(facts: dict[str, Any]) -> str:
     told = [
         (facts["damaged"] + facts["garbled_lines"], "damaged"),
@@ -153,32 +130,6 @@ def _troubles(facts: dict[str, Any]) -> str:
     if facts["interruptions"]:
         text += f", the bus broke off {times(facts['interruptions'])} ({facts['seconds_without_bus']:.0f} s without it)"
     return text
-
-
-def times(count: int) -> str:
-    """Say how often."""
-    return {1: "once", 2: "twice"}.get(count, f"{count} times")
-
-
-def drift_text(clock: dict[str, Any]) -> str:
-    """Say in words how the controller's clock runs."""
-    drift, half = clock["drift_ppm"], clock["drift_half_width_ppm"]
-    if drift is None or half is None:
-        return "too short to tell how its clock drifts"
-    if not clock["real_time"]:
-        pace = 1.0 / max(1.0 + 1e-6 * drift, 1e-9)
-        how = f"{pace:.3g} s of the controller in a second" if pace < 1e5 else "faster than can be told"
-        return f"not in real time: {how}"
-    if half > abs(drift):
-        return f"its clock and the host's agree within {_short(abs(drift) + half)} ppm"
-    return f"its clock is {'slow' if drift > 0 else 'fast'} by {_short(abs(drift), half)} ± {_short(half)} ppm"
-
-
-def _short(number: float, error: float | None = None) -> str:
-    """Write a number with two digits of its error, or of itself."""
-    size = abs(number if error is None else error)
-    digits = 1 - math.floor(math.log10(size)) if size > 0 else 0
-    return f"{number:.{min(max(digits, 0), 6)}f}"
 
 
 def why_nothing(reception: Reception, nodes: list[Node]) -> str:

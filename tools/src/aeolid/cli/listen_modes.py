@@ -7,7 +7,8 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from aeolid.can import Node
     from aeolid.can.node import Assembly, Configuration
     from aeolid.can.samples import SampleTable
+    from aeolid.can.snapshots import MarkovSnapshot
     from aeolid.identify.live import LiveMode, LiveModes
 
 Array = NDArray[np.float64]
@@ -31,6 +33,19 @@ COLUMNS = (
     ("time_s", "s"), ("node", ""), ("mode", ""), ("frequency_hz", "Hz"), ("frequency_std_hz", "Hz"), ("damping", ""),
     ("damping_std", ""), ("pole_real", ""), ("pole_imag", ""), ("order", ""), ("samples", ""),
 )  # fmt: skip
+
+
+class Observer(Protocol):
+    """See, in the thread of the modes, what they are followed from; must not raise. run: restarts of the node."""
+
+    def samples(self, node: int, run: int, now: Configuration, index: NDArray[np.int64], part: Any) -> None:
+        """Take samples as the modes do: part holds u (N, r), y (N, l), and e (N, l) or None."""
+
+    def snapshot(self, node: int, run: int, now: Configuration, snapshot: MarkovSnapshot) -> None:
+        """Take a complete snapshot; later samples come after the last one in it."""
+
+    def modes(self, node: int, run: int, time_s: float, modes: tuple[LiveMode, ...]) -> None:
+        """Take the modes as they are at a time of the controller, every `every_s` seconds."""
 
 
 @dataclass(eq=False)
@@ -62,13 +77,15 @@ class ModeFollower:
     """Take what an assembly has received to the live modes of its nodes."""
 
     def __init__(
-        self, table: GrowingTable | None, order: int | None, *, every_s: float, patient: bool, only: int | None = None
-    ) -> None:
+        self, table: GrowingTable | None, order: int | None, *, every_s: float, patient: bool, only: int | None = None,
+        observer: Observer | None = None,
+    ) -> None:  # fmt: skip
         """Prepare. table: of `COLUMNS`, None to write none; a row for each mode every `every_s` of the controller.
 
         order: number of states, None to choose; patient: reception waits where the queue is full (a log), else samples
         are left out; only: number of the one node to follow.
         """
+        self._observer, self._tells = observer, table is not None or observer is not None
         self.fault: str | None = None  # why the table could not be written
         self._table, self._order, self._every_s, self._patient, self._only = table, order, every_s, patient, only
         self._nodes: dict[int, _Followed] = {}
@@ -129,9 +146,14 @@ class ModeFollower:
             self._put_samples(node.number, followed, tables[-1], last)
         snapshot = configuration.snapshots.complete
         if snapshot is not None and snapshot is not followed.snapshot:
-            theta, index = snapshot.theta, snapshot.sample_index
-            if self._put(_Work(node.number, followed, lambda live: live.snapshot(theta, index))):
+            work = partial(self._take_snapshot, node.number, followed, snapshot)
+            if self._put(_Work(node.number, followed, work)):
                 followed.snapshot = snapshot
+
+    def _take_snapshot(self, number: int, followed: _Followed, snapshot: MarkovSnapshot, live: LiveModes) -> None:
+        live.snapshot(snapshot.theta, snapshot.sample_index)
+        if self._observer is not None:
+            self._observer.snapshot(number, followed.restarts, followed.configuration, snapshot)
 
     def _put_samples(self, number: int, followed: _Followed, table: SampleTable, last: bool) -> None:
         rows = _fresh(table, followed.used, last)
@@ -179,24 +201,28 @@ class ModeFollower:
     def _add(self, number: int, followed: _Followed, live: LiveModes, index: Any, samples: Any) -> None:
         """Take samples up to each time at which the table gets rows: what it holds does not hang on the batches."""
         u, y, e = samples
+        if self._observer is not None:
+            self._observer.samples(number, followed.restarts, followed.configuration, index, samples)
         step = followed.configuration.description.sample_time_s
         while len(index):
             due = np.flatnonzero(index * step >= followed.told + self._every_s)
-            stop = int(due[0]) + 1 if self._table is not None and len(due) else len(index)
+            stop = int(due[0]) + 1 if self._tells and len(due) else len(index)
             live.add(index[:stop], u[:stop], y[:stop], None if e is None else e[:stop])
-            if self._table is not None and len(due):
+            if self._tells and len(due):
                 followed.told = float(index[stop - 1] * step)
                 self._tell(number, followed, live)
             index, u, y, e = index[stop:], u[stop:], y[stop:], None if e is None else e[stop:]
 
     def _tell(self, number: int, followed: _Followed, live: LiveModes) -> None:
-        nan = np.nan
+        nan, modes = np.nan, live.modes()
+        if self._observer is not None:
+            self._observer.modes(number, followed.restarts, followed.told, modes)
         rows = [
             [
                 followed.told, number, m.number, m.mode.frequency_hz, _or(m.mode.frequency_std_hz, nan), m.mode.damping,
                 _or(m.mode.damping_std, nan), m.mode.eigenvalue.real, m.mode.eigenvalue.imag, live.order, live.samples,
             ]
-            for m in live.modes()
+            for m in modes
         ]  # fmt: skip
         if rows and self._table is not None and self.fault is None:
             try:

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import progress_console
-from aeolid.cli.listen_facts import MOST_MODES, clock_facts, drift_text, times, with_deviation
+from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, duration, times, with_deviation
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -53,9 +53,7 @@ class Progress:
             self._rates = (r.frames - frames) / (now - since), (r.busy_s - busy) / (now - since)
             self._mark = (now, r.frames, r.busy_s)
         rate, load = self._rates
-        head = (
-            f"{r.source.name}  {_duration(now - r.began)}  {r.frames} frames, {rate:.0f}/s, bus load up to {load:.1%}"
-        )
+        head = f"{r.source.name}  {duration(now - r.began)}  {r.frames} frames, {rate:.0f}/s, bus load up to {load:.1%}"
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
         for heading in ("node", "samples", "lost", "snapshots", "age", "state", "clock"):
             table.add_column(heading, justify="right" if heading in ("samples", "lost", "snapshots", "age") else "left")
@@ -108,7 +106,7 @@ class Progress:
         if snapshots.completed != done:
             since = now
             self._seen[number] = (snapshots.completed, now)
-        age = _duration(now - since) if snapshots.completed else ""
+        age = duration(now - since) if snapshots.completed else ""
         count = str(samples.arrived // node.now.description.channels)
         lost = str(samples.lost(node.now.description.sample_every))
         incomplete = f" (+{snapshots.incomplete} incomplete)" if snapshots.incomplete else ""
@@ -124,12 +122,3 @@ class Progress:
             text = text.replace("its clock and the host's agree", "agrees").removeprefix("its clock is ")
             self._drift[number] = (now, text)
         return text
-
-
-def _duration(seconds: float) -> str:
-    whole = int(seconds)
-    if whole < 120:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"

@@ -12,7 +12,7 @@ import typer
 import aeolid.cli
 from aeolid.errors import AeolidError
 
-PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view"}
+PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view", "receiving"}
 
 
 def build_app() -> typer.Typer:

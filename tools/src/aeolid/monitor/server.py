@@ -1,0 +1,232 @@
+"""Serve the page of a board on one address of this machine, in a thread of its own.
+
+A page asks once a second for what is new; nothing is pushed and nothing queued, so a browser that stalls has one answer
+under way and no more, and the reception never waits for any. Everything the page needs is in this package or in that of
+plotly.py; its security policy forbids the browser to ask anybody else.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import json
+import logging
+import math
+import socket
+import threading
+import time
+import uuid
+from collections.abc import Awaitable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import plotly
+import tornado.httpserver
+import tornado.iostream
+import tornado.netutil
+import tornado.web
+
+from aeolid.errors import UsageError
+from aeolid.monitor.board import Board
+
+PAGE = Path(__file__).resolve().parent / "page"
+PLOTLY = Path(plotly.__file__).resolve().parent / "package_data"
+TICK_S = 1.0
+ANSWER_S = 20.0  # within which a browser has to take an answer
+FAREWELL_S = 2.0  # for pages to hear that it is over
+CLOSE_S = 1.0  # for answers under way to break off
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self';"
+    " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)  # Plotly sets styles on its drawings
+HEADERS = {
+    "Content-Security-Policy": POLICY, "X-Content-Type-Options": "nosniff", "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
+}  # fmt: skip
+
+
+class PageServer:
+    """Serve a board until `close`. address, port: as bound; url: what a browser on this machine opens."""
+
+    def __init__(self, board: Board, address: str, port: int) -> None:
+        """Bind and start; port 0 takes any free one. Raises UsageError where the address cannot be had."""
+        try:
+            self._sockets = tornado.netutil.bind_sockets(port, address)
+        except (OSError, UnicodeError) as error:
+            why = getattr(error, "strerror", None) or error
+            raise UsageError(
+                f"--port {port}: {address} cannot be served on it ({why}); --port 0 takes any free one"
+            ) from None
+        self.board, self.address = board, address
+        self.port = int(self._sockets[0].getsockname()[1])
+        self.url = f"http://{f'[{address}]' if ':' in address else address}:{self.port}/"
+        self.identity = uuid.uuid4().hex
+        self.asked = self.told = -math.inf  # when a page last asked, and last heard of the present facts
+        self._loop = asyncio.new_event_loop()
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._ticker = threading.Thread(target=self._tick, name="tick", daemon=True)
+        self.facts_json = json.dumps(board.facts, allow_nan=False)
+        for name in ("tornado", "asyncio"):  # what browsers do must not fill the operator's terminal, or a pipe for it
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        self._thread.start()
+        self._ticker.start()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        server = tornado.httpserver.HTTPServer(
+            _application(self), idle_connection_timeout=30.0, max_buffer_size=1 << 16, max_header_size=1 << 14
+        )
+        server.add_sockets(self._sockets)
+        self._loop.run_forever()
+        server.stop()
+        self._loop.run_until_complete(_within(server.close_all_connections(), CLOSE_S))
+        for task in asyncio.all_tasks(self._loop):
+            task.cancel()
+        self._loop.run_until_complete(asyncio.sleep(0))
+        self._loop.close()
+
+    def _tick(self) -> None:
+        while not self._closing.wait(TICK_S):
+            self.renew()
+
+    def renew(self) -> None:
+        """Look at the reception and spell its facts once for all browsers."""
+        try:
+            self.board.tick()
+        except Exception as error:  # whatever becomes of the display, the reception goes on
+            what = f"The display has stopped: {type(error).__name__}: {error}."
+            remedy = "Reception and recording go on; start the monitor again when it suits."
+            trouble = {"node": None, "level": "alarm", "what": what, "remedy": remedy}
+            self.board.facts = self.board.facts | {"findings": [trouble]}
+        self.facts_json = json.dumps(self.board.facts, allow_nan=False)
+
+    def farewell(self, reason: str) -> None:
+        """Let pages that are open hear that the reception is over."""
+        self.board.end(reason)
+        self.facts_json = json.dumps(self.board.facts, allow_nan=False)
+        over = time.monotonic()
+        if self.asked > over - 3 * TICK_S:  # somebody looks
+            while self.told <= over and time.monotonic() < over + FAREWELL_S:
+                time.sleep(0.02)
+
+    def close(self) -> None:
+        """Stop serving; connections are closed."""
+        self._closing.set()
+        self._ticker.join()
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join()
+
+
+async def _within(work: Awaitable[None], seconds: float) -> None:
+    """Wait for work, but not for ever."""
+    with suppress(TimeoutError):
+        await asyncio.wait_for(work, seconds)
+
+
+def _application(server: PageServer) -> tornado.web.Application:
+    own = [(f"/({name})", _File, {"path": PAGE}) for name in ("monitor.css", "monitor.js", "charts.js", "icon.svg")]
+    routes: list[Any] = [
+        (r"/()", _File, {"path": PAGE, "default_filename": "index.html"}), *own,
+        (r"/(plotly\.min\.js)", _File, {"path": PLOTLY}), (r"/state", _State, {"server": server}),
+    ]  # fmt: skip
+    return tornado.web.Application(routes, default_handler_class=_Nothing, log_function=lambda _: None)
+
+
+def is_own_name(host: str) -> bool:
+    """Tell whether a browser that asks for this host means this machine: an address, localhost, or its name.
+
+    A foreign page may point a name of its own to this address and would then be let in by the browser; an address or
+    our own name it cannot have.
+    """
+    try:
+        ipaddress.ip_address(host)
+        return True
+    except ValueError:
+        return host.lower() in ("localhost", socket.gethostname().lower())
+
+
+class _Guarded(tornado.web.RequestHandler):
+    """Answer only who asks for this machine, with headers that keep the page to itself."""
+
+    def set_default_headers(self) -> None:
+        """Set what every answer has."""
+        self.clear_header("Server")
+        for name, value in HEADERS.items():
+            self.set_header(name, value)
+
+    def prepare(self) -> None:
+        """Refuse a page of another name."""
+        if not is_own_name(_host_of(self.request.host)):
+            raise tornado.web.HTTPError(421, reason="Misdirected")
+
+    def write_error(self, status_code: int, **kwargs: Any) -> None:
+        """Say the reason and nothing else."""
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(f"{status_code}: {self._reason}\n")
+
+
+def _host_of(text: str) -> str:
+    """Return the name or address in a Host header."""
+    return text[1:].partition("]")[0] if text.startswith("[") else text.partition(":")[0]
+
+
+class _Nothing(_Guarded):
+    """Answer what is not there."""
+
+    def prepare(self) -> None:
+        """Refuse."""
+        super().prepare()
+        raise tornado.web.HTTPError(404)
+
+
+class _File(_Guarded, tornado.web.StaticFileHandler):
+    """Serve one file; browsers ask each time whether it is still the same."""
+
+    def set_extra_headers(self, path: str) -> None:
+        """Have it checked: another version may be started on the same port."""
+        self.set_header("Cache-Control", "no-cache")
+
+
+class _State(_Guarded):
+    """Tell the facts, and what came to one node's histories since the counts that the page names."""
+
+    def initialize(self, server: PageServer) -> None:
+        """Keep the server."""
+        self.server = server
+
+    async def get(self) -> None:
+        """Answer with JSON."""
+        server = self.server
+        began = server.asked = time.monotonic()
+        have = {name: self._number(name) for name in ("bus", "modes", "tests", "thetas", "matrix")}
+        if self.get_query_argument("process", "") != server.identity:
+            have = dict.fromkeys(have, 0)
+        series = server.board.series(self._number("node", -1), have, self._entry())
+        self.set_header("Content-Type", "application/json")
+        self.set_header("Cache-Control", "no-store")
+        head = f'{{"process":"{server.identity}","facts":{server.facts_json},"series":'
+        self.write(head + json.dumps(series, allow_nan=False, separators=(",", ":")) + "}")
+        try:
+            await asyncio.wait_for(self.flush(), ANSWER_S)
+        except tornado.iostream.StreamClosedError:  # the browser has gone
+            return
+        except TimeoutError:  # a browser that takes nothing has no claim to memory
+            self.request.connection.stream.close()  # type: ignore[union-attr]
+            return
+        server.told = began
+
+    def _number(self, name: str, default: int = 0) -> int:
+        try:
+            return int(self.get_query_argument(name, str(default)))
+        except ValueError:
+            raise tornado.web.HTTPError(400, reason=f"{name} is no number") from None
+
+    def _entry(self) -> tuple[int, int, int] | None:
+        text = self.get_query_argument("entry", "")
+        try:
+            output, channel, lag = (int(part) for part in text.split(","))
+        except ValueError:
+            return None
+        return output, channel, lag
