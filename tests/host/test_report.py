@@ -18,9 +18,10 @@ from hypothesis import strategies as st
 
 from aeolid.errors import UsageError
 from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
-from aeolid.report.bode import _deviation, _shade
-from aeolid.report.charts import sketch, smooth_spectrum, thin
+from aeolid.report.bode import _deviation, _phase, _shade
+from aeolid.report.charts import AFTER, GREY, sketch, smooth_spectrum, thin
 from aeolid.report.diagnosis import verdict_sentence
+from aeolid.report.identification import _singular_values
 from aeolid.report.markup import Html, tag, write_page
 from aeolid.report.numbers import number, with_std
 from aeolid.report.response import response
@@ -105,6 +106,22 @@ def test_a_band_is_two_deviations_wide_and_reaches_down_where_the_phase_is_unkno
         corners = phase.collections[0].get_paths()[0].vertices
         assert corners[:, 0].max() == 1.0 and corners[:, 1].max() == pytest.approx(90 + 19.6)
     assert _deviation(bands, "v", "y", grid) == (None, None) and _deviation(None, "u", "y", grid) == (None, None)
+
+
+def test_phases_are_drawn_on_the_same_turn() -> None:
+    """One begins a degree below the cut of the angle and one above: they lie two degrees apart, not 358."""
+    lag = np.linspace(0.0, 400.0, 50)
+    g, reference = (np.exp(1j * np.radians(start - lag)) for start in (-179.0, 179.0))
+    phase = _phase(g, reference, abs(g))
+    np.testing.assert_allclose(phase, 181.0 - lag, atol=1e-9)
+    np.testing.assert_allclose(_phase(reference, reference, abs(g)), 179.0 - lag, atol=1e-9)
+    assert np.isnan(_phase(g, reference, np.full(50, np.nan))).all()
+
+
+def test_as_many_singular_values_are_kept_as_the_order_says() -> None:
+    drawn = str(_singular_values({"singular_values": [10, 5, 3, 2, 0.1, 0.05, 0.04], "order": 4}))
+    places = [len(re.findall(rf"<use[^>]*{colour}", drawn)) for colour in (AFTER, GREY)]
+    assert places == [4 + 1, 3 + 1]  # and one each in the legend
 
 
 def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
