@@ -153,9 +153,9 @@ def test_the_information_is_that_of_the_derivatives_without_the_nuisances(monkey
     nuisance, wanted = np.split(rows, [3 * len(parts) + 2], axis=1)
     left = wanted - nuisance @ np.linalg.lstsq(nuisance, wanted, rcond=1e-12)[0]
     descent = Descent(parts, THROUGH, False)
-    whole = descent.information(model, run, WEIGHT)
+    whole = descent.information(model, run, WEIGHT, at)
     monkeypatch.setattr(sensitivity, "CHUNK_NUMBERS", 1)  # 16 samples at a time
-    for R in (whole, descent.information(model, run, WEIGHT)):
+    for R in (whole, descent.information(model, run, WEIGHT, at)):
         np.testing.assert_allclose(R.T @ R, left.T @ left, atol=1e-8 * abs(left.T @ left).max())
     root = covariance_root(whole, at.free)
     information = whole[:, :-1].T @ whole[:, :-1]

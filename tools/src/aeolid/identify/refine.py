@@ -173,7 +173,7 @@ class Descent:
 
         def factor(model: ScaledModel) -> Array:
             run = run_model(model, self.stretches, weight)
-            return self.information(model, run, _weight(run.covariance(), least))
+            return self.information(model, run, _weight(run.covariance(), least), at(model))
 
         def move(model: ScaledModel, delta: Array) -> ScaledModel:
             moved = at(model).move(model, delta)
@@ -199,22 +199,21 @@ class Descent:
         covariance = run.covariance()
         if float(np.linalg.eigvalsh(covariance)[-1]) < RESOLVED:
             return None
-        R = self.information(model, run, _weight(covariance))
+        coordinates = Coordinates.at(model, self.feedthrough)
+        R = self.information(model, run, _weight(covariance), coordinates)
         if not usable(R) or column_scale(R).min() <= 1e-300:
             return None
-        coordinates = Coordinates.at(model, self.feedthrough)
         spent = coordinates.free / max(sum(map(len, run.errors)) * len(covariance), 1)
         root: Array = coordinates.basis @ covariance_root(R, coordinates.free) / np.sqrt(max(1 - spent, 0.1))
         return root
 
-    def information(self, model: ScaledModel, run: Run, weight: Array) -> Array:
+    def information(self, model: ScaledModel, run: Run, weight: Array, coordinates: Coordinates) -> Array:
         """Return the triangular factor (free + 1, free + 1) of the weighted [∂e/∂θ, e].
 
         The first states and the constant are nuisances: their columns are eliminated. weight (l, l): what the errors
-        are multiplied with from the right.
+        are multiplied with from the right; coordinates: of the model.
         """
-        coordinates, n = Coordinates.at(model, self.feedthrough), len(model.A)
-        outputs, chunk = len(model.C), chunk_length(model, coordinates)
+        n, outputs, chunk = len(model.A), len(model.C), chunk_length(model, coordinates)
         whole = np.zeros((0, outputs + coordinates.free + 1))
         for stretch, x, e in zip(self.stretches, run.states, run.errors, strict=True):
             dx = np.hstack([np.eye(n), np.zeros((n, coordinates.free))])
