@@ -101,7 +101,7 @@ def assemble(
     choice = _order(windows, settings, through, basis, streamed)
     require_order(choice.order, largest_useful_order(basis), records[0].source)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
-    require_states(factor, estimate.rank, choice.order, through, records[0].source)
+    require_states(factor, estimate.excited, choice.order, through, records[0].source)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
@@ -241,8 +241,8 @@ def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) ->
         notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
     if estimate.rank < estimate.regressors:
         notes.append(
-            f"the data excite {estimate.rank} of {estimate.regressors} regressors (fewer noise sources than outputs, "
-            "or an input without excitation); the smallest solution was taken"
+            f"the data tell {estimate.rank} of {estimate.regressors} regressors apart (fewer noise sources than "
+            "outputs, or an input without excitation); the smallest solution was taken"
         )
     growing = int(np.count_nonzero(abs(np.linalg.eigvals(model.A)) > 1))
     if growing:

@@ -65,7 +65,7 @@ def require_states(factor: WindowFactor, rank: int, order: int, feedthrough: Seq
 
     The windows of a system of order n span a direction for each sample of the inputs in them and n more, if the inputs
     excite p + n directions (the fundamental lemma of Willems et al.); noise on the outputs only adds. With fewer, Ξ is
-    one of many, and the smallest has other poles. rank: of the regressors, as the estimate counts it.
+    one of many, and the smallest has other poles. rank: directions of the regressors above rounding.
     """
     inputs = factor.past * factor.inputs + sum(feedthrough)
     if rank < inputs + order:

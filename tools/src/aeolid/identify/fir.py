@@ -223,7 +223,8 @@ def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) ->
         notes.append(f"{factor.skipped} windows with a missing sample were left out, {factor.windows} used")
     if estimate.rank < estimate.regressors:
         notes.append(
-            f"the inputs excite {estimate.rank} of {estimate.regressors} regressors; the smallest solution was taken"
+            f"the inputs tell {estimate.rank} of {estimate.regressors} regressors apart; "
+            "the smallest solution was taken"
         )
     left = float(abs(np.linalg.eigvals(model.A)).max()) ** p
     if left > FORGOTTEN:

@@ -17,13 +17,15 @@ from aeolid.identify.windows import WindowFactor, decompose, triangularise
 
 Array = NDArray[np.float64]
 TINY = float(np.finfo(float).tiny)
+OPEN = 30.0  # standard error of a direction's coefficient, signals of unit size: beyond it the data do not tell it
 
 
 @dataclass(frozen=True, eq=False)
 class MarkovEstimate:
     """Hold Ξ (l, p m + r) in the order of eq. (9) or (14), scaled units.
 
-    Columns of inputs without feedthrough are zero. rank of `regressors` is the number of directions the data excite;
+    Columns of inputs without feedthrough are zero. `excited` of `regressors` directions are above rounding, `rank` of
+    them are told by the data and used;
     penalty (l,) the λ of each output relative to the largest singular value, 0 where Ξ is not of this regression;
     spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with
     the outputs' mean filter factors, where those differ). Where Ξ is a filter's, direct (p m + r, rank) is the spread
@@ -40,6 +42,7 @@ class MarkovEstimate:
     residual_covariance: Array
     direct: Array | None = None
     bias: Array | None = None
+    excited: int = 0
 
 
 def regressor_columns(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> list[int]:
@@ -53,7 +56,10 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
 
     feedthrough: for each input, whether u_k acts on y_k; in a loop whose controller has feedthrough itself, D of that
     input cannot be identified without bias. regularization: "gcv", "none" or λ relative to the largest singular value.
-    Singular values below max(N, q) ε of the largest are left out: they are rounding, and the rank says so.
+    Singular values below max(N, q) ε of the largest are left out: they are rounding. So are those whose coefficient has
+    a standard error above OPEN: where channels hang together to 1e-5 and less (exact data in binary32, or with few
+    digits) and D of an input is held at zero, what that leaves would be sought there, by coefficients that ΓK brings to
+    where the channels do not hang together. Rank and excited say so.
     """
     keep = regressor_columns(factor, feedthrough)
     size, outputs = len(keep), factor.outputs
@@ -61,7 +67,9 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
     U, s, Vt = decompose(R[:size, :size])
     condition = float(s[0] / max(s[-1], TINY))
-    rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
+    excited = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
+    error_size = float(np.sqrt((R[size:, size:] ** 2).sum(axis=0).max() / max(factor.windows, 1)))
+    rank = min(excited, int(np.count_nonzero(OPEN * s * np.sqrt(factor.windows) > error_size * s[0])))
     projected = U[:, :rank].T @ R[:size, size:]  # (rank, l)
     total = (R[:, size:] ** 2).sum(axis=0)  # (l,): power of each output
     outside = np.maximum(total - (projected**2).sum(axis=0), 0.0)  # power no regressor reaches
@@ -74,7 +82,7 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     spread = np.zeros((targets, rank))
     spread[keep] = Vt[:rank].T * shrink.mean(axis=0)
     return MarkovEstimate(
-        theta, rank, size, condition, penalty / s.max(initial=TINY), spread, error @ error.T / freedom
+        theta, rank, size, condition, penalty / s.max(initial=TINY), spread, error @ error.T / freedom, excited=excited
     )
 
 
@@ -87,8 +95,8 @@ def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> 
 
 def require_excitation(estimate: MarkovEstimate, source: str) -> None:
     """Refuse data that excite fewer than half the regressors: whatever came out would be invention."""
-    if estimate.rank * 2 < estimate.regressors:
+    if estimate.excited * 2 < estimate.regressors:
         raise NotIdentifiable(
-            f"{source}: the data excite {estimate.rank} of {estimate.regressors} regressors; excite every input "
+            f"{source}: the data excite {estimate.excited} of {estimate.regressors} regressors; excite every input "
             "over the frequencies of interest, or use a shorter past window"
         )

@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 FIT_PART = 0.7  # of each recording; the rest chooses the order
 TOLERANCE = 0.02  # a larger order must lower the held-out error power by more than this, per output
 LONGEST = 20_000  # samples of each recording that are predicted; more change nothing
+RESOLVED = 1e-10  # of an output's power; errors below are digits of the recording (binary32), not worth a state
 HELD_OUT_LEAST = 20  # samples per channel that must be predicted
 CRITERIA = ("held-out", "aic", "bic", "gap")
 
@@ -198,4 +199,4 @@ def _log_powers(
             power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
         samples += len(y)
     mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
-    return float(np.mean(np.log(np.maximum(mean, 1e-30)))), samples
+    return float(np.mean(np.log(np.maximum(mean, RESOLVED)))), samples
