@@ -54,6 +54,16 @@ class Frame:
         predictor = Predictor(compiled, segments, scales, 0)
         return predictor if self.surrogate is None else self.surrogate.inform(predictor), free, start
 
+    def as_run(self, model: Equations, x0: tuple[Array, ...]) -> Point | None:
+        """Return the point at which this extended model predicts the simulator's run best, with other starts.
+
+        None without a run. Effects are at their nulls.
+        """
+        if self.surrogate is None:
+            return None
+        known = self.surrogate
+        return replace(carry_point(known.fit.point, known.predictor.compiled.model, model), x0=x0)
+
     def _start(self, model: Equations, attachments: Sequence[Attachment]) -> tuple[Scales, Free, Point]:
         names, outputs = [s.name for s in model.states], [o.name for o in model.outputs]
         n, m, extra = len(self.sizes), len(outputs), len(model.states) - len(self.sizes)

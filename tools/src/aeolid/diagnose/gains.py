@@ -66,12 +66,20 @@ def _double(A: Array, C: Array, Q: Array, R: Array) -> Array:
     return gain
 
 
-def forgets(compiled: Compiled, x: Array, u: Array, theta: Array, K: Array, step: float) -> bool:
-    """Tell whether the predictor forgets its start: all |eigenvalues| of A − K C below 1, linearised at x, u."""
-    A = numeric_jacobian(compiled, x, u, theta)
+def forgets(compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float) -> bool:
+    """Tell whether the predictor forgets its start: all |eigenvalues| of A − K C below 1, linearised at (x, u)."""
+    closed, _ = closed_loop(compiled, middle, theta, K, step)
+    return bool(np.all(np.isfinite(closed)) and np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0) < 1.0)
+
+
+def closed_loop(
+    compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float
+) -> tuple[Array, Array]:
+    """Return A − K C (n, n) of one row and C (l, n), linearised at middle = (x, u); NaN where the model is not finite."""
+    A = numeric_jacobian(compiled, *middle, theta)
     if not np.all(np.isfinite(A)):
-        return False
+        return np.full_like(A, np.nan), np.full(K.T.shape, np.nan)
     if not compiled.model.sample_time_s:
         A = np.asarray(expm(A * step))
-    closed = A - K @ output_jacobian(compiled, x, u, theta, step)
-    return bool(np.all(np.isfinite(closed)) and np.max(np.abs(np.linalg.eigvals(closed)), initial=0.0) < 1.0)
+    C = output_jacobian(compiled, *middle, theta, step)
+    return A - K @ C, C

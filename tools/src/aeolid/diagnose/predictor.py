@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from aeolid.diagnose.gains import forgets, kalman_gain
 from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.sensitivity import sensitivity
+from aeolid.diagnose.steps import expected_gain, limited_step, limits_of, next_damping
 from aeolid.models.integrate import Compiled, apply_filters, substeps
 from aeolid.models.machine_code import LANES
 
@@ -23,8 +25,8 @@ Array = NDArray[np.float64]
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
-_ENDS = 4  # times the parameters at the ends of their ranges are looked through
 _STEPS = 6  # with one set of sensitivities
+_TRIES = 8  # dampings of one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,15 +148,20 @@ class Predictor:
         order = self.var_order if self.var_order is not None else 0
         return estimate_noise(innovations, [s.burn for s in self.segments], order)
 
+    @cached_property
+    def middle(self) -> tuple[Array, Array]:
+        """Return the state (n,) and the input (r,) that the model is linearised at."""
+        x = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0
+        return x, np.median(self.segments[0].u, axis=0)
+
     def objective(self, point: Point) -> float:
         """Return minus the log-likelihood, noise model concentrated out, plus the priors; huge where it diverges.
 
         A free gain that leaves the predictor unstable counts as diverging: over a short stretch its own start hides
         the growth, over other data nothing does.
         """
-        first = self.segments[0]
-        x, u = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0, np.median(first.u, axis=0)
-        if point.K is not None and not forgets(self.compiled, x, u, point.theta, self.gain(point), first.step):
+        step = self.segments[0].step
+        if point.K is not None and not forgets(self.compiled, self.middle, point.theta, self.gain(point), step):
             return _HUGE
         noise = self.noise_of(self.innovations(point))
         if noise is None:
@@ -204,8 +211,9 @@ class Predictor:
         for _ in range(iterations):
             begun, slopes, first = value, None, 0.0
             for _ in range(_STEPS):
-                before = value
+                before, kept = value, damping
                 slopes, value, point, damping = self._step(value, point, free, damping, slopes)
+                damping = kept if value == before else damping  # old sensitivities failed, new ones need not
                 first = max(first, before - value)
                 if before - value < max(tolerance, 0.2 * first):
                     break
@@ -223,11 +231,15 @@ class Predictor:
         base = self.whitened(innovations, noise)
         slopes = self._slopes(sensitivity(self, point, noise, base, free), free) if slopes is None else slopes
         downhill = slopes.jacobian.T @ base + slopes.prior.T @ self.scales.prior.residual(point.theta)
-        for _ in range(8):
-            trial = self._move(point, free, self._inside(slopes.gram, downhill, damping, point, free))
+        limits = limits_of(self, point, free, len(downhill))
+        for _ in range(_TRIES):
+            step = limited_step(slopes.gram, downhill, damping, limits)
+            trial = self._move(point, free, step)
             trial_value = self.objective(trial)
             if trial_value < value:
-                return slopes, trial_value, trial, max(damping * 0.1, 1e-9)
+                squares = float(downhill @ step - 0.5 * step @ slopes.gram @ step)
+                share = (value - trial_value) / expected_gain(squares, len(base))
+                return slopes, trial_value, trial, next_damping(damping, share)
             damping = min(damping * 10 + 1e-6, 1e6)
         return slopes, value, point, damping
 
@@ -246,24 +258,6 @@ class Predictor:
         jacobian = sensitivity(self, point, noise, base, free)
         prior = self.scales.prior.residual(point.theta), self._prior_columns(free, jacobian.shape[1])
         return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian, *prior)
-
-    def _inside(self, gram: Array, downhill: Array, damping: float, point: Point, free: Free) -> Array:
-        """Return the damped step (k,) of those that may take it; a θ at the end of its range does not push beyond.
-
-        Left in, its step would be cut off and what the others take back for it would remain.
-        """
-        theta, moving = point.theta[list(free.theta)], np.ones(len(downhill), dtype=bool)
-        low, high = self.scales.low[list(free.theta)], self.scales.high[list(free.theta)]
-        step = np.zeros(len(downhill))
-        for _ in range(_ENDS):
-            step[:] = 0.0
-            step[moving] = _damped_step(gram[np.ix_(moving, moving)], downhill[moving], damping)
-            beyond = theta + step[: len(theta)]
-            stuck = (beyond < low) & (theta <= low) | (beyond > high) & (theta >= high)
-            if not np.any(stuck & moving[: len(theta)]):
-                break
-            moving[: len(theta)] &= ~stuck
-        return step
 
     def _prior_columns(self, free: Free, width: int) -> Array:
         """Return the sensitivities (p, k) of the prior's residuals."""
@@ -307,14 +301,6 @@ class Predictor:
         return levelled_density(white, fit.noise, lengths), other, point
 
 
-def _damped_step(gram: Array, slope: Array, damping: float) -> Array:
-    """Solve the scaled, damped normal equations (Levenberg–Marquardt)."""
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
-    step: Array = np.linalg.solve(scaled, slope / size) / size
-    return step
-
-
 def _settle(head: Predictor, fit: Fit) -> Array:
     """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start."""
     free = Free((), (), (), fit.free.x0)  # states of effects that are not in the fit stay at rest
@@ -327,9 +313,10 @@ def _settle(head: Predictor, fit: Fit) -> Array:
                 break
             jacobian = sensitivity(head, point, fit.noise, base, free)
             normal = jacobian.T @ jacobian, jacobian.T @ base  # no prior knows of the start
+            limits = limits_of(head, point, free, jacobian.shape[1])
             before = value
             for _ in range(8):
-                trial = head._move(point, free, _damped_step(*normal, damping))
+                trial = head._move(point, free, limited_step(*normal, damping, limits))
                 trial_value, trial_base = _squares(head, trial, fit.noise)
                 if trial_value < value:
                     point, value, base, damping = trial, trial_value, trial_base, damping * 0.1

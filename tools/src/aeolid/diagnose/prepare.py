@@ -103,7 +103,8 @@ def prepare(case: Case) -> Prepared:
     attachments = tuple(a for e in ENTRIES for a in e.attach(site))
     frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
-    predictor, fit = _fit_baseline(predictor, free, start, case)
+    run = frame.as_run(predictor.compiled.model, start.x0)
+    predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run,
@@ -125,9 +126,9 @@ def _anatomy(
     return tuple(motions_of_equations(declared, sizes, rates)), working, forces
 
 
-def _fit_baseline(predictor: Predictor, free: Free, start: Point, case: Case) -> tuple[Predictor, Fit]:
-    predictor = predictor.with_order(predictor.choose_var_order(start))
-    fit = fit_best(predictor, [start, *explore(predictor, start, free)], free)
+def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: Case) -> tuple[Predictor, Fit]:
+    predictor = predictor.with_order(predictor.choose_var_order(starts[0]))
+    fit = fit_best(predictor, [*starts, *explore(predictor, starts[0], free)], free)
     if fit is not None:
         predictor = predictor.with_order(predictor.choose_var_order(fit.point))
         fit = predictor.fit(fit.point, free, iterations=40)

@@ -24,6 +24,7 @@ _TURNING = {
     "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
     "sensor_second_order", "sensor_scale", "sensor_sign",
 }  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
+_EACH = 2  # starts tried of each group on a simulator's run
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -92,6 +93,7 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
     attachments = tuple(r.attachment for r in rows)
     free = free_with(base.free, attachments, prepared)
     fits: list[Fit | None] = []
+    early: list[Point] = []
     for group in _origins(prepared, base, attachments):
         starts: list[Point] = []
         for origin, options in itertools.product(group, itertools.product(*(_starts(r) for r in rows))):
@@ -103,7 +105,11 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
         if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
             effects = [model.index(s.name) for a in attachments for s in a.slots]
             starts += explore(predictor, starts[0], free, effects)
-        fits.append(fit_best(predictor, starts, free))
+        if prepared.surrogate is None:
+            fits.append(fit_best(predictor, starts, free))
+        else:  # a run's core is fitted in a moment: that decides between the groups
+            early += sorted(starts, key=predictor.objective)[:_EACH]
+    fits += [fit_best(predictor, early, free)] if early else []
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None:
         return None
@@ -117,7 +123,7 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
 def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
     """Return groups of points where the baseline's own values start from; each group gets fits of its own.
 
-    As fitted and as declared; where the effect turns the phase, sign or size of a channel, with gains chosen anew: a
+    As fitted and as declared, or as on a simulator's own run; where the effect turns the phase, sign or size of a channel, with gains chosen anew: a
     free gain that was fitted to such a channel believes the model nothing and ends where the predictor just forgets; no
     small step leads from there, and it looks better at first than all that do (a unit of 57.3 ended at 10.4, 2200 nats
     short; a drive of 8 rad/s stayed at the start it was given).
@@ -125,9 +131,15 @@ def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...])
     linear, declared = prepared.linear, replace(base.point, theta=prepared.extended.theta)
     if linear is None or base.point.K is None:
         return [[base.point, declared]]
+    run = prepared.frame.as_run(prepared.extended, base.point.x0)
+    if run is not None:
+        found = [prepared.extended.index(s.name) for a in attachments for s in a.slots]
+        theta = run.theta.copy()
+        theta[found] = base.point.theta[found]
+        return [[base.point], [replace(run, theta=theta)]]
     stable = np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) < 1 - 1e-9
     turning = any(a.entry in _TURNING for a in attachments)
-    if not stable or not turning or prepared.surrogate is not None:  # a run's gains are near those of the recording
+    if not stable or not turning:
         return [[base.point]]
     covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
     spreads = np.sqrt(np.diag(linear.C @ covariance @ linear.C.T + linear.D @ linear.D.T))
@@ -202,6 +214,9 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
             value = float(fit.point.theta[model.index(slot.name)])
             if at_bound(value, slot):
                 return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+        values = {label: value for label, (value, _) in _values(a, fit, prepared).items()}
+        if reason := a.credible(values):
+            return False, f"{a.key}: {reason}"
         sizes = [s for s in a.slots if s.local and s.label and model.index(s.name) in fit.free.theta]
         if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
             return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"

@@ -68,9 +68,10 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
     spread = float(np.nanstd(site.y[:, j])) or 1.0
     sizes = [spread / (float(np.std(site.u[:, i])) or 1.0) for i in range(len(site.input_names))]
     drives = {f"{tag}_b{i + 1}": s for i, s in enumerate(sizes)}
+    loads = _loads(site, j, spread) if kind is not None else {}
 
     def edit(model: Equations) -> Equations:
-        return _with_mode(model, tag, name, (low, high), drives, site)
+        return _with_mode(model, tag, name, (low, high), drives, loads, site)
 
     count = 24 if kind is None else 12
     first = 2 * low if kind is None else low
@@ -79,6 +80,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         Slot(zeta, "damping", "1", _DAMPING_START, 1e-4, _MOST_DAMPING, 0.02, local=False),
     ]
     slots += [Slot(b, None, "", 0.0, -1e4 * s, 1e4 * s, 1e-3 * s) for b, s in drives.items()]
+    slots += [Slot(n, None, "", 0.0, -1e4 * g.size, 1e4 * g.size, 1e-3 * g.size, local=False) for n, g in loads.items()]
     entry = kind.entry if kind is not None else "structural_mode"
     where = location(kind.place if kind is not None else f"output:{name}", outputs=(name,))
     return Attachment(
@@ -88,6 +90,32 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         f" {_SEEN[_order(site, j)]}",
         statement=lambda p: _statement(p, name, kind),
     )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Load:
+    """Hold what another output shows of the rotor's load: its number, its mean and the size of a gain from it."""
+
+    output: int
+    mean: float
+    size: float
+
+
+def _loads(site: Site, j: int, spread: float) -> dict[str, _Load]:
+    """Return gains by which the other outputs of a linear model of a turbine may drive a mode.
+
+    Thrust and torque move the structure; they follow wind and rotor as the model's own loads and speed do, not the
+    inputs alone. Without them what the wind does to the mode has only the noise to come from (an OpenFAST tower was
+    fitted at 0.287 and 0.232 Hz instead of 0.335).
+    """
+    if site.linear is None:
+        return {}
+    result = {}
+    for k in range(len(site.output_names)):
+        size = float(np.nanstd(site.y[:, k]))
+        if k != j and size > 0:
+            result[f"mode{j + 1}_g{k + 1}"] = _Load(k, float(np.nanmean(site.y[:, k])), spread / size)
+    return result
 
 
 def _band(site: Site, kind: Kind | None) -> tuple[float, float]:
@@ -114,14 +142,18 @@ def _order(site: Site, j: int) -> int:
 
 
 def _with_mode(
-    model: Equations, tag: str, name: str, band: tuple[float, float], drives: Mapping[str, float], site: Site
-) -> Equations:
+    model: Equations, tag: str, name: str, band: tuple[float, float], drives: Mapping[str, float],
+    loads: Mapping[str, _Load], site: Site,
+) -> Equations:  # fmt: skip
     """Add the mode's parameters and states, and what the output sees of it: q, q'/w or q''/w^2 by its unit."""
     q, v, w, zeta = (f"{tag}_{what}" for what in ("q", "v", "frequency_hz", "damping"))
     low, high = band
     extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, _MOST_DAMPING)]
     extra += [Parameter(b, 0.0, "", -1e4 * s, 1e4 * s) for b, s in drives.items()]
-    push = " + ".join(f"{b}*{u}" for b, u in zip(drives, site.symbols, strict=True)) or "0"
+    extra += [Parameter(n, 0.0, "", -1e4 * g.size, 1e4 * g.size) for n, g in loads.items()]
+    terms = [f"{b}*{u}" for b, u in zip(drives, site.symbols, strict=True)]
+    terms += [f"{n}*({ex.to_text(model.outputs[g.output].equation)} - {g.mean!r})" for n, g in loads.items()]
+    push = " + ".join(terms) or "0"
     seen = (q, v, f"({push}) - {q} - 2*{zeta}*{v}")[_order(site, site.output_names.index(name))]
     outputs = tuple(
         replace(o, equation=ex.combine("+", o.equation, ex.parse(seen, "mode"))) if o.name == name else o

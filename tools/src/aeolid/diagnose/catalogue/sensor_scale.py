@@ -14,6 +14,7 @@ from aeolid.models.equations import Equations, Parameter
 _LARGEST = 2000.0
 _UNITS_ONLY = 3.0  # from here on a factor is no tolerance of a gain
 _ALIKE = 0.5  # correlation with a free run
+_CLOSE = 0.1  # a gauge's own tolerance on top of a ratio of units
 _UNITS = ((", larger unit", _UNITS_ONLY, _LARGEST), (", smaller unit", 1 / _LARGEST, 1 / _UNITS_ONLY))
 
 
@@ -31,12 +32,21 @@ def _attach(site: Site) -> list[Attachment]:
     result = []
     for j, name in enumerate(site.output_names):
         if len(site.output_names) > 1:
-            result.append(_any_factor(j, name, _is_clear(site, j)))
+            result.append(_any_factor(j, name, _is_clear(site, j), likeness(site)[j][0] > _ALIKE))
         else:
             result += [_unit(f"sensor_unit_{j + 1}_{k + 1}", name, "sensor", *form) for k, form in enumerate(_UNITS)]
     for i, name in enumerate(site.input_names):
         result += [_unit(f"input_unit_{i + 1}_{k + 1}", name, "input", *form) for k, form in enumerate(_UNITS)]
     return result
+
+
+def _credible(values: Mapping[str, float]) -> str:
+    """Refuse a factor that is neither a gauge's tolerance nor, within a tenth, a ratio of units."""
+    factor = abs(values["factor"])
+    known = any(abs(factor * r - 1) < _CLOSE or abs(factor / r - 1) < _CLOSE for r, _ in RATIOS)
+    if known or 1 / _UNITS_ONLY < factor < _UNITS_ONLY:
+        return ""
+    return f"a factor of {factor:.3g} is neither a gauge's tolerance nor a ratio of units"
 
 
 def _ratios(low: float, high: float) -> list[float]:
@@ -49,7 +59,8 @@ def _is_clear(site: Site, j: int) -> bool:
     return bool(alike > _ALIKE and (ratio > _UNITS_ONLY or ratio < 1 / _UNITS_ONLY))
 
 
-def _any_factor(j: int, name: str, clear: bool) -> Attachment:
+def _any_factor(j: int, name: str, clear: bool, alike: bool) -> Attachment:
+    """Return the hypothesis of any factor; where the output does not resemble the model's, only of a credible one."""
     factor = f"sensor_scale_{j + 1}"
     low = -1e-5 * _LARGEST  # below zero, so that a thousandth is not the end of the range
 
@@ -64,6 +75,7 @@ def _any_factor(j: int, name: str, clear: bool) -> Attachment:
         equation=f"{name}_recorded = factor*{name}",
         statement=partial(_statement, name, "sensor"),
         always_fit=clear,
+        credible=(lambda values: "") if alike else _credible,
     )  # fmt: skip
 
 

@@ -1,0 +1,132 @@
+"""Choose a fit's next step: damped Gauss–Newton within ranges and within what still forgets its start."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.gains import closed_loop
+from aeolid.diagnose.point import Free, Point
+
+if TYPE_CHECKING:
+    from aeolid.diagnose.predictor import Predictor
+
+Array = NDArray[np.float64]
+_ROUNDS = 12  # times the limits are looked through
+_NEAR = 0.97  # eigenvalues from this modulus on are kept off the unit circle
+_SHARE = 0.5  # of its distance from the unit circle an eigenvalue may cover in one step
+_LEAST = 1e-5  # damping
+_STEEP = 1e100  # a slope beyond is none
+_STEP = 1e-4  # of a typical size, for the eigenvalues' slopes
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Hold what a step (k,) must respect: ranges of its first c entries, and walls: slopes (w, k) · step ≤ slack (w,)."""
+
+    value: Array
+    low: Array
+    high: Array
+    slopes: Array
+    slack: Array
+
+
+def limits_of(predictor: Predictor, point: Point, free: Free, width: int) -> Limits:
+    """Return the ranges of the free θ and, where gains are free, the walls, as limits of a step of `width` entries."""
+    theta, scales = list(free.theta), predictor.scales
+    limits = Limits(point.theta[theta], scales.low[theta], scales.high[theta], np.zeros((0, width)), np.zeros(0))
+    return limits if point.K is None or not free.gain else _with_walls(limits, predictor, point, free)
+
+
+def _with_walls(limits: Limits, predictor: Predictor, point: Point, free: Free) -> Limits:
+    """Add that no eigenvalue of A − K C comes closer to the unit circle than half its distance.
+
+    d|λ| = Re(λ̄/|λ| · wᴴ d(A − K C) v / wᴴ v), v and w the right and left eigenvectors. Without it a fit runs against
+    the unit circle and stands still there: every step that gains leads through it (130 nats were left on an OpenFAST
+    recording).
+    """
+    closed, C = _closed(predictor, point, point.theta)
+    values, right = np.linalg.eig(closed)
+    near = np.abs(values) > _NEAR
+    if not np.any(near):
+        return limits
+    left = np.linalg.pinv(right)[near]  # rows wᴴ with wᴴ v = 1
+    turn = np.conj(values[near]) / np.abs(values[near])
+    slopes = np.zeros((int(near.sum()), limits.slopes.shape[1]))
+    for place, index in enumerate(free.theta):
+        h = _STEP * max(float(predictor.scales.theta[index]), abs(float(point.theta[index])))
+        theta = point.theta.copy()
+        theta[index] += h
+        change = (_closed(predictor, point, theta)[0] - closed) / h
+        if np.any(change):
+            slopes[:, place] = np.real(turn * np.einsum("wi,ij,jw->w", left, change, right[:, near]))
+    seen, first = C @ right[:, near], len(free.theta) + len(free.noise)  # (l, w)
+    for place, (i, j) in enumerate(free.gain, first):
+        slopes[:, place] = -np.real(turn * left[:, i] * seen[j])
+    slack = _SHARE * np.maximum(1 - np.abs(values[near]), 0.0)
+    good = np.all(np.abs(slopes) < _STEEP, axis=1)  # not a number either: a defective pair has no slope
+    return replace(limits, slopes=slopes[good], slack=slack[good])
+
+
+def _closed(predictor: Predictor, point: Point, theta: Array) -> tuple[Array, Array]:
+    assert point.K is not None
+    return closed_loop(predictor.compiled, predictor.middle, theta, point.K, predictor.segments[0].step)
+
+
+def expected_gain(squares: float, count: int) -> float:
+    """Return the nats that a fall of half the squared residuals by `squares` brings, of `count` residuals of size one.
+
+    The noise level follows the residuals: count/2 · log of their ratio, not the fall itself.
+    """
+    left = max(1.0 - 2.0 * squares / max(count, 1), 1e-3)
+    return max(-0.5 * count * float(np.log(left)), 1e-300)
+
+
+def next_damping(damping: float, share: float) -> float:
+    """Return the damping of the next step: less where the last one gained what was expected of it (Nielsen 1999).
+
+    A damping that falls with every success lets weakly determined gains jump far into other optima.
+    """
+    return max(damping * (0.2 if share > 0.75 else 1.0 if share > 0.25 else 5.0), _LEAST)
+
+
+def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -> Array:
+    """Solve the damped normal equations (Levenberg–Marquardt) within the limits, by a small active set.
+
+    A θ at the end of its range does not push beyond: cut off afterwards, its share would spoil the step of the others.
+    """
+    count, moving = len(limits.value), np.ones(len(downhill), dtype=bool)
+    held = np.zeros(len(limits.slack), dtype=bool)
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
+    walls, push = limits.slopes / size, downhill / size
+    step = np.zeros(len(downhill))
+    for _ in range(_ROUNDS):
+        step[:] = 0.0
+        active, slack = walls[held], limits.slack[held]
+        step[moving], force = _solve(scaled[np.ix_(moving, moving)], push[moving], active[:, moving], slack)
+        beyond = limits.value + (step / size)[:count]
+        below = (beyond < limits.low) & (limits.value <= limits.low)
+        stuck = (below | ((beyond > limits.high) & (limits.value >= limits.high))) & moving[:count]
+        through = (walls @ step > limits.slack) & ~held
+        inward = (push - scaled @ step - active.T @ force)[:count] * np.where(limits.value <= limits.low, 1.0, -1.0)
+        freed = ~moving[:count] & (inward > 0)
+        if not np.any(stuck) and not np.any(through) and not np.any(freed):
+            break
+        moving[:count] = (moving[:count] & ~stuck) | freed
+        held |= through
+    result: Array = step / size
+    return result
+
+
+def _solve(matrix: Array, push: Array, walls: Array, slack: Array) -> tuple[Array, Array]:
+    """Minimise ½ sᵀ M s − pᵀ s with W s = slack; returns s and the walls' multipliers (w,)."""
+    solved = np.linalg.solve(matrix, np.column_stack([push, walls.T]))
+    free, back = solved[:, 0], solved[:, 1:]
+    if not len(slack):
+        return free, np.zeros(0)
+    force = np.maximum(np.linalg.lstsq(walls @ back, walls @ free - slack, rcond=None)[0], 0.0)
+    return free - back @ force, force
