@@ -116,8 +116,9 @@ def _page(board: Board, address: str, port: int, browser: bool) -> PageServer:
     try:
         from aeolid.monitor.server import PageServer
     except ImportError as error:
+        missing = (error.name or "a package").partition(".")[0]
         raise UsageError(
-            f"the page needs {error.name}, which is not installed: pip install {error.name}, or use --terminal"
+            f"the page needs {missing}, which is not installed: pip install {missing}, or use --terminal"
         ) from None
     server = PageServer(board, address, port)
     console.print(server.url, soft_wrap=True, markup=False)

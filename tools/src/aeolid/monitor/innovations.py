@@ -7,7 +7,7 @@ of the newest snapshot, which ended before sample k. So no sample has been fitte
   whiteness  Q = (1 + 2/n) Σ_τ n_τ ρ_τ²,  ρ_τ = (n/n_τ) Σ_k ẽ_k ẽ_{k−τ} / Σ_k ẽ_k²,  τ = 1 … LAGS,  ẽ = e − ē,
 
 the statistic of Ljung and Box (1978) where nothing is missing (n_τ = n − τ: the pairs of which both are there), about
-χ² with LAGS degrees of freedom where e is white; and
+χ² with LAGS degrees of freedom where e is white (outside 99 % in 1.7 % of the blocks at this length); and
 
   variance   F = s²/s₀²,  s² of the block, s₀² of the up to `BEFORE` blocks before it,
 

@@ -9,7 +9,7 @@ Facts = dict[str, Any]
 SILENT_S = 10.0  # without a frame before that is worth a word; health comes at least as often at usual settings
 LOST = 0.01  # part of the values that may be lost before that is
 AGE = 3.0  # usual distances between snapshots after which the newest is old
-OUTSIDE = 3  # of the newest 20 blocks outside their 1 % bounds: by chance once in a thousand
+OUTSIDE = 4  # of the newest 20 blocks outside their bounds: by chance three times in ten thousand
 FULL = 0.7  # bus load from which low priorities wait
 
 HEALTH = {

@@ -1,12 +1,14 @@
 "use strict";
 /* Ask once a second what is new, and show it. Text from the bus enters the page as text only. */
 
-const EVERY_MS = 1000, PATIENCE_MS = 8000, ROWS = 2500;
+const EVERY_MS = 1000, FIRST_MS = 300, PATIENCE_MS = 8000, ROWS = 2500;
+const MODES = ["Mode", "Frequency (Hz)", "95 %", "Damping (%)", "95 %", "Mostly in"];
+const TESTS = ["", "Std of e", "Whiteness Q", "Variance s²/s₀²", "Outside 99 %: Q, s²"];
 const $ = (id) => document.getElementById(id);
 const state = {
   process: "", node: null, facts: null, key: "", entry: null, starts: [0], matrix: null, span: "",
   count: { bus: 0, modes: 0, tests: 0, thetas: 0, matrix: 0 }, rows: { bus: [], modes: [], tests: [], thetas: [] },
-  heard: null, over: false,
+  heard: null, polls: 0,
 };
 
 function element(name, text, attributes = {}) {
@@ -56,18 +58,19 @@ async function poll() {
     take(told, asked);
     contact(true);
     show();
-    document.body.dataset.polls = Number(document.body.dataset.polls || 0) + 1;
+    document.body.dataset.polls = ++state.polls;
   } catch (error) {
     if (!(error instanceof TypeError || error instanceof DOMException || /answers/.test(error.message))) throw error;
     contact(false);
   } finally {
-    setTimeout(poll, EVERY_MS);
+    setTimeout(poll, state.polls < 4 ? FIRST_MS : EVERY_MS);
   }
 }
 
 function take(told, asked) {
   if (told.process !== state.process) {
     state.process = told.process;
+    state.polls = 0;
     state.key = "";
     forget(["bus", "modes", "tests", "thetas", "matrix"]);
     state.matrix = null;
@@ -206,16 +209,20 @@ function showNode(n) {
   drawLoad($("load"), within(state.rows.bus, state.span));
 }
 
-function cells(row, values, classes = {}) {
+/* One row of a table; its labels stand before the cells where the page is narrow. */
+function cells(row, labels, values, classes = {}) {
+  row.setAttribute("role", "row");
   values.forEach((value, i) => {
-    const made = element(i ? "td" : "th", null, i ? (classes[i] ? { class: classes[i] } : {}) : { scope: "row" });
+    const made = element(i ? "td" : "th", null, { "data-label": labels[i], role: i ? "cell" : "rowheader" });
+    if (!i) made.setAttribute("scope", "row");
+    if (classes[i]) made.className = classes[i];
     row.append(named(made, String(value)));
   });
   return row;
 }
 
 function showModes(n) {
-  put($("modes-table").tBodies[0], n.modes.map((m) => cells(element("tr", null, { "data-mode": m.mode }), [
+  put($("modes-table").tBodies[0], n.modes.map((m) => cells(element("tr", null, { "data-mode": m.mode }), MODES, [
     m.mode, m.frequency, m.frequency_95, m.damping_percent, m.damping_95, m.mostly_in,
   ])));
   $("modes-note").textContent = n.modes_waiting ? `No modes yet: ${n.modes_waiting}.`
@@ -247,7 +254,7 @@ function showModes(n) {
 function showTests(n) {
   const t = n.innovations;
   put($("tests-table").tBodies[0], t.rows.map((r, i) => {
-    const row = cells(element("tr"), [
+    const row = cells(element("tr"), TESTS, [
       r.output, `${r.deviation} ${r.unit}`, r.whiteness, r.ratio, `${r.outside[0]}, ${r.outside[1]}`,
     ], { 2: r.now[0] ? "out" : "in", 3: r.now[1] ? "out" : "in" });
     row.firstChild.prepend(element("i", null, { class: `swatch s${i % 6}`, "aria-hidden": "true" }));
