@@ -116,6 +116,47 @@ def test_told_deviations_are_those_of_trials(samples, forgetting):
     np.testing.assert_allclose(errors.std(axis=0) / told.mean(axis=0), 1.0, atol=0.25)
 
 
+@pytest.mark.parametrize("forgetting", [1.0, 0.995])
+def test_a_late_snapshot_is_judged_by_the_samples_in_it(forgetting):
+    """What arrived after it was taken, across a hole, leaves sums and share as they were; long after, those of now."""
+    record = simulate_fourth_order(1200, 3, feedback=0.25, noise_variance=0.49)
+    values = record.values.copy()
+    values[730, 2] = np.nan
+    record = type(record)(record.time_s, values, record.channels, 1.0, "", "")
+    then, now = (LiveModes(settings(simulate_fourth_order(1200, 3), forgetting=forgetting)) for _ in range(2))
+    feed(then, record, stop=700)
+    feed(now, record, stop=760)
+    feed(now, record, start=800, stop=900)
+    found, wanted = now._moments_at(699), then._moments
+    for name in ("gram", "first", "square", "weight", "weight_square"):
+        np.testing.assert_allclose(getattr(found, name), getattr(wanted, name), rtol=1e-9, atol=1e-9)
+    assert now._moments_at(899) is now._moments and then._moments_at(2000) is then._moments
+    snapshot = theta(record, now.settings, 700)
+    for live in (then, now):
+        live.snapshot(snapshot, 699)
+    for a, b in zip(then.modes(), now.modes(), strict=True):
+        assert 0.8 < b.mode.frequency_std_hz / a.mode.frequency_std_hz < 1.05
+    if forgetting < 1:
+        feed(now, record, start=900)
+        assert now._moments_at(699) is now._moments  # 0.995⁵⁰⁰ = 0.08 is left of its newest sample
+
+
+def test_deviations_of_late_snapshots_are_those_of_trials():
+    """λ = 1, 400 samples in the snapshot, 400 more when it arrives: 60 trials of both modes."""
+    errors, told = [], []
+    for seed in range(60):
+        record = simulate_fourth_order(800, seed, feedback=0.25, noise_variance=0.49)
+        live = LiveModes(settings(record))
+        feed(live, record)
+        live.snapshot(theta(record, live.settings, 400), 399)
+        for true in TRUE:
+            mode = min((m.mode for m in live.modes()), key=lambda m: abs(m.frequency_hz - true.frequency_hz))
+            errors.append((mode.frequency_hz - true.frequency_hz, mode.damping - true.damping))
+            told.append((mode.frequency_std_hz, mode.damping_std))
+    covered = (abs(np.array(errors)) < 1.96 * np.array(told)).mean(axis=0)
+    assert np.all(covered > 0.95 - 4 * np.sqrt(0.95 * 0.05 / 120)), covered
+
+
 def test_varmax_is_followed_with_and_without_the_residuals_of_the_filter():
     errors, told = [], []
     for seed in range(15):

@@ -20,7 +20,7 @@ from aeolid.identify.assemble import LARGEST_AUTO_ORDER
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, choose_order
 from aeolid.identify.outcome import nearest
-from aeolid.identify.propagator import Propagator
+from aeolid.identify.propagator import BATCH, LONGEST_MEMORY, Propagator
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, Moments, joint_spread, known_share, remainder
 from aeolid.identify.streamed import GROWTH_MAX
 from aeolid.identify.subspace import ScaledModel, StateBasis, find_states, gamma_k
@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 FARTHEST = 0.25  # relative distance of two continuous-time poles beyond which they are not one mode
 ENOUGH = 4  # windows a parameter before an order is chosen
+FADED = 0.1  # weight, of the newest sample a snapshot holds, below which the sums have become those of later samples
+MOST_ENDS = LONGEST_MEMORY + 2 * BATCH  # as many windows as the tracker keeps
 BUSY = 20  # deviations are worked out again after so many times what they took
 
 
@@ -87,6 +89,7 @@ class LiveModes:
         self.last: int | None = None  # index of the newest sample
         self.seconds = 0.0
         self._good = 0  # samples since the last missing one
+        self._ends: Integers = np.zeros(0, np.int64)  # indices at which the newest complete windows ended
         self._chosen_at = 0  # windows when the order was chosen
         self._windows = 0
         self._quiet_until = 0.0
@@ -111,15 +114,35 @@ class LiveModes:
         lam, N = self.settings.forgetting, len(index)
         self._moments.fade(lam**N)
         if len(rows) == len(places) > 0:
-            p, r, m = self.settings.past, len(self.settings.inputs), self._tracker.block
-            phi = np.hstack([rows[:, : p * m], rows[:, p * m + np.array(self.settings.feedthrough, int)]])
-            targets = rows[:, p * m + r : p * m + r + len(self.settings.outputs)]
-            self._moments.add(phi, targets, np.asarray(lam ** (N - 1.0 - places), dtype=np.float64))
+            self._moments.add(*self._parts(rows), np.asarray(lam ** (N - 1.0 - places), dtype=np.float64))
+        self._ends = np.concatenate([self._ends, index[places]])[-MOST_ENDS:]
         self._windows += len(places)
         self.samples += N
         self.missing += int(np.count_nonzero(~whole))
         self.last = int(index[-1])
         self.seconds += time.thread_time() - began
+
+    def _parts(self, rows: Array) -> tuple[Array, Array]:
+        """Return regressors (N, p m + d) and targets (N, l) of windows (N, (p + 1) m)."""
+        p, r, m = self.settings.past, len(self.settings.inputs), self._tracker.block
+        phi = np.hstack([rows[:, : p * m], rows[:, p * m + np.array(self.settings.feedthrough, int)]])
+        return phi, rows[:, p * m + r : p * m + r + len(self.settings.outputs)]
+
+    def _moments_at(self, last: int) -> Moments:
+        """Return the sums as they were at the sample `last`; where that cannot be told any more, those of now.
+
+        A snapshot arrives some time after it was taken, and what came meanwhile is not in it. With λ < 1 the sums of
+        now are much the same once that is long ago.
+        """
+        rows, newest = self._tracker.windows(), last if self.last is None else self.last
+        count, left = int(np.count_nonzero(self._ends > last)), self.settings.forgetting ** (newest - last)
+        if not 0 < count <= len(rows) or left < FADED:
+            return self._moments
+        newer = Moments(self._regressors, len(self.settings.outputs))
+        newer.add(*self._parts(rows[-count:]), self.settings.forgetting ** (newest - self._ends[-count:]).astype(float))
+        then = self._moments.without(newer)
+        then.fade(1 / left)
+        return then
 
     def _complete(self, whole: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return which samples end p + 1 good ones in a row."""
@@ -186,32 +209,36 @@ class LiveModes:
             self._spread, self.note = None, "the stream did not say which sample the parameters end with"
             return
         memory = FilterMemory(s.forgetting, s.regularisation, s.offset, s.scale, GROWTH_MAX, sample_index)
-        share = known_share(self._moments, memory)
+        moments = self._moments_at(sample_index)
+        share = known_share(moments, memory)
         if share < LEAST_SHARE or not tracker.ready:
             self._spread = None
             self.note = f"{share:.0%} of what the filter has learnt from was heard, {LEAST_SHARE:.0%} are needed"
         elif time.monotonic() >= self._quiet_until:
-            self._spread = self._poles_of(memory, share, tracker.windows()[-max(tracker.memory, 1) :])
+            self._spread = self._poles_of(moments, memory, share, tracker.windows()[-max(tracker.memory, 1) :])
             self.note = ""
 
-    def _poles_of(self, memory: FilterMemory, share: float, rows: Array) -> tuple[NDArray[np.complex128], Array]:
+    def _poles_of(
+        self, moments: Moments, memory: FilterMemory, share: float, rows: Array
+    ) -> tuple[NDArray[np.complex128], Array]:
         s, tracker = self.settings, self._tracker
         width, r = s.past * tracker.block, len(s.inputs)
         keep = [*range(width), *(width + i for i in s.feedthrough)]
         start, floor = remainder(memory, float((memory.last or 0) + 1))
         theta = tracker.theta
-        P, covariance, bias = self._moments.noise(theta, start, floor, np.ones(len(keep)))
+        P, covariance, bias = moments.noise(theta, start, floor, np.ones(len(keep)))
         # the fit knows the samples in its memory, by the filter's own weights
         w = s.forgetting ** np.arange(len(rows), dtype=np.float64)[::-1]
         factor = self._factor(rows, w)
         psi = rows[:, : width + r] - factor.mean[: width + r]
         weighted = psi * w[:, None]
-        phi = np.hstack([rows[:, :width], rows[:, width + np.array(s.feedthrough, int)]]) * w[:, None]
+        age = (memory.last or 0) - self._ends[-len(rows) :].astype(float)  # below 0: the filter had not seen it yet
+        phi = self._parts(rows)[0] * np.where(age >= 0, s.forgetting ** np.maximum(age, 0.0), 0.0)[:, None]
         full = np.zeros((len(theta), width + r))
         off = full.copy()
         full[:, keep], off[:, keep] = theta, bias
         found = joint_spread(
-            self._moments, P, phi.T @ weighted, weighted.T @ weighted, weighted.T @ psi, keep, covariance, off, share
+            moments, P, phi.T @ weighted, weighted.T @ weighted, weighted.T @ psi, keep, covariance, off, share
         )
         nothing = np.zeros(len(theta))
         estimate = MarkovEstimate(

@@ -93,6 +93,14 @@ class Moments:
         self.weight_square += float((w**2).sum())
         return weighted[:, : self.size]
 
+    def without(self, other: Moments) -> Moments:
+        """Return these sums less those of samples that are among them, weighted alike."""
+        rest = Moments(self.size, len(self.first) - self.size)
+        rest.gram, rest.first = self.gram - other.gram, self.first - other.first
+        rest.square, rest.weight = self.square - other.square, self.weight - other.weight
+        rest.weight_square = self.weight_square - other.weight_square
+        return rest
+
     def noise(self, theta: Array, start: float, floor: float, unit: Array) -> tuple[Array, Array, Array]:
         """Return P (size, size), the residuals' covariance Λ (l, l) and the bias (l, size) of Ξ̂ = theta (l, size).
 
