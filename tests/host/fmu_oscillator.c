@@ -1,6 +1,8 @@
-/* A functional mock-up unit for tests (FMI 2.0, co-simulation): a mass on a spring, driven by a held force.
+/* A functional mock-up unit for tests (FMI 2.0): a mass on a spring, driven by a held force.
  *
- *   q'' = (g u - c q' - k q) / m, integrated exactly in 50 sub-steps of the semi-implicit Euler rule a step.
+ *   q'' = (g u - c q' - k q) / m; in co-simulation integrated in 50 sub-steps of the semi-implicit Euler rule a step.
+ *
+ * As model exchange it tells an event whenever q changes its sign, which changes nothing.
  */
 #include "fmi2Functions.h"
 
@@ -75,16 +77,84 @@ fmi2Status fmi2SetReal(fmi2Component unit, const fmi2ValueReference reference[],
     return fmi2OK;
 }
 
+static double acceleration(const double *x)
+{
+    return (4.0 * x[REFERENCE_DRIVE] - 1.5 * x[REFERENCE_SPEED] - 80.0 * x[REFERENCE_POSITION]) / 2.0;
+}
+
 fmi2Status fmi2DoStep(fmi2Component unit, fmi2Real now, fmi2Real step, fmi2Boolean no_set_before)
 {
     double *x = ((oscillator_t *)unit)->value;
     const double h = step / SUB_STEPS;
     (void)now, (void)no_set_before;
     for (int i = 0; i < SUB_STEPS; i++) {
-        x[REFERENCE_SPEED] +=
-            h * (4.0 * x[REFERENCE_DRIVE] - 1.5 * x[REFERENCE_SPEED] - 80.0 * x[REFERENCE_POSITION]) / 2.0;
+        x[REFERENCE_SPEED] += h * acceleration(x);
         x[REFERENCE_POSITION] += h * x[REFERENCE_SPEED];
     }
+    return fmi2OK;
+}
+
+/* Model exchange: the states are position and speed. */
+fmi2Status fmi2EnterEventMode(fmi2Component unit)
+{
+    return (void)unit, fmi2OK;
+}
+fmi2Status fmi2EnterContinuousTimeMode(fmi2Component unit)
+{
+    return (void)unit, fmi2OK;
+}
+fmi2Status fmi2SetTime(fmi2Component unit, fmi2Real time)
+{
+    return (void)unit, (void)time, fmi2OK;
+}
+
+fmi2Status fmi2NewDiscreteStates(fmi2Component unit, fmi2EventInfo *found)
+{
+    (void)unit;
+    *found = (fmi2EventInfo){.newDiscreteStatesNeeded = fmi2False};
+    return fmi2OK;
+}
+
+fmi2Status fmi2CompletedIntegratorStep(fmi2Component unit, fmi2Boolean no_set_before, fmi2Boolean *event,
+                                       fmi2Boolean *terminate)
+{
+    (void)unit, (void)no_set_before;
+    *event = *terminate = fmi2False;
+    return fmi2OK;
+}
+
+fmi2Status fmi2SetContinuousStates(fmi2Component unit, const fmi2Real state[], size_t count)
+{
+    return fmi2SetReal(unit, (const fmi2ValueReference[]){REFERENCE_POSITION, REFERENCE_SPEED}, count, state);
+}
+
+fmi2Status fmi2GetContinuousStates(fmi2Component unit, fmi2Real state[], size_t count)
+{
+    return fmi2GetReal(unit, (const fmi2ValueReference[]){REFERENCE_POSITION, REFERENCE_SPEED}, count, state);
+}
+
+fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component unit, fmi2Real nominal[], size_t count)
+{
+    (void)unit;
+    for (size_t i = 0; i < count; i++) {
+        nominal[i] = 1.0;
+    }
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetDerivatives(fmi2Component unit, fmi2Real derivative[], size_t count)
+{
+    const double *x = ((oscillator_t *)unit)->value;
+    (void)count;
+    derivative[0] = x[REFERENCE_SPEED];
+    derivative[1] = acceleration(x);
+    return fmi2OK;
+}
+
+fmi2Status fmi2GetEventIndicators(fmi2Component unit, fmi2Real indicator[], size_t count)
+{
+    (void)count;
+    indicator[0] = ((oscillator_t *)unit)->value[REFERENCE_POSITION];
     return fmi2OK;
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,9 +78,9 @@ def run_fmu(unit: Fmu, inputs: dict[str, Array], outputs: Sequence[str], step: f
     with tempfile.TemporaryDirectory() as folder:
         try:
             result = simulate_fmu(
-                extract(str(unit.path), unzipdir=folder), model_description=unit.description, input=table,
+                extract(str(unit.path), unzipdir=folder), model_description=_holding(unit, inputs), input=table,
                 output=list(outputs), start_time=0.0, stop_time=float(table["time"][-1]), output_interval=step,
-                step_size=step, validate=False, logger=lambda *_: None,
+                step_size=step, record_events=False, validate=False, logger=lambda *_: None,
             )  # fmt: skip
         except Exception as error:  # whatever the unit or its loader reports
             raise NotIdentifiable(f"{unit.path}: the unit stopped: {error}") from None
@@ -88,3 +89,19 @@ def run_fmu(unit: Fmu, inputs: dict[str, Array], outputs: Sequence[str], step: f
         last = len(found) if len(found) < count else int(np.argwhere(~np.isfinite(found))[0][0])
         raise NotIdentifiable(f"{unit.path}: the unit leaves the finite numbers (or ends) at {last * step:g} s")
     return found
+
+
+def _holding(unit: Fmu, inputs: dict[str, Array]) -> Any:
+    """Return the description with which inputs are held over a step.
+
+    In model exchange the reader draws lines between the samples of what is declared continuous; declared discrete it
+    holds them, each change an event. A step of a co-simulation holds them by itself.
+    """
+    if unit.description.coSimulation is not None:
+        return unit.description
+    description = copy(unit.description)
+    description.modelVariables = [copy(v) for v in unit.description.modelVariables]
+    for variable in description.modelVariables:
+        if variable.name in inputs:
+            variable.variability = "discrete"
+    return description
