@@ -306,6 +306,8 @@ def test_window_too_short_for_the_gain_is_said():
 def test_feedthrough_is_a_mask_over_disturbances(record):
     result = identify_ort([record], past=15, order=2, feedthrough=())
     assert np.all(result.model.D == 0) and result.settings.feedthrough == ()
+    theorem = identify_ort([record], past=15, order=2, joint_order=3, feedthrough=(), response="theorem").model
+    assert np.all(theorem.D == 0)  # and D of the deterministic subsystem in its rows of y, from which it is
     assert identify_ort([record], past=15, order=2).model.D[0] == pytest.approx([0.0, 1.0], abs=0.1)
 
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import binom, chi2, ncx2
+from scipy.stats import beta, binom, chi2, ncx2
 
 from aeolid.identify.ort import identify_ort
-from aeolid.identify.ort.feedback import LAGS, LEVEL, check_feedback
+from aeolid.identify.ort.feedback import LAGS, LEVEL, _compare, check_feedback
 from aeolid.identify.ort.joint import Layout
 from aeolid.identify.windows import Scaling, factorise
 from aeolid.plants.disturbed_loop import simulate_disturbed_loop
@@ -46,6 +46,16 @@ def test_power_of_the_feedback_test(samples, back):
         power.append(ncx2.sf(limit, 2 * lags, samples * np.log(left[0] / left[1])))
     found = sum(feedback_test(samples, seed, back).p_value < LEVEL for seed in range(40))
     assert found >= binom.ppf(0.001, 40, max(power)), (found, power)
+
+
+@pytest.mark.parametrize("N, own, count", [(60, 5, 10), (200, 12, 24), (1000, 20, 40)])
+def test_p_values_are_those_of_the_exact_test(N, own, count):
+    """Where nothing returns, RSS′/RSS of Gaussian news is a beta variable: of N − own − c − 1 and c squares, halved."""
+    for level in (0.5, 0.1, 0.01, 1e-4):
+        ratio = 1 / beta.ppf(level, (N - own - 1 - count) / 2, count / 2)
+        p_value, share = _compare(ratio, 1.0, own, count, N)
+        assert p_value == pytest.approx(level, rel=1e-9)
+        assert share == pytest.approx(max(1 - (N - own - 1) / (N - own - count - 1) / ratio, 0.0))
 
 
 def test_feedback_is_said_with_its_remedy():

@@ -313,6 +313,15 @@ def test_a_system_far_from_positive_real_is_told_and_still_identified():
     assert pole_errors(result.eigenvalues, true).max() < 0.01
 
 
+def test_a_step_gains_more_than_parameters_without_meaning_would():
+    """n = 2 (1 + 1 + 1): every step of residual whitening that is taken lowers the log error power by more than n/N."""
+    record, _ = armax(20_000, 5, (-1.2, 0.5))
+    facts = identify_varmax([record], past=2, order=2, passes=1, uncertainty="none").extra["varmax"]
+    gains = -np.diff(facts["log_error_power"][1:])
+    assert len(gains) == facts["iterations"] > 2 and np.all(gains > 6 / 20_000)
+    assert facts["stopped"] == "no step lowers the log error power by more than 0.0003"
+
+
 def test_streamed_parameters_equal_to_the_estimate_give_the_same_model(loop_record):
     base = identify_varmax([loop_record], past=5, order=4, feedthrough=("u1",), regularization="none")
     streamed = StreamedMarkov(base.markov_parameters[:, :31], "stream")

@@ -71,11 +71,8 @@ def predict(model: LpvStateSpace, u: Array, y: Array, scheduling: Array, steps: 
     du, dy, mu = u - model.u_offset, y - model.y_offset, with_one(scheduling)
     states = predictor_states(model, du, dy, mu, x0)[:-1]  # row k: x given data up to k − 1
     forced = apply_at(model.B, mu, du) + mu @ model.b
-    for _ in range(min(steps - 1, len(u) - 1)):
+    for _ in range(min(steps - 1, len(u) - 1)):  # the first row has no older start: rows younger than that run free
         states = np.vstack([states[:1], apply_at(model.A, mu[:-1], states[:-1]) + forced[:-1]])
-    if steps > 1:
-        free = run_scheduled(model.A, mu[: steps - 1], forced[: steps - 1], x0)
-        states[:steps] = free[: len(states[:steps])]
     out: Array = apply_at(model.C, mu, states) + apply_at(model.D, mu, du) + model.y_offset
     return out
 

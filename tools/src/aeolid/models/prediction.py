@@ -69,12 +69,9 @@ def predict(model: StateSpace, u: Array, y: Array, steps: int = 1, x0: Array | N
     du, dy = u - model.u_offset, y - model.y_offset
     start = estimate_initial_state(model, du, dy) if x0 is None else x0
     states = predictor_states(model, du, dy, start)[:-1]  # row k: x given data up to k − 1
-    for _ in range(steps - 1):
+    for _ in range(min(steps - 1, len(u) - 1)):
         later = states[:-1] @ model.A.T + du[:-1] @ model.B.T
-        states = np.vstack([states[:1], later])  # the first row has no older start
-    if steps > 1:  # rows younger than the horizon run free from x_0
-        free = run_states(model.A, du[: steps - 1] @ model.B.T, start)
-        states[:steps] = free[: len(states[:steps])]
+        states = np.vstack([states[:1], later])  # the first row has no older start: rows younger than that run free
     out: Array = states @ model.C.T + du @ model.D.T + model.y_offset
     return out
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.stats import f
 
 from aeolid.identify.ort.joint import Layout
 from aeolid.identify.windows import WindowFactor, triangularise
@@ -56,11 +56,11 @@ class FeedbackTest:
 def check_feedback(factor: WindowFactor, layout: Layout, names: tuple[str, ...]) -> tuple[FeedbackTest, ...]:
     """Regress each disturbance on the past of all disturbances, with and without the past of inputs and outputs.
 
-    The likelihood ratio N log(RSS/RSS′) is χ² with lags · (l + m) degrees of freedom where nothing returns. Own past:
-    p samples, at most 20. Inputs and outputs: the last 1, 2, 5, 10 and 20 of them one after the other, since feedback
-    mostly shows in the youngest samples and old ones only add chance (a loop with 5 % of y in r, 1000 samples: found in
-    100 of 100 with 5 lags, in 42 with 20); the smallest p-value counts, times the number tried. names: those of the
-    disturbances.
+    The likelihood ratio is a function of F = (RSS/RSS′ − 1) (N − own − c − 1)/c, c = lags · (l + m), whose law is known
+    at any N where nothing returns and the news are Gaussian. Own past: p samples, at most 20. Inputs and outputs: the
+    last 1, 2, 5, 10 and 20 of them one after the other, since feedback mostly shows in the youngest samples and old
+    ones only add chance (a loop with 5 % of y in r, 1000 samples: found in 100 of 100 with 5 lags, in 42 with 20); the
+    smallest p-value counts, times the number tried. names: those of the disturbances.
     """
     most = min(layout.past, MOST_LAGS)
     r, w = layout.disturbances, layout.joint
@@ -84,7 +84,7 @@ def check_feedback(factor: WindowFactor, layout: Layout, names: tuple[str, ...])
 
 def _compare(alone: float, with_past: float, own: int, count: int, N: int) -> tuple[float, float]:
     """Return the p-value of `count` more regressors beside `own`, and the part they explain beyond chance."""
-    # Bartlett: regressors already spent, and half of those tested, come off the samples
-    statistic = (N - own - 1 - count / 2) * float(np.log(alone / max(with_past, 1e-300)))
-    share = 1.0 - (with_past / (N - own - count - 1)) / (alone / (N - own - 1))
-    return float(chi2.sf(statistic, count)), max(float(share), 0.0)
+    free = N - own - count - 1
+    statistic = (alone / max(with_past, 1e-300) - 1.0) * free / count
+    share = 1.0 - (with_past / free) / (alone / (N - own - 1))
+    return float(f.sf(statistic, count, free)), max(float(share), 0.0)
