@@ -14,16 +14,17 @@ What the rows say. The printed bias and scatter of a1, a2 are those of A_s from 
 The printed exponent only spoils b_r, so the paper's program did not use it. Fitting B_r, D_r again given the rest
 halves the scatter of b_r1, b_r2, below that of the printed PBSID.
 
-The printed mean of b_u1, −0.2219 with a standard error of 0.012, was not found by any reading. The method's own bias is
-0.0045 at k = 21 (exact covariances in place of data; tests/host/test_identify_ort.py). Tried with 50 … 100 runs each:
-A_s of eq. (28) and of the shift, each with the gain of the Riccati equation, of least squares on the residuals and of
-the stochastic balanced realisation, each reduced by Ho–Kalman, by truncation of the canonical coordinates, modally, by
-balancing for [u; r], for u alone or with K, and by cancelling the pole next to 1 against its nearest zero: b_u1
-−0.283 … −0.306; the third state left to its rest (singular perturbation, what is then within the sample kept or
-dropped): −0.288 … −0.294 from eq. (28), medians −0.317 … −0.320 from the shift; orders n_s, n_d of 2 … 5: −0.286 … −0.298; k = 5 … 30 where a1 scatters no more than printed:
-−0.267 … −0.317; σ_η a half and a quarter, σ_v 0.36 and 1: −0.279 … −0.344. The bias of a program that estimates D of u
-too points the same way (+0.33, row "D of u too"), an eighth of it would do; and both printed methods scatter twice as
-much in a and b_u as ours, but not in b_r, so that the printed loop may have differed in what moves u.
+The printed mean of b_u1, −0.2219 with a standard error of 0.012, was not found by any reading. The method's own bias
+is 0.0045 at k = 21 (exact covariances in place of data; tests/host/test_identify_ort.py). Tried with 50 … 100 runs
+each: A_s of eq. (28) and of the shift, each with the gain of the Riccati equation, of least squares on the residuals
+and of the stochastic balanced realisation, each reduced by Ho–Kalman, by truncation of the canonical coordinates,
+modally, by balancing for [u; r], for u alone or with K, and by cancelling the pole next to 1 against its nearest
+zero: b_u1 −0.283 … −0.306; the third state left to its rest (singular perturbation, what is then within the sample
+kept or dropped): −0.288 … −0.294 from eq. (28), medians −0.317 … −0.320 from the shift; orders n_s, n_d of 2 … 5:
+−0.286 … −0.298; k = 5 … 30 where a1 scatters no more than printed: −0.267 … −0.317; σ_η a half and a quarter, σ_v
+0.36 and 1: −0.279 … −0.344. The bias of a program that estimates D of u too points the same way (+0.33, row "D of u
+too"), an eighth of it would do; and both printed methods scatter twice as much in a and b_u as ours, but not in b_r,
+so that the printed loop may have differed in what moves u.
 """
 
 from __future__ import annotations
