@@ -1,6 +1,7 @@
 """Hide every effect of the catalogue on every rig and count: found, missed, wrongly named, falsely alarmed.
 
-    python tests/studies/recall.py [--seeds 5] [--first-seed 1] [--rigs NAME …] [--only NAME …] [--workers 2] [--out FILE]
+    python tests/studies/recall.py [--seeds 5] [--first-seed 1] [--rigs NAME …] [--only NAME …]
+                                   [--workers 2] [--out FILE]
 
 Each line of FILE is one diagnosis; run again with the same FILE it goes on where it stopped. The table of MISMATCH
 section 6 is printed at the end, with 95 % intervals (Wilson), and what was named instead, by family. Every second seed

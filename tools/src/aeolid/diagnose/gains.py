@@ -75,7 +75,7 @@ def forgets(compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Ar
 def closed_loop(
     compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float
 ) -> tuple[Array, Array]:
-    """Return A − K C (n, n) of one row and C (l, n), linearised at middle = (x, u); NaN where the model is not finite."""
+    """Return A − K C (n, n) of one row and C (l, n), linearised at middle = (x, u); NaN where they are not finite."""
     A = numeric_jacobian(compiled, *middle, theta)
     if not np.all(np.isfinite(A)):
         return np.full_like(A, np.nan), np.full(K.T.shape, np.nan)

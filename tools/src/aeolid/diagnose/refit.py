@@ -24,7 +24,6 @@ _TURNING = {
     "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
     "sensor_second_order", "sensor_scale", "sensor_sign",
 }  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
-_EACH = 2  # starts tried of each group on a simulator's run
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -93,7 +92,6 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
     attachments = tuple(r.attachment for r in rows)
     free = free_with(base.free, attachments, prepared)
     fits: list[Fit | None] = []
-    early: list[Point] = []
     for group in _origins(prepared, base, attachments):
         starts: list[Point] = []
         for origin, options in itertools.product(group, itertools.product(*(_starts(r) for r in rows))):
@@ -105,11 +103,7 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
         if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
             effects = [model.index(s.name) for a in attachments for s in a.slots]
             starts += explore(predictor, starts[0], free, effects)
-        if prepared.surrogate is None:
-            fits.append(fit_best(predictor, starts, free))
-        else:  # a run's core is fitted in a moment: that decides between the groups
-            early += sorted(starts, key=predictor.objective)[:_EACH]
-    fits += [fit_best(predictor, early, free)] if early else []
+        fits.append(fit_best(predictor, starts, free))
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None:
         return None
@@ -123,10 +117,10 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
 def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
     """Return groups of points where the baseline's own values start from; each group gets fits of its own.
 
-    As fitted and as declared, or as on a simulator's own run; where the effect turns the phase, sign or size of a channel, with gains chosen anew: a
-    free gain that was fitted to such a channel believes the model nothing and ends where the predictor just forgets; no
-    small step leads from there, and it looks better at first than all that do (a unit of 57.3 ended at 10.4, 2200 nats
-    short; a drive of 8 rad/s stayed at the start it was given).
+    As fitted and as declared, or as on a simulator's own run; where the effect turns the phase, sign or size of a
+    channel, with gains chosen anew: a free gain that was fitted to such a channel believes the model nothing and ends
+    where the predictor just forgets; no small step leads from there, and it looks better at first than all that do (a
+    unit of 57.3 ended at 10.4, 2200 nats short; a drive of 8 rad/s stayed at the start it was given).
     """
     linear, declared = prepared.linear, replace(base.point, theta=prepared.extended.theta)
     if linear is None or base.point.K is None:
@@ -220,7 +214,7 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
         sizes = [s for s in a.slots if s.local and s.label and model.index(s.name) in fit.free.theta]
         if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
             return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"
-        drives = [s for s in a.slots if s.local and not s.label and model.index(s.name) in fit.free.theta]
+        drives = [s for s in a.slots if s.name != a.share and not s.label and model.index(s.name) in fit.free.theta]
         alone = a.gain_states and not a.noise_driven
         if alone and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
             return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"

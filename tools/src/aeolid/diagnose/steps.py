@@ -25,7 +25,7 @@ _STEP = 1e-4  # of a typical size, for the eigenvalues' slopes
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Hold what a step (k,) must respect: ranges of its first c entries, and walls: slopes (w, k) · step ≤ slack (w,)."""
+    """Hold what a step (k,) must respect: ranges of its first c entries; walls: slopes (w, k) · step ≤ slack (w,)."""
 
     value: Array
     low: Array
@@ -125,8 +125,10 @@ def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -
 def _solve(matrix: Array, push: Array, walls: Array, slack: Array) -> tuple[Array, Array]:
     """Minimise ½ sᵀ M s − pᵀ s with W s = slack; returns s and the walls' multipliers (w,)."""
     solved = np.linalg.solve(matrix, np.column_stack([push, walls.T]))
-    free, back = solved[:, 0], solved[:, 1:]
-    if not len(slack):
-        return free, np.zeros(0)
-    force = np.maximum(np.linalg.lstsq(walls @ back, walls @ free - slack, rcond=None)[0], 0.0)
-    return free - back @ force, force
+    step: Array = solved[:, 0]
+    force: Array = np.zeros(len(slack))
+    if len(slack):
+        back = solved[:, 1:]
+        force = np.maximum(np.asarray(np.linalg.lstsq(walls @ back, walls @ step - slack, rcond=None)[0]), 0.0)
+        step = np.asarray(step - back @ force)
+    return step, force

@@ -85,6 +85,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
     where = location(kind.place if kind is not None else f"output:{name}", outputs=(name,))
     return Attachment(
         entry, f"{entry} output:{name}", where, edit, tuple(slots), gain_states=(f"{tag}_q", f"{tag}_v"),
+        starts=({}, {zeta: 3 * _DAMPING_START}),
         grid=tuple({w: float(f), zeta: _DAMPING_START} for f in np.geomspace(first, high * (1 - 1e-6), count)),
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; the output sees"
         f" {_SEEN[_order(site, j)]}",
