@@ -124,11 +124,10 @@ def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -
 
 def _solve(matrix: Array, push: Array, walls: Array, slack: Array) -> tuple[Array, Array]:
     """Minimise ½ sᵀ M s − pᵀ s with W s = slack; returns s and the walls' multipliers (w,)."""
-    solved = np.linalg.solve(matrix, np.column_stack([push, walls.T]))
-    step: Array = solved[:, 0]
-    force: Array = np.zeros(len(slack))
-    if len(slack):
-        back = solved[:, 1:]
-        force = np.maximum(np.asarray(np.linalg.lstsq(walls @ back, walls @ step - slack, rcond=None)[0]), 0.0)
-        step = np.asarray(step - back @ force)
-    return step, force
+    solved = np.asarray(np.linalg.solve(matrix, np.column_stack([push, walls.T])), dtype=np.float64)
+    step, back = solved[:, 0], solved[:, 1:]
+    if not len(slack):
+        return step, np.zeros(0)
+    needed = np.linalg.lstsq(walls @ back, walls @ step - slack, rcond=None)[0]
+    force = np.maximum(np.asarray(needed, dtype=np.float64), 0.0)
+    return step - back @ force, force
