@@ -13,7 +13,7 @@ from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.assemble import rotor_frequency
 from aeolid.identify.order import largest_gap
 from aeolid.identify.streamed import StreamedMarkov
-from aeolid.identify.subspace import kalman_gain, spectral_radius
+from aeolid.identify.subspace import kalman_gain, move_inside, spectral_radius
 from aeolid.identify.varx import identify_varx
 from aeolid.models.prediction import channel_weights, estimate_initial_state, free_run, nrmse, predict, vaf
 from aeolid.models.state_space import from_json
@@ -239,6 +239,40 @@ def test_stable_model_on_request(turbine_record):
     assert min(stable.fit.one_step.vaf.values()) > 95
     inside = [z for z in result.eigenvalues if abs(z) < 0.999]
     assert np.max(pole_errors(stable.eigenvalues, inside)) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_poles_are_moved_inside_along_their_angle_and_nothing_else_is(seed):
+    """Eigenvalues within the radius stay, others keep their angle, and A changes by no more than Schur's blocks do."""
+    random = np.random.default_rng(seed)
+    A = random.standard_normal((6, 6)) * 0.45
+    A[0, 1:] += 20.0  # far from normal
+    before, moved = np.linalg.eigvals(A), move_inside(A, 0.9)
+    assert spectral_radius(A) > 0.9
+    expected = before * np.minimum(1.0, 0.9 / abs(before))
+    assert pole_errors(np.linalg.eigvals(moved), expected).max() < 1e-7
+    assert move_inside(moved, 0.95) is moved
+    triangle = np.diag([1.0, 1.002, 0.998, 0.3]) + np.triu(random.standard_normal((4, 4)), 1)
+    Q = np.linalg.qr(random.standard_normal((4, 4)))[0]
+    change = move_inside(Q @ triangle @ Q.T, 0.9999) - Q @ triangle @ Q.T
+    assert np.linalg.norm(change, 2) < 1.002 - 0.9999 + 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stable_double_integrator_keeps_its_gain(seed):
+    """A positioning stage under feedback: noise parts its poles to 1 ± 0.002; moving one does not tear them apart."""
+    random, x, values, h = np.random.default_rng(seed), np.zeros(2), np.empty((3000, 2)), 0.1
+    for k in range(3000):
+        y = x[0] + 1e-3 * random.standard_normal()
+        u = -y - 1.5 * x[1] + random.standard_normal()
+        values[k] = u, y
+        x = np.array([x[0] + h * x[1] + h * h / 2 * u, x[1] + h * u])
+    channels = (Channel("u", "N", "input"), Channel("y", "m", "output"))
+    record = Record(np.arange(3000) * h, values, channels, h, "stage", "")
+    free, stable = (identify_varx([record], past=10, order=2, stable=s).model for s in (False, True))
+    assert spectral_radius(free.A) > 1 > spectral_radius(stable.A)
+    np.testing.assert_allclose(stable.C @ stable.B, free.C @ free.B, rtol=0.01)
+    assert stable.innovation_covariance < 1.3 * free.innovation_covariance
 
 
 def test_streamed_parameters_equal_to_the_estimate_give_the_same_model(loop_record):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import schur, solve_discrete_are
 
 from aeolid.identify.windows import WindowFactor, decompose
 
@@ -189,13 +189,22 @@ def spectral_radius(A: Array) -> float:
 
 
 def move_inside(A: Array, radius: float = INSIDE) -> Array:
-    """Return A (n, n) with the eigenvalues beyond `radius` moved there along theirs, A itself where there is none."""
-    values, vectors = np.linalg.eig(A)
-    size = abs(values)
-    if not (size > radius).any():
+    """Return A (n, n) with the eigenvalues beyond `radius` moved there along theirs, A itself where there is none.
+
+    On the diagonal of the real Schur form: what couples the modes stays, so that A changes by no more than the poles
+    move. Along eigenvectors two poles of a double integrator, 1.002 and 0.998 by noise, would be torn apart: moved by
+    0.002, A was off by 0.1, and the gain halved.
+    """
+    if spectral_radius(A) <= radius:
         return A
-    moved = np.where(size > radius, values / np.maximum(size, radius) * radius, values)
-    out: Array = np.real(vectors @ np.diag(moved) @ np.linalg.inv(vectors))
+    T, Q = schur(A, output="real")
+    first = 0
+    while first < len(T):
+        size = 2 if first + 1 < len(T) and T[first + 1, first] != 0 else 1  # a complex pair has a block
+        block = T[first : first + size, first : first + size]
+        block *= radius / max(spectral_radius(block), radius)
+        first += size
+    out: Array = Q @ T @ Q.T
     return out
 
 
