@@ -118,8 +118,11 @@ def test_too_few_samples_say_how_many_are_needed(noisy):
 
 def test_factors_of_different_windows_do_not_merge(noisy):
     scaling = find_scaling([noisy])
-    with pytest.raises(UsageError):
-        factorise([noisy], scaling, 4).merge(factorise([noisy], scaling, 5))
+    factor = factorise([noisy], scaling, 4)
+    other = replace(factor, outputs=1, innovations=1)  # of as many channels
+    for unlike in (factorise([noisy], scaling, 5), other, replace(factor, inputs=1, outputs=3)):
+        with pytest.raises(UsageError, match="different window length or channels"):
+            factor.merge(unlike)
 
 
 @pytest.mark.parametrize("through", [(False, False), (True, False), (False, True), (True, True)])

@@ -16,7 +16,7 @@ from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
 EXCITED = 1e-10  # of the largest singular value of an input's windows; smooth inputs fall far and still serve
-OWN = 1e-7  # of an input's size, what the others must leave of it
+OWN = 1e-5  # of an input's size, what the others must leave of it: more than binary32 does, with means of 100 sizes
 
 
 def require_own_excitation(

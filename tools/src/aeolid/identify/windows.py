@@ -99,9 +99,13 @@ class WindowFactor:
         out: Array = self.full[0, 1:] / self.full[0, 0]
         return out
 
+    @property
+    def _layout(self) -> tuple[int, ...]:
+        return (*self.full.shape, self.past, self.inputs, self.outputs, self.innovations)
+
     def merge(self, other: WindowFactor) -> WindowFactor:
         """Return the factor of both sets of windows together; the order of merging changes rounding only."""
-        if self.full.shape != other.full.shape or (self.past, self.inputs) != (other.past, other.inputs):
+        if self._layout != other._layout:
             raise UsageError("factors of different window length or channels do not merge")
         full = triangularise(np.vstack([self.full, other.full]))
         return replace(self, full=full, windows=self.windows + other.windows, skipped=self.skipped + other.skipped)
