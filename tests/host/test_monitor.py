@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import socket
+import threading
 import tracemalloc
 import urllib.error
 import urllib.request
@@ -346,9 +347,9 @@ def terminal_text(facts: dict[str, Any]) -> str:
 
 def test_the_terminal_says_what_is_known_and_obeys_no_markup() -> None:
     board = Board()
-    fill(board, ("[red]pitch[/]", "c1", NASTY))
+    fill(board, ("pitch", "[red]y[/]", NASTY))
     text = terminal_text(board.facts)
-    for part in ("0.3348 ± 0.0020", "0.3309 … 0.3387", "Ljung–Box Q (< 37.6)", NASTY, "node 3  running",
+    for part in ("0.3348 ± 0.0020", "0.3309 … 0.3387", "Ljung–Box Q (< 37.6)", NASTY, "[red]y[/]", "node 3  running",
                  "values lost 0", "no flag raised"):  # fmt: skip
         assert part in text, part
 
@@ -456,6 +457,38 @@ def test_a_foreign_name_for_this_address_is_refused(served: PageServer) -> None:
     for host in ("127.0.0.1", f"localhost:{served.port}", "[::1]:80"):
         assert get(served, "state", host)[0] == 200, host
     assert is_own_name(socket.gethostname()) and not is_own_name("")
+
+
+class Witness:
+    """A lock that remembers which threads took it."""
+
+    def __init__(self) -> None:
+        self.takers: set[str] = set()
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> None:
+        self._lock.acquire()
+        self.takers.add(threading.current_thread().name)
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+
+
+def test_no_answer_waits_for_the_reception_or_keeps_it_waiting() -> None:
+    """Pages that ask, and one that takes nothing: the thread that serves them never takes the reception's lock."""
+    board = Board()
+    reception = fill(board)
+    reception.lock = witness = Witness()  # type: ignore[assignment]
+    server = PageServer(board, "127.0.0.1", 0)
+    try:
+        with socket.create_connection(("127.0.0.1", server.port)) as stalled:
+            stalled.sendall(400 * b"GET /state?node=3 HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            with reception.lock:  # a reception that is busy keeps no page waiting either
+                assert all(get(server, "state?node=3")[0] == 200 for _ in range(5))
+            server.renew()
+    finally:
+        server.close()
+    assert witness.takers <= {"MainThread", "tick"} and "MainThread" in witness.takers
 
 
 def test_pages_are_told_what_is_new_to_each(served: PageServer) -> None:

@@ -194,6 +194,8 @@ def test_a_page_outlives_the_monitor_and_wakes_with_the_next(start: Start, brows
     second = start("monitor", "--bus", address, "--port", url.rstrip("/").rsplit(":", 1)[1], "--no-browser")
     assert second.first_line() == url
     browser.wait("!document.body.classList.contains('stale') && document.body.innerText.includes('receiving')")
+    with urllib.request.urlopen(f"{url}state", timeout=10) as answer:
+        assert json.loads(answer.read())["process"] == browser.evaluate("state.process")
     second.signal(signal.SIGTERM)
     second.finish().assert_clean()
     assert [c for c in browser.leave() if "ERR_CONNECTION" not in c] == []  # a browser notes that nobody answered
@@ -202,12 +204,11 @@ def test_a_page_outlives_the_monitor_and_wakes_with_the_next(start: Start, brows
 SECONDS, RATE, STALLED = 2, 50_000, 12
 
 
-def stall(port: int) -> socket.socket:
-    """Ask for all there is, twenty times, and take nothing."""
+def stall(port: int, path: str, times: int) -> socket.socket:
+    """Ask for something again and again, and take nothing."""
     peer = socket.create_connection(("127.0.0.1", port))
     peer.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
-    for path in ("plotly.min.js", f"state?node={flood_traffic.NODE}") * 20:
-        peer.sendall(f"GET /{path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
+    peer.sendall(times * f"GET /{path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
     return peer
 
 
@@ -226,11 +227,12 @@ def test_browsers_that_stall_cost_no_frame(start: Start, tmp_path: Path) -> None
         files = ("--record", target, "--json", facts)
         monitor = start("monitor", "--bus", address, "--port", 0, "--no-browser", "--no-reconnect", *files)
         port = int(monitor.first_line().rstrip("/").rsplit(":", 1)[1])
-        stalled = [stall(port) for _ in range(STALLED)]
+        state = f"state?node={flood_traffic.NODE}"
+        stalled = [stall(port, *what) for what in (("plotly.min.js", 20), (state, 500)) * (STALLED // 2)]
         answers = 0
         while sender.poll() is None:  # one page that does take its answers is served meanwhile
-            state = f"http://127.0.0.1:{port}/state?node={flood_traffic.NODE}"
-            with suppress(urllib.error.URLError), urllib.request.urlopen(state, timeout=20) as answer:
+            page = f"http://127.0.0.1:{port}/{state}"
+            with suppress(urllib.error.URLError), urllib.request.urlopen(page, timeout=20) as answer:
                 answers += len(json.loads(answer.read())["facts"]["nodes"])  # not once the sender has closed
             time.sleep(0.1)
         told = sender.stdout.read().split()
@@ -315,6 +317,8 @@ def test_the_page_of_a_log_stays_until_ctrl_c(start: Start, tmp_path: Path) -> N
             return bool(json.loads(answer.read())["facts"]["over"])
 
     wait_for(over)
-    assert over() and monitor.process.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        monitor.process.wait(1.5)
+    assert over()
     monitor.signal(signal.SIGINT)
     monitor.finish().assert_clean()

@@ -209,7 +209,7 @@ function drawMap(place, values, outputs, channels, entry) {
       range: [labels.length - 0.5, -0.5], showgrid: false, showline: false, ticklen: 0, automargin: true,
       tickfont: { size: high < labels.length * 12 ? 8 : 10, color: colour("ink") }, tickvals: labels.map((_, i) => i), ticktext: labels,
     },
-    margin: { l: 60, r: 4, t: 2, b: 34 }, shapes: chosen, hovermode: "closest",
+    margin: { l: 60, r: 4, t: 2, b: 34 }, shapes: chosen, hovermode: "closest", height: high + 36,
   }, `Map of ${values.length * channels.length} by ${lags} Markov parameters, largest ${most.toPrecision(3)}`);
   if (!place.dataset.picks) {
     place.dataset.picks = "1";
