@@ -303,6 +303,16 @@ def test_steps_that_leave_the_unit_circle_are_brought_back_on_request():
     assert 0.99 < radius[True][-1] < 0.9999 + 1e-9 and max(radius[True]) < 1
 
 
+def test_why_the_steps_ended_is_said(monkeypatch):
+    """A step that still gains is the last one only because so many are the most; else nothing gains any more."""
+    record, facts = simulate_fourth_order(1500, 7, feedback=0.25), []
+    for most in (1, 15):
+        monkeypatch.setattr("aeolid.identify.refine.MOST_STEPS", most)
+        facts.append(identify_varx([record], past=3, order=4, refined=True).extra["refinement"])
+    assert (facts[0]["steps"], facts[0]["stopped"]) == (1, "1 steps are the most")
+    assert 1 < facts[1]["steps"] < 15 and "the most" not in facts[1]["stopped"]
+
+
 def test_varmax_is_refined_too():
     record = simulate_fourth_order(1200, 9, feedback=0.25, noise_variance=0.49)
     true = np.sort_complex(np.linalg.eigvals(fourth_order().A))

@@ -148,6 +148,8 @@ def refine(
     path = descent.path(start, MOST_STEPS if ended else best)
     gain = 1 - float(np.exp(losses[best] - losses[0])) if np.isfinite(losses[0]) else 1.0
     stopped = "no step gains" if ended else f"the held-out error is least after {best} steps"
+    if len(path) > MOST_STEPS:
+        stopped = f"{MOST_STEPS} steps are the most"
     return descent.result(path, gain, stopped)
 
 
