@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import socket
 import threading
 import tracemalloc
@@ -33,7 +34,7 @@ from aeolid.monitor.board import Board
 from aeolid.monitor.history import History
 from aeolid.monitor.innovations import BEFORE, BLOCK, LAGS, LEVEL, Block, InnovationTest, whiteness
 from aeolid.monitor.remedies import findings
-from aeolid.monitor.server import PageServer, is_own_name
+from aeolid.monitor.server import PAGE, PageServer, is_own_name
 from aeolid.monitor.terminal import render
 from aeolid.monitor.track import RECENT, VALUES, WHOLE, Track, column_of, lag_table
 
@@ -413,6 +414,30 @@ def test_after_the_end_silence_is_no_finding() -> None:
 
 
 # server -------------------------------------------------------------------------------------------------------------
+
+
+def contrast(one: str, other: str) -> float:
+    """Return the contrast of two colours #rrggbb (WCAG 2)."""
+    light = []
+    for colour in (one, other):
+        parts = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+        light.append(0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2])
+    return (max(light) + 0.05) / (min(light) + 0.05)
+
+
+@pytest.mark.parametrize("scheme", [0, 1])
+def test_text_and_lines_stand_out(scheme: int) -> None:
+    """Light and dark: text 4.5 to 1 against all it stands on, lines 3 to 1 (WCAG 2 AA)."""
+    style = (PAGE / "monitor.css").read_text(encoding="utf-8")
+    colours = dict(re.findall(r"--([\w-]+): (#\w+)", style.split(":root")[scheme + 1]))
+    colours = {k: v if len(v) == 7 else "#" + "".join(2 * c for c in v[1:]) for k, v in colours.items()}
+    for text in ("ink", "soft", "alarm", "good", "accent"):
+        for ground in ("ground", "panel"):
+            assert contrast(colours[text], colours[ground]) >= 4.5, (text, ground)
+    assert contrast(colours["ink"], colours["alarm-tint"]) >= 4.5
+    for line in ("s0", "s1", "s2", "s3", "s4", "s5", "low", "high"):
+        assert contrast(colours[line], colours["panel"]) >= 3, line
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shutil
 import signal
 import socket
@@ -24,7 +25,7 @@ import pytest
 from harness import Process, wait_for
 from monitor_browser import Browser
 from rich.console import Console
-from test_listen import HERE
+from test_listen import HERE, LINE, Adapter, slcan_text
 
 from aeolid.can import RunRecorder, open_source
 from aeolid.can.reception import Reception
@@ -60,9 +61,10 @@ def words_of(board: Board) -> str:
 class Watched:
     """Receive a node in a thread, watched by a board that a server serves."""
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, reconnect: bool = False) -> None:
         self.board = Board()
-        self.reception = Reception(open_source(address), RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
+        source = open_source(address, reconnect=reconnect)
+        self.reception = Reception(source, RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
         self.follower = ModeFollower(None, None, every_s=1.0, patient=True, observer=self.board)
         self.reception.watch = self.follower.look
         self.board.watch(self.reception, self.follower)
@@ -179,6 +181,28 @@ def test_names_from_the_bus_are_text(start: Start, browser: Browser, tmp_path: P
         assert browser.leave() == []
 
 
+def test_a_bus_that_breaks_off_is_said_and_forgotten() -> None:
+    """Unplugged in mid-stream: the facts say that it is away; plugged in again they go on, until the goodbye."""
+    text = slcan_text()
+    half = len(text) // LINE // 2 * LINE
+    with closing(Adapter()) as adapter:
+        plugging = threading.Thread(target=adapter.plug)
+        plugging.start()
+        with closing(Watched(adapter.address, reconnect=True)) as watched:
+            plugging.join()
+            adapter.send(text[:half])
+            adapter.unplug()
+            wait_for(lambda: any(f["what"].startswith("No bus for") for f in watched.board.facts["findings"]))
+            before = watched.board.facts["bus"]["frames"]
+            adapter.plug()
+            adapter.send(text[half:])
+            watched.finish()
+            facts = watched.board.facts
+    assert facts["bus"]["frames"] == len(text) // LINE > before > 0 and facts["bus"]["interruptions"] == 1
+    assert facts["ended"] and not [f for f in facts["findings"] if "bus" in f["what"].lower()]
+    assert "The bus is away." in [event["text"] for event in facts["events"]]
+
+
 def test_a_page_outlives_the_monitor_and_wakes_with_the_next(start: Start, browser: Browser) -> None:
     """Ctrl-C ends the monitor with code 0; the page keeps its last figures, says so, and goes on with the next one."""
     node = start("node", "--turbine", "--samples", 100_000, "--past", 4, "--speed", 20, "--share", 0)
@@ -251,21 +275,30 @@ def test_browsers_that_stall_cost_no_frame(start: Start, tmp_path: Path) -> None
     assert (run["samples"], run["lost_values"]) == (samples, 0)
 
 
-def test_the_terminal_and_files_as_listen_has_them(start: Start, tmp_path: Path) -> None:
+def test_the_terminal_and_files_as_listen_has_them(
+    start: Start, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Without a page: the facts stand on standard error at the end, samples and modes in their files."""
     node = start("node", "--turbine", "--samples", 800, "--past", 6, "--wait", "--speed", "max", "--share", 0)
     facts = tmp_path / "facts.json"
-    files = ("--record", tmp_path / "r.csv", "--poles", tmp_path / "p.csv", "--log", tmp_path / "a.log")
-    monitor = start(
-        "monitor", "--terminal", "--bus", node.first_line(), "--until-end", "--for", 60, "--json", facts, *files
+    files = (
+        "--record",
+        tmp_path / "r.csv",
+        "--poles",
+        tmp_path / "p.csv",
+        "--log",
+        tmp_path / "a.log",
+        "--json",
+        facts,
     )
-    ended = monitor.finish()
-    ended.assert_clean()
+    words = ("monitor", "--terminal", "--bus", node.first_line(), "--until-end", "--for", 60, *files)
+    assert main([*map(str, words)]) == 0
+    ended = capsys.readouterr()
     told = json.loads(facts.read_text())["nodes"][0]
     assert told["runs"][0]["samples"] == 800 and (tmp_path / "p.csv").stat().st_size > 100
     assert "http" not in ended.out and "node 1  ended  rls, VARX, p = 6" in ended.err
-    words = ["listen", "--bus", str(tmp_path / "a.log"), "--record", str(tmp_path / "again.csv"), "--no-modes"]
-    assert main(words) == 0 and (tmp_path / "again.csv").read_bytes() == (tmp_path / "r.csv").read_bytes()
+    again = ["listen", "--bus", str(tmp_path / "a.log"), "--record", str(tmp_path / "again.csv"), "--no-modes"]
+    assert main(again) == 0 and (tmp_path / "again.csv").read_bytes() == (tmp_path / "r.csv").read_bytes()
 
 
 @pytest.mark.parametrize(
@@ -307,18 +340,28 @@ def test_a_missing_package_is_one_sentence(
     assert f"the page needs {package}, which is not installed: pip install {package}, or use --terminal" in told
 
 
-def test_the_page_of_a_log_stays_until_ctrl_c(start: Start, tmp_path: Path) -> None:
-    log = Path(flood_traffic.STREAM)
-    monitor = start("monitor", "--bus", log, "--port", 0, "--no-browser")
-    url = monitor.first_line()
+def test_the_page_of_a_log_stays_until_ctrl_c(capsys: pytest.CaptureFixture[str]) -> None:
+    """The log is over at once; its page still answers, several times, until the signal comes."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    seen: list[str] = []
+    running = threading.Event()
 
-    def over() -> bool:
-        with urllib.request.urlopen(f"{url}state", timeout=10) as answer:
-            return bool(json.loads(answer.read())["facts"]["over"])
+    def look() -> None:
+        while running.is_set() and len(seen) < 5:
+            time.sleep(0.1)
+            with suppress(OSError), urllib.request.urlopen(f"http://127.0.0.1:{port}/state", timeout=10) as answer:
+                seen.extend(filter(None, [json.loads(answer.read())["facts"]["over"]]))
+        if running.is_set():
+            os.kill(os.getpid(), signal.SIGINT)
 
-    wait_for(over)
-    with pytest.raises(subprocess.TimeoutExpired):
-        monitor.process.wait(1.5)
-    assert over()
-    monitor.signal(signal.SIGINT)
-    monitor.finish().assert_clean()
+    running.set()
+    looking = threading.Thread(target=look)
+    looking.start()
+    try:
+        code = main(["monitor", "--bus", str(flood_traffic.STREAM), "--port", str(port), "--no-browser"])
+    finally:
+        running.clear()
+        looking.join()
+    assert code == 0 and seen == 5 * ["The reception is over."]
+    assert capsys.readouterr().out.startswith(f"http://127.0.0.1:{port}/\n")
