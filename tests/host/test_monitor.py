@@ -21,7 +21,7 @@ from rich.console import Console
 from scipy.stats import binom, chi2, f
 
 from aeolid.can.description import Description
-from aeolid.can.node import Configuration
+from aeolid.can.node import Configuration, Node
 from aeolid.can.reception import Reception
 from aeolid.can.runs import RunRecorder
 from aeolid.can.samples import SampleStore
@@ -316,8 +316,6 @@ def fill(board: Board, names: tuple[str, ...] | None = None) -> Reception:
     reception = Reception(Silent(), RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
     d = describe(2, names=names)
     now = configure(d)
-    from aeolid.can.node import Node
-
     node = reception.assembly.nodes[3] = Node(3)
     node.now = now
     theta = small_theta(d)
@@ -337,6 +335,33 @@ def fill(board: Board, names: tuple[str, ...] | None = None) -> Reception:
 
     board.watch(reception, Modes())
     return reception
+
+
+def test_a_node_that_cannot_be_followed_still_shows_its_parameters() -> None:
+    """Every second sample only: no modes, no tests, and why; the snapshots are taken from the reception itself."""
+    reception = Reception(Silent(), RunRecorder(None), bit_rate=5e5, data_bit_rate=2e6)
+    node = reception.assembly.nodes[3] = Node(3)
+    d = Description(**{**describe().__dict__, "sample_every": 2})
+    node.now = configure(d)
+
+    class Modes:
+        def view(self) -> Any:
+            return {3: ("the node sends one sample in 2; modes need every one", ())}
+
+        def facts(self, number: int) -> Any:
+            return None
+
+    board = Board()
+    board.watch(reception, Modes())
+    for index in (100, 200):
+        node.now.snapshots.complete = snapshot_of(d, index * small_theta(d), index)
+        for _ in range(2):
+            board.tick()
+    told = board.series(3, {}, (1, 0, 1))
+    assert [row[0] for row in told["thetas"]["rows"]] == [10.0, 20.0] and told["modes"]["rows"] == []
+    (facts,) = board.facts["nodes"]
+    assert facts["innovations"]["waiting"] == facts["modes_waiting"] != ""
+    assert any("Send every sample" in f["remedy"] for f in board.facts["findings"])
 
 
 def terminal_text(facts: dict[str, Any]) -> str:

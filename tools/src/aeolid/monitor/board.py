@@ -115,9 +115,11 @@ class Board:
         with self._lock:
             told = []
             for part, node in parts:
-                if node.now is not None and not _followable(node) and node.now.snapshots.complete is not None:
-                    self._track(node.number, 0, node.now).take_snapshot(node.now.snapshots.complete)
                 why, modes = views.get(node.number, ("waiting for samples", ()))
+                if node.now is not None and not _followable(node) and node.now.snapshots.complete is not None:
+                    alone = self._track(node.number, 0, node.now)
+                    alone.trouble = why
+                    alone.take_snapshot(node.now.snapshots.complete)
                 track = self._tracks.get(node.number)
                 told.append(node_facts(part, track, why, modes, more.get(node.number, {})))
         facts: dict[str, Any] = {"bus": bus, "nodes": told, "over": self._over}
