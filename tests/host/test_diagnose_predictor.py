@@ -354,3 +354,20 @@ def test_a_parameter_at_the_end_of_its_range_does_not_hold_up_the_others() -> No
     assert held is not None and fit is not None
     assert fit.point.theta[1] == 2.5
     assert fit.log_likelihood == pytest.approx(held.log_likelihood, abs=0.05)
+
+
+def test_a_parameter_whose_small_step_runs_away_says_nothing() -> None:
+    """Near a cliff: exp of a large power of w is finite at 3.0, infinite a millionth above it; gaps stay gaps."""
+    text = OSCILLATOR.replace("-w**2*q - d*v + b*u", "-w**2*q - d*v + b*u + 0*exp(709.7827*(w/3)**9 + 0*d)")
+    model = compile_equations(equations_file.from_toml(tomllib.loads(text), text, "model.toml"))
+    y = recording(1).y.copy()
+    y[100:103] = np.nan
+    p = Predictor(model, (replace(recording(1), y=y),), predictor((recording(1),)).scales, 0)
+    at = point(1, gain=True)
+    noise = p.noise_of(p.innovations(at))
+    assert noise is not None
+    base = p.whitened(p.innovations(at), noise)
+    J = sensitivity(p, at, noise, base, Free((0, 1), (), (), ()))
+    assert not np.any(J[:, 0]) and np.all(np.isfinite(J)) and np.any(J[:, 1])
+    assert not np.any(J[200:206, 1])
+    assert np.isinf(p.at(at, Free((0, 1), (), (), ())).std[0]) or p.at(at, Free((0, 1), (), (), ())).std[0] > 1e100

@@ -16,6 +16,7 @@ from aeolid.diagnose import scores
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.predictor import Free, Point, Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.refit import finalists
 from aeolid.diagnose.scores import Bank, minimum_detectable, overlap, score_bank
 from aeolid.record import Channel
 
@@ -231,3 +232,12 @@ def test_the_stated_spread_is_that_of_the_score(world: tuple[Case, Prepared, Ban
             assert stated == pytest.approx((bank.threshold + 1) / np.sqrt(2) * white.std[slot.name])
     for key, values in ratios.items():
         assert abs(np.mean(values) - 1) < 0.1, (key, np.mean(values))
+
+
+def test_what_free_parameters_absorb_is_always_among_the_finalists(world: tuple[Case, Prepared, Bank]) -> None:
+    """A dead time's score vanishes where a softer damper does the same; sensors of like kind must not take its place."""
+    bank = world[2]
+    found = replace(bank, threshold=bank.rows[0].z - 1e-9)
+    entries = {r.attachment.entry for r in finalists(found)}
+    assert {"transport_delay", "actuator_lag", "actuator_second_order", "data_time_offset"} <= entries
+    assert not [r for r in finalists(replace(bank, threshold=np.inf)) if r.attachment.stepped]

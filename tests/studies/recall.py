@@ -17,7 +17,9 @@ import json
 import os
 import sys
 import tempfile
+import traceback
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +42,14 @@ def one(name: str, number: int, seed: int) -> dict[str, Any]:
     trial = module.trials()[number]
     with tempfile.TemporaryDirectory() as folder:
         drawn = 200 + 2 * number + 1000 * seed + seed % 2  # odd and even stay odd and even: the form of the effect
-        row: dict[str, Any] = module.diagnose_one(trial, Path(folder) / "case", RIGS[name], drawn, 0)
+        try:
+            row: dict[str, Any] = module.diagnose_one(trial, Path(folder) / "case", RIGS[name], drawn, 0)
+        except Exception:  # a crash is a result too, and the worst
+            traceback.print_exc()
+            kind = "hidden" if trial.truth else "null"
+            row = {"trial": trial.name, "baseline": getattr(trial, "kind", None) or trial.baseline, "kind": kind}
+            row |= {"verdict": "crash", "ids": [], "outcome": "crash", "parameter_error": None, "recovered": None}
+            row |= {"seed": drawn, "seconds": 0.0}
     return row | {"rig": name, "number": number, "repeat": seed, "truth": list(trial.truth)}
 
 
@@ -88,6 +97,7 @@ def table(rows: list[dict[str, Any]]) -> str:
     count("hidden, of those named: first family right", named, right)
     count("hidden, another name alone", hidden, [r["outcome"] == "wrong" for r in hidden])
     count("null, a name all the same", null, [bool(r["ids"]) for r in null])
+    count("crashed", rows, [r["outcome"] == "crash" for r in rows])
     count("outside the catalogue, a name all the same", outside, [bool(r["ids"]) for r in outside])
     errors = [abs(r["parameter_error"]) for r in hidden if r["parameter_error"] is not None and r["outcome"] in GOOD]
     lines.append(f"parameter error where right: median {np.median(errors):.1%}" if errors else "no parameter compared")
@@ -131,7 +141,7 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     left = [j for j in jobs if j not in done]
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    with ProcessPoolExecutor(options.workers) as pool, out.open("a") as handle:
+    with ProcessPoolExecutor(options.workers, get_context("spawn")) as pool, out.open("a") as handle:
         running = {pool.submit(one, *job): job for job in left}
         for finished in track(as_completed(running), "diagnosing", len(left), disable=not sys.stderr.isatty()):
             rows.append(finished.result())

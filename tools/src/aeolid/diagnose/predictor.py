@@ -123,9 +123,16 @@ class Predictor:
         return result
 
     def whitened_wide(self, innovations: Array, noise: Noise, index: int) -> Array:
-        """Return what `whitened` says of each of several innovations (points, N, l) of one segment: (points, rows)."""
-        white = filter_var(innovations, noise.var)[:, self.segments[index].burn :] @ noise.factor
-        white[~np.all(np.isfinite(white), axis=2)] = 0.0
+        """Return what `whitened` says of each of several innovations (points, N, l) of one segment: (points, rows).
+
+        Infinite where a model has run away, which a missing sample must not hide.
+        """
+        segment = self.segments[index]
+        missing = filter_var(np.where(np.isfinite(segment.y), 0.0, np.nan), noise.var)[segment.burn :]
+        with np.errstate(all="ignore"):
+            white = filter_var(innovations, noise.var)[:, segment.burn :] @ noise.factor
+        white[~np.all(np.isfinite(white), axis=2)] = np.inf
+        white[:, ~np.all(np.isfinite(missing), axis=1)] = 0.0
         return white.reshape(len(white), -1)
 
     def gain(self, point: Point) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
+from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.explore import explore, fit_best
 from aeolid.diagnose.point import Free, Point
@@ -19,7 +20,7 @@ from aeolid.diagnose.scores import Bank, Row, overlap, shifted
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
-_STEPPED = 4  # further effects that are tried from finite steps once anything is found
+_STEPPED = 6  # further effects that are tried from finite steps once anything is found
 _TURNING = {
     "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
     "sensor_second_order", "sensor_scale", "sensor_sign",
@@ -62,6 +63,9 @@ def finalists(bank: Bank) -> list[Row]:
             if peer not in chosen and len(chosen) < MAX_FINALISTS:
                 chosen.append(peer)
     stepped = [r for r in bank.rows if r.attachment.stepped and r.testable and r not in chosen] if over else []
+    stepped.sort(
+        key=lambda r: entry(r.attachment.entry).family != "input_lag"
+    )  # inputs are what free parameters absorb
     return chosen + stepped[:_STEPPED]
 
 

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
+_DIVERGED = 1e100
 _STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
@@ -35,7 +36,8 @@ class Variant:
 def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, free: Free) -> Array:
     """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
 
-    One filter pass for every LANES parameters, on two threads.
+    Zero for a parameter whose small step makes the model run away: a fit leaves it where it is. One filter pass for
+    every LANES parameters, on two threads.
     """
     variants = [theta_variant(point, {i: step_of(predictor, i, point)}) for i in free.theta]
     variants += [noise_variant(point, i) for i in free.noise]
@@ -43,6 +45,7 @@ def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, f
     segments = range(len(predictor.segments))
     variants += [_x0_variant(predictor, point, s, i) for s in segments for i in free.x0]
     own = columns(predictor, point, noise, base, variants)
+    own[:, ~np.all(np.abs(own) < _DIVERGED, axis=0)] = 0.0  # NaN too: a small step made the model run away
     return np.hstack([own, _var_columns(predictor, point, noise)]) if variants else np.zeros((len(base), 0))
 
 
