@@ -123,7 +123,8 @@ function drawBand(place, all, starts, words, factor = 1) {
     part.push([r[0] / per, factor * (r[1] - WIDE * r[2]), factor * (r[1] + WIDE * r[2])]);
   }
   close();
-  const known = rows.filter((r) => r[1] != null);
+  const anywhere = rows.filter((r) => r[1] != null), present = anywhere.filter((r) => r[0] >= starts.at(-1));
+  const known = present.length ? present : anywhere;
   const recent = known.slice(-Math.max(4, Math.ceil(known.length * 0.9)));
   const low = Math.min(...recent.map((r) => factor * (r[1] - 1.6 * WIDE * (r[2] || 0))));
   const high = Math.max(...recent.map((r) => factor * (r[1] + 1.6 * WIDE * (r[2] || 0))));

@@ -221,6 +221,19 @@ function cells(row, labels, values, classes = {}) {
   return row;
 }
 
+/* Numbers of modes hold within a run; of one before, the mode is meant whose pole is nearest, if that is near. */
+function nearest(rows, mode) {
+  const pole = (f, d) => [-d * f, f * Math.sqrt(Math.max(0, 1 - d * d))];
+  const [a, b] = pole(mode.frequency_hz, mode.damping);
+  let best = null, least = 0.25;
+  for (const row of rows) {
+    const [c, d] = pole(row[1], row[3]);
+    const far = Math.hypot(a - c, b - d) / Math.max(mode.frequency_hz, row[1], 1e-12);
+    if (far <= least) [best, least] = [row, far];
+  }
+  return best;
+}
+
 function showModes(n) {
   put($("modes-table").tBodies[0], n.modes.map((m) => cells(element("tr", null, { "data-mode": m.mode }), MODES, [
     m.mode, m.frequency, m.frequency_95, m.damping_percent, m.damping_95, m.mostly_in,
@@ -229,7 +242,7 @@ function showModes(n) {
     : !n.modes.length ? "No oscillating mode." : n.modes_note ? `Deviations not known: ${n.modes_note}.` : "";
   const place = $("strips"), wanted = n.modes.map((m) => String(m.mode));
   for (const old of [...place.children]) if (!wanted.includes(old.dataset.mode)) old.remove();
-  const rows = within(state.rows.modes, state.span);
+  const rows = within(state.rows.modes, state.span), begun = state.starts.at(-1);
   n.modes.forEach((m, i) => {
     for (const [kind, column, unit, text, factor] of [["frequency", 1, "Hz", m.frequency, 1], ["damping", 3, "%", m.damping_percent, 100]]) {
       const id = `${kind}-${m.mode}`;
@@ -243,7 +256,7 @@ function showModes(n) {
       const caption = figure.firstChild, words = `Mode ${m.mode}, ${kind}`;
       caption.replaceChildren(`${words} `, element("b", `${text} ${unit}`));
       const line = rows.map((r) => {
-        const found = r[1].find((x) => x[0] === m.mode);
+        const found = r[0] < begun ? nearest(r[1], m) : r[1].find((x) => x[0] === m.mode);
         return found ? [r[0], found[column], found[column + 1]] : [r[0], null, null];
       });
       drawBand(figure.lastChild, line, state.starts, `${words} over time, now ${text} ${unit}`, factor);
