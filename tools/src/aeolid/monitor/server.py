@@ -158,7 +158,7 @@ class _Guarded(tornado.web.RequestHandler):
 
     def prepare(self) -> None:
         """Refuse a page of another name."""
-        if not is_own_name(_host_of(self.request.host)):
+        if not is_own_name(_host_of(self.request.headers.get("Host", ""))):
             raise tornado.web.HTTPError(421, reason="Misdirected")
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
