@@ -235,7 +235,7 @@ def test_the_stated_spread_is_that_of_the_score(world: tuple[Case, Prepared, Ban
 
 
 def test_what_free_parameters_absorb_is_always_among_the_finalists(world: tuple[Case, Prepared, Bank]) -> None:
-    """A dead time's score vanishes where a softer damper does the same; sensors of like kind must not take its place."""
+    """A dead time's score vanishes where a softer damper does the same; sensors like it do not push it out."""
     bank = world[2]
     found = replace(bank, threshold=bank.rows[0].z - 1e-9)
     entries = {r.attachment.entry for r in finalists(found)}

@@ -239,5 +239,5 @@ def test_a_missing_input_sample_is_named(tmp_path: Path) -> None:
     model = equations_file.load(write(tmp_path, TANKS))
     record = record_of(model, 50, 1.0)
     record.values[17, 0] = np.nan
-    with pytest.raises(DataError, match="u is missing at sample 17"):
+    with pytest.raises(DataError, match="u is missing at sample 18"):
         model.simulate(record)

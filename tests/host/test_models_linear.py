@@ -189,7 +189,7 @@ def test_missing_input_and_other_sample_time_are_refused():
     model = LinearModel(build_turbine().model())
     record = simulate_closed_loop(50, 2)
     record.values[7, 1] = np.nan
-    with pytest.raises(DataError, match="'generator_torque' is missing at sample 7"):
+    with pytest.raises(DataError, match="'generator_torque' is missing at sample 8"):
         model.simulate(record)
     with pytest.raises(DataError, match=r"sample time 0\.2 s, the model has 0\.1 s"):
         model.simulate(replace(simulate_closed_loop(50, 2), sample_time_s=0.2))

@@ -16,7 +16,7 @@ _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
 _PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings
 NOISE_LADDER = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)  # process noise amplitudes to try, in sizes of the states
 _KEEP = 6
-_TRIED = 4  # starts that are fitted briefly
+TRIED = 4  # starts that are fitted briefly
 _QUICK, _FULL = 5, 40  # Gauss–Newton iterations to compare starts, and to finish
 
 
@@ -82,14 +82,14 @@ def noise_ladder(point: Point, noisy: Sequence[int]) -> list[Point]:
     return result
 
 
-def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free) -> Fit | None:
-    """Fit briefly from the most likely starts, fully from the best; returns None where all diverge.
+def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free, tried: int = TRIED) -> Fit | None:
+    """Fit briefly from the `tried` most likely starts, fully from the best; returns None where all diverge.
 
     The brief fits move the `core` only: white noise first, its memory last, so that a force with memory does not take
     the place of a parameter that is still far off.
     """
     few = core(predictor, free)
-    ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:_TRIED]
+    ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:tried]
     trials = [predictor.fit(starts[i], few, iterations=_QUICK) for value, i in ranked if value < 1e299]
     best = max((t for t in trials if t is not None), key=lambda t: t.log_likelihood, default=None)
     if best is not None and few != free:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from aeolid.diagnose.scores import Bank, Row, score_bank
 
 Array = NDArray[np.float64]
 _SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
+_BEYOND_DOUBT = 50.0  # nats on the fit data that a second effect must gain where the selection data are silent
 _LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
 _AGAIN = 2  # times a better fit of the baseline is taken up
@@ -117,17 +118,30 @@ def _prove(
 
 
 def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:
-    """Fit the finalists; where one leads the baseline without its effect to a better fit, begin again from there."""
-    for _ in range(_AGAIN):
-        candidates = fit_finalists(prepared, bank)
-        better = better_baseline(prepared, candidates)
+    """Fit the finalists; where one leads the baseline without its effect to a better fit, go on from there.
+
+    What is fitted stays fitted: it is measured against the better baseline, and only what the bank then brings up anew
+    is fitted too.
+    """
+    fitted: dict[str, Candidate] = {}
+    for _ in range(_AGAIN + 1):
+        fresh = [r for r in finalists(bank) if r.attachment.key not in fitted]
+        fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
+        better = better_baseline(prepared, list(fitted.values()))
         if better is None:
             break
+        change = select_density(prepared) - select_density(better)
         prepared = better
+        fitted = {k: against(c, prepared, change) for k, c in fitted.items()}
         bank = score_bank(prepared, prepared.hypotheses, seed)
-    else:
-        candidates = fit_finalists(prepared, bank)
-    return prepared, bank, candidates
+    return prepared, bank, sorted(fitted.values(), key=lambda c: -c.score)
+
+
+def against(candidate: Candidate, prepared: Prepared, change: Array) -> Candidate:
+    """Return a candidate measured against another fit of the baseline; change: old less new density of each sample."""
+    difference = candidate.select_difference + change
+    gain = candidate.fit.log_likelihood - prepared.fit.log_likelihood
+    return replace(candidate, fit_gain=gain, select_gain=float(difference.sum()), select_difference=difference)
 
 
 def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared | None:
@@ -150,13 +164,17 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
     """Fit the finalists of a bank fully, best score first."""
-    rows = finalists(bank)[:most]
+    return sorted(fit_rows(prepared, finalists(bank)[:most]), key=lambda c: -c.score)
+
+
+def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
+    """Fit hypotheses fully, each in a model of its own; those whose every start diverges are left out."""
     if not rows:
         return []
     base_select = select_density(prepared)
     stages = (prepared.only([r.attachment]) for r in rows)
     fitted = [refit(stage, stage.fit, [r], base_select) for stage, r in zip(stages, rows, strict=True)]
-    return sorted((c for c in fitted if c is not None), key=lambda c: -c.score)
+    return [c for c in fitted if c is not None]
 
 
 def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
@@ -194,11 +212,11 @@ def is_accepted(candidate: Candidate) -> bool:
 
 def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
-    families = {entry(a.entry).family for a in winner.attachments}  # a lag and a delay are one drive of higher order
-    rest = tuple(a for a in prepared.hypotheses if entry(a.entry).family not in families)
+    rest = tuple(a for a in prepared.hypotheses if all(_is_another(a, b) for b in winner.attachments))
     stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
     predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
-    stage = replace(stage, predictor=predictor, fit=carry_fit(winner.fit, small, stage.extended))
+    full = winner.predictor.at(winner.fit.point, winner.fit.free)
+    stage = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
     bank = score_bank(stage, rest, seed)
     rows = [r for r in bank.rows if r.z > bank.threshold][:2]
     if not rows:
@@ -212,14 +230,34 @@ def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Can
         pair = refit(both, base, [first_row, row], base_select)
         if pair is None:
             continue
-        added = pair.select_gain - winner.select_gain
-        difference = pair.select_difference - winner.select_difference
-        spread = float(np.sqrt(len(difference)) * np.std(difference))
-        worth = added > max(_LEAST_GAIN, 2.33 * spread, _SECOND_SHARE * winner.select_gain)
-        better = pair.plausible and worth and (best is None or pair.select_gain > best.select_gain)
+        better = pair.plausible and _adds(winner, pair) and (best is None or pair.select_gain > best.select_gain)
         if better and survives_control(prepared, pair):
             best = pair
     return best, bank
+
+
+def _adds(winner: Candidate, pair: Candidate) -> bool:
+    """Tell whether a pair explains more than its first effect: on the selection data, or where these are silent.
+
+    A part in which the second effect never acts (a tank that does not run over) can neither show nor refute it; then
+    the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
+    """
+    added = pair.select_gain - winner.select_gain
+    difference = pair.select_difference - winner.select_difference
+    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
+    if added > max(_LEAST_GAIN, spread, _SECOND_SHARE * winner.select_gain):
+        return True
+    gained = pair.fit.log_likelihood - winner.fit.log_likelihood
+    return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SECOND_SHARE * winner.fit_gain)
+
+
+def _is_another(a: Attachment, b: Attachment) -> bool:
+    """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
+
+    A lag and a delay of one input are one drive of higher order.
+    """
+    same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
+    return same_elsewhere or entry(a.entry).family != entry(b.entry).family
 
 
 def _as_row(winner: Candidate) -> Row:

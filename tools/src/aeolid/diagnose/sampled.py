@@ -28,7 +28,9 @@ def sample_fmu(unit: Fmu, record: Record) -> Record:
     u = record.columns(names)
     if not np.all(np.isfinite(u)):
         row, column = np.argwhere(~np.isfinite(u))[0]
-        raise NotIdentifiable(f"{record.source}: input {names[column]} is missing at sample {row}; the unit needs it")
+        raise NotIdentifiable(
+            f"{record.source}: input {names[column]} is missing at sample {row + 1}; the unit needs it"
+        )
     rng = np.random.default_rng(_SEED)
     size = np.maximum(np.std(u, axis=0), 1e-3 * np.maximum(np.abs(u).max(axis=0, initial=0.0), 1e-6))
     probe = np.repeat(rng.choice([-1.0, 1.0], size=(len(u) // _HOLD + 1, len(names))), _HOLD, axis=0)[: len(u)]

@@ -161,7 +161,7 @@ def _microseconds(time_s: ArrayLike | None, samples: int, sample_time_s: float) 
         raise UsageError(f"time_s must hold {samples} finite seconds; it has shape {time.shape}")
     # Times before the first sample cannot be unsigned; the filter would reject them, and so does this.
     if samples and time.min() < time[0]:
-        raise DataError(f"time goes backwards at sample {int(np.argmin(time))}; sort the recording by time")
+        raise DataError(f"time goes backwards at sample {int(np.argmin(time)) + 1}; sort the recording by time")
     return np.round((time - (time[0] if samples else 0.0)) * 1e6).astype(np.uint64)
 
 

@@ -124,7 +124,7 @@ class Equations:
         u = self.inputs_of(record)
         if not np.all(np.isfinite(u)):
             row, column = np.argwhere(~np.isfinite(u))[0]
-            raise DataError(f"{record.source}: input {self.inputs[column].name} is missing at sample {row}")
+            raise DataError(f"{record.source}: input {self.inputs[column].name} is missing at sample {row + 1}")
         return simulate(compile_equations(self), u, self.theta, self.x0, record.sample_time_s)
 
     def inputs_of(self, record: Record) -> Array:

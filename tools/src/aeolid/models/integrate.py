@@ -105,7 +105,7 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     y: Array = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)[1]
     if not np.all(np.isfinite(y)):
         first = int(np.argwhere(~np.isfinite(y))[0][0])
-        raise DataError(f"model {compiled.model.name!r}: the free run leaves the finite numbers at sample {first}")
+        raise DataError(f"model {compiled.model.name!r}: the free run leaves the finite numbers at sample {first + 1}")
     return y
 
 

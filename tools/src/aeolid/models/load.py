@@ -165,7 +165,7 @@ def require_complete(record: Record, signals: Sequence[Named]) -> Array:
     if len(bad):
         sample, column = bad[0]
         raise DataError(
-            f"{record.source}: input {signals[column].name!r} is missing at sample {sample}; "
+            f"{record.source}: input {signals[column].name!r} is missing at sample {sample + 1}; "
             "a free run needs every input sample, cut the recording or fill it"
         )
     return values

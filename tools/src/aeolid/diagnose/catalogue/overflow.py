@@ -25,7 +25,7 @@ def _on(site: Site, store: Store, number: int) -> Attachment:
     slots = [
         Slot(blend, None, "1", 0.0, 0.0, 1.0, 1e-2),
         Slot(brim, "brim_level", unit, top, 0.1 * top, 5 * top, 0.1 * top, local=False),
-        Slot(slow, "spill_time_s", "s", 2 * fast, fast, 200 * fast, fast, local=False),
+        Slot(slow, "spill_time_s", "s", fast, fast, 200 * fast, fast, local=False),  # at once is no end of a range
     ]
     if store.into is not None:
         slots.append(Slot(into, "share_into_next", "1", 0.0, 0.0, 3.0, 0.1, local=False))

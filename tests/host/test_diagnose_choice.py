@@ -1,0 +1,79 @@
+"""How candidates are weighed: against another baseline, as a second effect, and what no value may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from study_modules import load_study
+
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.catalogue import sensor_scale
+from aeolid.diagnose.pipeline import _adds, _is_another, against, fit_rows, select_density
+from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.scores import score_bank
+
+
+def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path) -> None:
+    """The gain over a baseline that is 10 % off in one parameter: as if that had been the baseline from the start."""
+    study = load_study("diagnosis")
+    hidden = study.Hidden("lag", "equations", {"lag": 0.06})
+    prepared = prepare(load_case(study.write_case(tmp_path / "case", hidden, 1200, 5)))
+    bank = score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
+    found = fit_rows(prepared, bank.rows)[0]
+    theta = prepared.fit.point.theta.copy()
+    theta[prepared.free.theta[0]] *= 0.9
+    other = replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
+    moved = against(found, other, select_density(prepared) - select_density(other))
+    assert moved.fit_gain == pytest.approx(found.fit.log_likelihood - other.fit.log_likelihood)
+    assert moved.fit_gain > found.fit_gain + 1  # the other baseline is worse
+    own = found.predictor.score_elsewhere(found.fit, prepared.split.select)[0]
+    np.testing.assert_allclose(moved.select_difference, own - select_density(other), atol=1e-9)
+    assert moved.select_gain == pytest.approx(moved.select_difference.sum())
+
+
+def candidate(select: np.ndarray[Any, Any], likelihood: float, gain: float) -> Any:
+    return SimpleNamespace(
+        select_gain=float(select.sum()), select_difference=select, fit_gain=gain,
+        fit=SimpleNamespace(log_likelihood=likelihood),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("mean", "fit_gain", "adds"),
+    [(0.5, 10.0, True), (0.0, 200.0, True), (0.0, 40.0, False), (-0.5, 200.0, False), (0.002, 10.0, False)],
+    ids=["selection shows it", "silent, beyond doubt", "silent, too little", "selection refutes it", "too little"],
+)
+def test_a_second_effect_must_show_or_be_beyond_doubt(mean: float, fit_gain: float, adds: bool) -> None:
+    rng = np.random.default_rng(1)
+    first = candidate(0.05 * rng.standard_normal(500), 0.0, 100.0)
+    noise = rng.standard_normal(500)
+    pair = candidate(first.select_difference + mean + 0.05 * (noise - noise.mean()), fit_gain, 100.0 + fit_gain)
+    assert _adds(first, pair) is adds
+
+
+def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
+    def at(entry: str, place: str) -> Any:
+        return SimpleNamespace(entry=entry, location={"entry": place})
+
+    assert _is_another(at("overflow", "state:h2"), at("overflow", "state:h1"))
+    assert _is_another(at("coulomb_friction", "state:v"), at("actuator_lag", "input:u"))
+    assert not _is_another(at("transport_delay", "input:u"), at("actuator_lag", "input:u"))
+    assert not _is_another(at("actuator_lag", "input:u"), at("actuator_lag", "input:u"))
+
+
+@pytest.mark.parametrize(
+    ("factor", "credible"),
+    [
+        (1.2, True), (0.5, True), (-1.1, True), (57.3, True), (1 / 9.81, True), (1000.0, True), (80.0, False),
+        (18.0, False), (1 / 40, False), (180 / math.pi * 1.05, True),
+    ],
+)  # fmt: skip
+def test_a_gauge_is_off_by_a_tolerance_or_a_ratio_of_units(factor: float, credible: bool) -> None:
+    reason = sensor_scale._credible({"factor": factor})
+    assert (reason == "") is credible and (credible or f"{abs(factor):.3g}" in reason)
