@@ -241,3 +241,12 @@ def test_what_free_parameters_absorb_is_always_among_the_finalists(world: tuple[
     entries = {r.attachment.entry for r in finalists(found)}
     assert {"transport_delay", "actuator_lag", "actuator_second_order", "data_time_offset"} <= entries
     assert not [r for r in finalists(replace(bank, threshold=np.inf)) if r.attachment.stepped]
+
+
+def test_a_score_does_not_hang_on_its_company(world: tuple[Case, Prepared, Bank]) -> None:
+    """Each hypothesis alone in the model: the same z as among ten others, to rounding of the finite differences."""
+    _, prepared, bank = world
+    for row in bank.rows[:12]:
+        if row.basis is not None:
+            alone = score_bank(prepared, [row.attachment], 1).rows[0]
+            assert alone.z == pytest.approx(row.z, abs=2e-3), row.attachment.key

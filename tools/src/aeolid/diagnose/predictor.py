@@ -16,7 +16,7 @@ from aeolid.diagnose.gains import forgets, kalman_gain
 from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.sensitivity import sensitivity
-from aeolid.diagnose.steps import expected_gain, limited_step, limits_of, next_damping
+from aeolid.diagnose.steps import LEAST_VARIANCE, expected_gain, limited_step, limits_of, next_damping
 from aeolid.models.integrate import Compiled, apply_filters, substeps
 from aeolid.models.machine_code import LANES
 
@@ -281,8 +281,7 @@ class Predictor:
         for i, d in zip(free.theta, step[:c], strict=True):
             theta[i] = np.clip(theta[i] + d, self.scales.low[i], self.scales.high[i])
         for i, d in zip(free.noise, step[c:a], strict=True):
-            square = amplitude[i] ** 2
-            amplitude[i] = np.sqrt(np.clip(square + d, max(0.1 * square, 1e-16), 10 * square + 1e-6))
+            amplitude[i] = np.sqrt(max(amplitude[i] ** 2 + d, LEAST_VARIANCE))
         if K is not None:
             for (i, j), d in zip(free.gain, step[a:b], strict=True):
                 K[i, j] += d

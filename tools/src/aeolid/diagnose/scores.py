@@ -167,7 +167,9 @@ def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Arra
     predictor, fit = stage.predictor, stage.fit
     asked = [_directions(predictor, fit, a) for a in attachments]
     variants = [v for of_one in asked for d in of_one for v in d.variants]
-    moved = columns(predictor, fit.point, fit.noise, fit.residual, variants)
+    # states at rest may still turn the last digits of the Kalman gain: compare with this model's own null
+    base = predictor.whitened(predictor.innovations(fit.point), fit.noise)
+    moved = columns(predictor, fit.point, fit.noise, base, variants)
     known = np.zeros((len(fit.prior_residual), len(variants)))  # what was known before says nothing of an effect
     directions, result = np.vstack([moved, known]), []
     first = 0

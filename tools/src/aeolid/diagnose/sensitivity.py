@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
 _DIVERGED = 1e100
+_LEAST = 1e-8  # step of a noise variance, in squares of its typical size
 _STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
@@ -127,7 +128,7 @@ def theta_variant(point: Point, steps: Mapping[int, float]) -> Variant:
 def noise_variant(point: Point, index: int) -> Variant:
     """Move a noise amplitude; columns are a unit of its square (variance)."""
     amplitude = point.noise.copy()
-    h = max(1e-3 * float(amplitude[index]) ** 2, 1e-6)
+    h = max(1e-3 * float(amplitude[index]) ** 2, _LEAST)
     amplitude[index] = np.sqrt(amplitude[index] ** 2 + h)
     return Variant(replace(point, noise=amplitude), h)
 

@@ -19,13 +19,14 @@ _ROUNDS = 12  # times the limits are looked through
 _NEAR = 0.97  # eigenvalues from this modulus on are kept off the unit circle
 _SHARE = 0.5  # of its distance from the unit circle an eigenvalue may cover in one step
 _LEAST = 1e-5  # damping
+LEAST_VARIANCE = 1e-16  # of process and sensor noise, in squares of their typical size
 _STEEP = 1e100  # a slope beyond is none
 _STEP = 1e-4  # of a typical size, for the eigenvalues' slopes
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Hold what a step (k,) must respect: ranges of its first c entries; walls: slopes (w, k) · step ≤ slack (w,)."""
+    """Hold what a step (k,) must respect: ranges of its first entries; walls: slopes (w, k) · step ≤ slack (w,)."""
 
     value: Array
     low: Array
@@ -35,9 +36,16 @@ class Limits:
 
 
 def limits_of(predictor: Predictor, point: Point, free: Free, width: int) -> Limits:
-    """Return the ranges of the free θ and, where gains are free, the walls, as limits of a step of `width` entries."""
+    """Return the ranges of the free θ and noise variances and, where gains are free, the walls, for `width` entries.
+
+    A variance may fall to a tenth and grow tenfold in a step: its effect on the gain is far from straight beyond.
+    """
     theta, scales = list(free.theta), predictor.scales
-    limits = Limits(point.theta[theta], scales.low[theta], scales.high[theta], np.zeros((0, width)), np.zeros(0))
+    variance = point.noise[list(free.noise)] ** 2
+    value = np.concatenate([point.theta[theta], variance])
+    low = np.concatenate([scales.low[theta], np.maximum(0.1 * variance, LEAST_VARIANCE)])
+    high = np.concatenate([scales.high[theta], 10 * variance + 1e-6])
+    limits = Limits(value, low, high, np.zeros((0, width)), np.zeros(0))
     return limits if point.K is None or not free.gain else _with_walls(limits, predictor, point, free)
 
 
@@ -96,28 +104,33 @@ def next_damping(damping: float, share: float) -> float:
 def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -> Array:
     """Solve the damped normal equations (Levenberg–Marquardt) within the limits, by a small active set.
 
-    A θ at the end of its range does not push beyond: cut off afterwards, its share would spoil the step of the others.
+    What would leave its range ends there, and the others follow: cut off afterwards, its share would spoil theirs.
     """
-    count, moving = len(limits.value), np.ones(len(downhill), dtype=bool)
-    held = np.zeros(len(limits.slack), dtype=bool)
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    count, size = len(limits.value), np.sqrt(np.maximum(np.diag(gram), 1e-300))
     scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
     walls, push = limits.slopes / size, downhill / size
+    low, high = ((end - limits.value) * size[:count] for end in (limits.low, limits.high))
+    side, held = np.zeros(len(downhill), dtype=int), np.zeros(len(limits.slack), dtype=bool)
     step = np.zeros(len(downhill))
     for _ in range(_ROUNDS):
+        moving = side == 0
         step[:] = 0.0
-        active, slack = walls[held], limits.slack[held]
-        step[moving], force = _solve(scaled[np.ix_(moving, moving)], push[moving], active[:, moving], slack)
-        beyond = limits.value + (step / size)[:count]
-        below = (beyond < limits.low) & (limits.value <= limits.low)
-        stuck = (below | ((beyond > limits.high) & (limits.value >= limits.high))) & moving[:count]
+        step[:count] = np.where(side[:count] < 0, low, np.where(side[:count] > 0, high, 0.0))
+        active = walls[held]
+        room = limits.slack[held] - active @ step
+        step[moving], force = _solve(
+            scaled[np.ix_(moving, moving)], (push - scaled @ step)[moving], active[:, moving], room
+        )
+        own, free = step[:count], moving[:count]
+        below, above = free & (own < low), free & (own > high)
         through = (walls @ step > limits.slack) & ~held
-        inward = (push - scaled @ step - active.T @ force)[:count] * np.where(limits.value <= limits.low, 1.0, -1.0)
-        freed = ~moving[:count] & (inward > 0)
-        if not np.any(stuck) and not np.any(through) and not np.any(freed):
+        pull = (push - scaled @ step - active.T @ force)[:count]
+        freed = ((side[:count] < 0) & (pull > 0)) | ((side[:count] > 0) & (pull < 0))
+        if not np.any(below | above | freed) and not np.any(through):
             break
-        moving[:count] = (moving[:count] & ~stuck) | freed
+        side[:count] = np.where(freed, 0, np.where(below, -1, np.where(above, 1, side[:count])))
         held |= through
+    step[:count] = np.clip(step[:count], low, high)
     result: Array = step / size
     return result
 
