@@ -16,6 +16,7 @@ from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
 from aeolid.diagnose.pipeline import _adds, _is_another, against, fit_rows, select_density
 from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.refit import renewed
 from aeolid.diagnose.scores import score_bank
 
 
@@ -35,6 +36,24 @@ def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path)
     own = found.predictor.score_elsewhere(found.fit, prepared.split.select)[0]
     np.testing.assert_allclose(moved.select_difference, own - select_density(other), atol=1e-9)
     assert moved.select_gain == pytest.approx(moved.select_difference.sum())
+
+
+def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: Path) -> None:
+    """A lag left at half its value and the baseline's own parameters far off: fitted again it is as good as before."""
+    study = load_study("diagnosis")
+    hidden = study.Hidden("lag", "equations", {"lag": 0.06})
+    prepared = prepare(load_case(study.write_case(tmp_path / "case", hidden, 1200, 5)))
+    bank = score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
+    found = fit_rows(prepared, bank.rows)[0]
+    model = found.predictor.compiled.model
+    theta = found.fit.point.theta.copy()
+    theta[model.index("k")] *= 0.7
+    theta[model.index("lag_tau_1")] *= 0.5
+    short = replace(found, fit=found.predictor.at(replace(found.fit.point, theta=theta), found.fit.free))
+    assert short.fit.log_likelihood < found.fit.log_likelihood - 50
+    again = renewed(prepared, short, select_density(prepared))
+    assert again.fit.log_likelihood == pytest.approx(found.fit.log_likelihood, abs=0.5)
+    assert renewed(prepared, found, select_density(prepared)).fit.log_likelihood >= found.fit.log_likelihood
 
 
 def candidate(select: np.ndarray[Any, Any], likelihood: float, gain: float) -> Any:

@@ -20,7 +20,7 @@ from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
-from aeolid.diagnose.refit import Candidate, finalists, refit
+from aeolid.diagnose.refit import Candidate, finalists, refit, renewed
 from aeolid.diagnose.scores import Bank, Row, score_bank
 
 Array = NDArray[np.float64]
@@ -120,8 +120,8 @@ def _prove(
 def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:
     """Fit the finalists; where one leads the baseline without its effect to a better fit, go on from there.
 
-    What is fitted stays fitted: it is measured against the better baseline, and only what the bank then brings up anew
-    is fitted too.
+    What is fitted is fitted once more from the better baseline and keeps the better of both; what the bank then brings
+    up anew is fitted too.
     """
     fitted: dict[str, Candidate] = {}
     for _ in range(_AGAIN + 1):
@@ -130,9 +130,9 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
         better = better_baseline(prepared, list(fitted.values()))
         if better is None:
             break
-        change = select_density(prepared) - select_density(better)
+        change, density = select_density(prepared) - select_density(better), select_density(better)
         prepared = better
-        fitted = {k: against(c, prepared, change) for k, c in fitted.items()}
+        fitted = {k: renewed(prepared, against(c, prepared, change), density) for k, c in fitted.items()}
         bank = score_bank(prepared, prepared.hypotheses, seed)
     return prepared, bank, sorted(fitted.values(), key=lambda c: -c.score)
 

@@ -29,6 +29,7 @@ _TURNING = {
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _QUIET = 0.1
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
+_AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -120,6 +121,25 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
         predictor = predictor.with_order(order)
         fit = predictor.fit(fit.point, free)
     return None if fit is None else judge(prepared, predictor, base, fit, attachments, baseline_select)
+
+
+def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) -> Candidate:
+    """Fit a candidate once more, its effect put into another fit of the baseline; returns the better of both."""
+    stage, old = prepared.only(candidate.attachments), candidate.predictor.compiled.model
+    start, model = stage.fit.point, stage.extended
+    theta, noise = start.theta.copy(), start.noise.copy()
+    for a in candidate.attachments:
+        for s in a.slots:
+            theta[model.index(s.name)] = candidate.fit.point.theta[old.index(s.name)]
+    own, before = [s.name for s in model.states], [s.name for s in old.states]
+    for state in (g for a in candidate.attachments for g in a.gain_states):
+        noise[own.index(state)] = candidate.fit.point.noise[before.index(state)]
+    predictor = stage.predictor.with_order(candidate.predictor.var_order or 0)
+    free = free_with(stage.fit.free, candidate.attachments, stage)
+    fit = predictor.fit(replace(start, theta=theta, noise=noise), free, iterations=_AGAIN)
+    if fit is None or fit.log_likelihood <= candidate.fit.log_likelihood:
+        return candidate
+    return judge(stage, predictor, stage.fit, fit, candidate.attachments, baseline_select)
 
 
 def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
