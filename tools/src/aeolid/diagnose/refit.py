@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_lyapunov
 from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
-from aeolid.diagnose.explore import TRIED, explore, fit_best
+from aeolid.diagnose.explore import TRIED, core, explore, fit_best
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
@@ -28,6 +28,7 @@ _TURNING = {
 }  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _QUIET = 0.1
+_HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
@@ -112,6 +113,8 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
         if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
             effects = [model.index(s.name) for a in attachments for s in a.slots]
             starts += explore(predictor, starts[0], free, effects)
+        if base.point.K is None and np.any(group[0].noise < base.point.noise):
+            starts = _with_noise_held(predictor, starts, free)
         fits.append(fit_best(predictor, starts, free, TRIED if prepared.surrogate is None else _TRIED_ON_RUN))
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None:
@@ -121,6 +124,14 @@ def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: A
         predictor = predictor.with_order(order)
         fit = predictor.fit(fit.point, free)
     return None if fit is None else judge(prepared, predictor, base, fit, attachments, baseline_select)
+
+
+def _with_noise_held(predictor: Predictor, starts: Sequence[Point], free: Free) -> list[Point]:
+    """Fit what physics there is before the noise may move: else it grows back to what it was at once."""
+    physics = replace(core(predictor, free), noise=())
+    likely = sorted(starts, key=predictor.objective)[:TRIED]
+    fits = [predictor.fit(s, physics, iterations=_HELD) for s in likely]
+    return [f.point for f in fits if f is not None] or list(starts)
 
 
 def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) -> Candidate:
@@ -156,8 +167,7 @@ def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...])
         loud = [i for i in noisy_states(prepared.declared) if base.point.noise[i] > _LOUD]
         noise = base.point.noise.copy()
         noise[loud] = _QUIET
-        quiet = [replace(declared, noise=noise)] if loud else []
-        return [[base.point, declared], *([quiet] if quiet else [])]
+        return [[base.point, declared], *([[replace(declared, noise=noise)]] if loud else [])]
     run = prepared.frame.as_run(prepared.extended, base.point.x0)
     if run is not None:
         found = [prepared.extended.index(s.name) for a in attachments for s in a.slots]
