@@ -15,17 +15,22 @@ from study_modules import load_study
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
 from aeolid.diagnose.pipeline import _adds, _is_another, against, fit_rows, select_density
-from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.refit import renewed
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.scores import Bank, score_bank
+
+
+def lagging(folder: Path) -> tuple[Prepared, Bank]:
+    """Prepare a rig whose drive lags, and score that one effect."""
+    study = load_study("diagnosis")
+    hidden = study.Hidden("lag", "equations", {"lag": 0.06})
+    prepared = prepare(load_case(study.write_case(folder / "case", hidden, 1200, 5)))
+    return prepared, score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
 
 
 def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path) -> None:
     """The gain over a baseline that is 10 % off in one parameter: as if that had been the baseline from the start."""
-    study = load_study("diagnosis")
-    hidden = study.Hidden("lag", "equations", {"lag": 0.06})
-    prepared = prepare(load_case(study.write_case(tmp_path / "case", hidden, 1200, 5)))
-    bank = score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
+    prepared, bank = lagging(tmp_path)
     found = fit_rows(prepared, bank.rows)[0]
     theta = prepared.fit.point.theta.copy()
     theta[prepared.free.theta[0]] *= 0.9
@@ -40,10 +45,7 @@ def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path)
 
 def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: Path) -> None:
     """A lag left at half its value and the baseline's own parameters far off: fitted again it is as good as before."""
-    study = load_study("diagnosis")
-    hidden = study.Hidden("lag", "equations", {"lag": 0.06})
-    prepared = prepare(load_case(study.write_case(tmp_path / "case", hidden, 1200, 5)))
-    bank = score_bank(prepared, [a for a in prepared.hypotheses if a.entry == "actuator_lag"], 1)
+    prepared, bank = lagging(tmp_path)
     found = fit_rows(prepared, bank.rows)[0]
     model = found.predictor.compiled.model
     theta = found.fit.point.theta.copy()

@@ -130,8 +130,8 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
         better = better_baseline(prepared, list(fitted.values()))
         if better is None:
             break
-        change, density = select_density(prepared) - select_density(better), select_density(better)
-        prepared = better
+        density = select_density(better)
+        change, prepared = select_density(prepared) - density, better
         fitted = {k: renewed(prepared, against(c, prepared, change), density) for k, c in fitted.items()}
         bank = score_bank(prepared, prepared.hypotheses, seed)
     return prepared, bank, sorted(fitted.values(), key=lambda c: -c.score)
