@@ -11,7 +11,9 @@
 
 #include "aeolid/config.h"
 #include "aeolid/els.h"
+#include "aeolid/fast_rls.h"
 #include "aeolid/frame.h"
+#include "aeolid/lattice.h"
 #include "aeolid/markov.h"
 #include "aeolid/port.h"
 #include "aeolid/regressor.h"

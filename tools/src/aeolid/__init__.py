@@ -1,3 +1,5 @@
 """Identify and diagnose wind-turbine models from controller recordings."""
 
-__version__ = "0.1.0"
+from importlib.metadata import version
+
+__version__ = version("aeolid")  # of the C library's header, include/aeolid/aeolid.h, when the package was built

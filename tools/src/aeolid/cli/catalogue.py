@@ -10,6 +10,11 @@ import typer
 
 from aeolid.cli.common import JsonOption, console, emit_json
 
+EXAMPLES = (
+    "aeolid catalogue",
+    "aeolid catalogue --json catalogue.json",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the sub-command."""

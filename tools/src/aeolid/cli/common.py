@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,6 +23,16 @@ RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names
 JsonOption = Annotated[
     str | None, typer.Option("--json", help="Write the same facts as JSON to this file, or - for standard output.")
 ]
+
+
+def one_of(*values: str) -> Callable[[str], list[str]]:
+    """Return what completes an option that takes one of these values."""
+
+    def complete(incomplete: str) -> list[str]:
+        return [value for value in values if value.startswith(incomplete)]
+
+    return complete
+
 
 DEFAULT_BASE = "0x1CFF4000"  # aeolid.can.wire.BASE
 BaseOption = Annotated[

@@ -8,12 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json
+from aeolid.cli.common import JsonOption, console, emit_json, one_of
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
     from aeolid.models.state_space import StateSpace
 
+EXAMPLES = (
+    "aeolid convert model.json model.mat",
+    "aeolid convert model.json observer.h --precision f32 --name tower",
+    "aeolid convert linearised.lin model.json --sample-time 0.1",
+)
 WRITABLE = (".json", ".mat", ".h")
 
 
@@ -42,7 +47,10 @@ def convert(
         list[str] | None, typer.Option("--output", help="Keep this output, NEW=NAME renames it; repeat for several.")
     ] = None,
     precision: Annotated[
-        str | None, typer.Option("--precision", help="Numbers of the C observer: f32 (default) or f64.")
+        str | None,
+        typer.Option(
+            "--precision", help="Numbers of the C observer: f32 (default) or f64.", autocompletion=one_of("f32", "f64")
+        ),
     ] = None,
     name: Annotated[str | None, typer.Option("--name", help="Prefix in C; default: the name of the file.")] = None,
     json_target: JsonOption = None,

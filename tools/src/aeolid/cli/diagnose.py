@@ -9,6 +9,11 @@ import typer
 
 from aeolid.cli.common import JsonOption, console, emit_json, progress_console
 
+EXAMPLES = (
+    "aeolid diagnose my_case --out my_case/diagnosis",
+    "aeolid diagnose my_case --out checked --sham 5 --fail-on-mismatch --json -",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the sub-command."""
@@ -16,7 +21,10 @@ def register(app: typer.Typer) -> None:
 
 
 def run(
-    case: Annotated[Path, typer.Argument(help="Directory with case.toml, the recordings and the baseline model.")],
+    case: Annotated[
+        Path,
+        typer.Argument(metavar="CASE_DIR", help="Directory with case.toml, the recordings and the baseline model."),
+    ],
     out: Annotated[
         Path, typer.Option("--out", help="Directory for the diagnosis, the report and the corrected model.")
     ],
@@ -29,16 +37,23 @@ def run(
 ) -> None:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
 
-    Example: aeolid diagnose my_case --out my_case/diagnosis
+    Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
+    verdict.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
     from aeolid.errors import Contradiction
     from aeolid.report.diagnosis import render_diagnosis
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=progress_console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
 
@@ -50,8 +65,9 @@ def run(
         except Contradiction as error:  # the files themselves disagree about the recording
             diagnosis, evidence = ended("data_fault", case.name, str(error), out)
     render_diagnosis(diagnosis, evidence, out / "report.html")
-    _print_verdict(diagnosis)
-    console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
+    if json_target != "-":
+        _print_verdict(diagnosis)
+        console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)

@@ -7,8 +7,13 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json
+from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of
 from aeolid.errors import UsageError
+
+EXAMPLES = (
+    "aeolid filter monday.csv --roles roles.toml --method rls --past 20 --out m.npz",
+    "aeolid filter monday.csv --roles roles.toml --method lattice --past 50 --precision f64 --out m.npz",
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -19,14 +24,18 @@ def register(app: typer.Typer) -> None:
 def run(
     recording: Annotated[Path, typer.Argument(metavar="REC", help="Recording to replay.")],
     roles: RolesOption,
-    method: Annotated[str, typer.Option("--method", help=f"Filter: {', '.join(FILTERS)}.")],
+    method: Annotated[
+        str, typer.Option("--method", help=f"Filter: {', '.join(FILTERS)}.", autocompletion=one_of(*FILTERS))
+    ],
     past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
     out: Annotated[Path, typer.Option("--out", help="Where the Markov parameters go (.npz).")],
     forget: Annotated[
         float | None, typer.Option("--forget", help="Forgetting factor, 0.5 to 1; default 1, fast-rls 0.999.")
     ] = None,
     regularize: Annotated[float, typer.Option("--regularize", help="Weight of the start at zero, 1e-8 to 1e8.")] = 0.1,
-    precision: Annotated[str, typer.Option("--precision", help="f32 as in a controller, or f64.")] = "f32",
+    precision: Annotated[
+        str, typer.Option("--precision", help="f32 as in a controller, or f64.", autocompletion=one_of("f32", "f64"))
+    ] = "f32",
     varmax: Annotated[
         bool, typer.Option("--varmax", help="Feed the residual back: a VARMAX predictor, as els has it anyway.")
     ] = False,

@@ -16,6 +16,11 @@ from aeolid.errors import UsageError
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
 
+EXAMPLES = (
+    "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
+    'aeolid fleet "park/*/2026-*.csv" --roles roles.toml --past 30 --window 1w --models --out trends',
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the sub-command."""

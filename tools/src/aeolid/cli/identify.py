@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -17,6 +17,11 @@ if TYPE_CHECKING:
     from aeolid.identify.result import Identification
     from aeolid.record import Record
 
+EXAMPLES = (
+    "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
+    "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
+    "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
+)
 METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
 SCHEDULED = METHODS[2:4]
 
@@ -39,14 +44,19 @@ def identify(
             "--method",
             help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling; "
             "ort: closed loop without a test signal, a measured disturbance; fir: open loop, coloured noise.",
+            autocompletion=one_of(*METHODS),
         ),
     ] = "varx",
     future: Annotated[int | None, typer.Option("--future", help="Future window f; default p.")] = None,
-    order: Annotated[str, typer.Option("--order", help="Number of states, or auto.")] = "auto",
+    order: Annotated[
+        str, typer.Option("--order", help="Number of states, or auto.", autocompletion=one_of("auto"))
+    ] = "auto",
     order_criterion: Annotated[
         str | None,
         typer.Option(
-            "--order-criterion", help="varx, varmax: held-out (default), aic, bic or gap decides on the order."
+            "--order-criterion",
+            help="varx, varmax: held-out (default), aic, bic or gap decides on the order.",
+            autocompletion=one_of("held-out", "aic", "bic", "gap"),
         ),
     ] = None,
     markov: Annotated[Path | None, typer.Option("--markov", help="Streamed Markov parameters (markov.npz).")] = None,
@@ -57,7 +67,10 @@ def identify(
             help="Input that acts within the sample; repeatable. ort: disturbance that does, default all, or none.",
         ),
     ] = None,
-    regularize: Annotated[str, typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.")] = "gcv",
+    regularize: Annotated[
+        str,
+        typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.", autocompletion=one_of("gcv", "none")),
+    ] = "gcv",
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     passes: Annotated[
         int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
@@ -75,7 +88,12 @@ def identify(
         int | None, typer.Option("--kernel-rows", help="lpv-kernel: rows of the kernel to use; default all.")
     ] = None,
     kernel_selection: Annotated[
-        str | None, typer.Option("--kernel-selection", help="lpv-kernel: greedy (default), or the first rows.")
+        str | None,
+        typer.Option(
+            "--kernel-selection",
+            help="lpv-kernel: greedy (default), or the first rows.",
+            autocompletion=one_of("greedy", "first"),
+        ),
     ] = None,
     offsets: Annotated[
         bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
@@ -93,12 +111,21 @@ def identify(
         int | None, typer.Option("--joint-order", help="ort: states of plant and controller together; default auto.")
     ] = None,
     response: Annotated[
-        str | None, typer.Option("--response", help="ort: of the disturbance, fit (default) or theorem (paper 002).")
+        str | None,
+        typer.Option(
+            "--response",
+            help="ort: of the disturbance, fit (default) or theorem (paper 002).",
+            autocompletion=one_of("fit", "theorem"),
+        ),
     ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
     uncertainty: Annotated[
         str | None,
-        typer.Option("--uncertainty", help="varx, varmax: asymptotic (default), bootstrap, or none of the deviations."),
+        typer.Option(
+            "--uncertainty",
+            help="varx, varmax: asymptotic (default), bootstrap, or none of the deviations.",
+            autocompletion=one_of("asymptotic", "bootstrap", "none"),
+        ),
     ] = None,
     bootstrap_runs: Annotated[
         int | None, typer.Option("--bootstrap-runs", help="Runs of the bootstrap, 20 to 10000; default 200.")

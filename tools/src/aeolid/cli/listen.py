@@ -23,6 +23,12 @@ from aeolid.cli.receiving import (
     receive,
 )
 
+EXAMPLES = (
+    "aeolid listen --bus socketcan:can0 --record received.csv",
+    "aeolid listen --bus slcan:socket://127.0.0.1:29536 --record received.csv --markov markov.npz --until-end",
+    "aeolid listen --bus bus.blf --record received.parquet",
+)
+
 
 def register(app: typer.Typer) -> None:
     """Add the sub-command to the application."""

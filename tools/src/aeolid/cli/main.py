@@ -3,35 +3,59 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import pkgutil
 import sys
+from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 import aeolid.cli
 from aeolid.errors import AeolidError
 
-PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view", "receiving"}
+PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view", "receiving", "reference"}
+HELP = """Identify and diagnose wind-turbine models from controller recordings.
+
+No recording at hand? aeolid example writes some. Each command says more: aeolid identify --help."""
+ENDING = (
+    "Exit codes: 0 done; 1 done, and the answer is the bad news asked for; 2 wrong usage; 3 unreadable or inconsistent "
+    "data; 4 the data do not carry the answer. --json FILE writes the facts of a command for machines."
+)
 
 
 def build_app() -> typer.Typer:
     """Collect the sub-commands: every module of aeolid.cli but the plumbing offers `register(app)`."""
-    app = typer.Typer(
-        name="aeolid",
-        help="Identify and diagnose wind-turbine models from controller recordings.",
-        no_args_is_help=True,
-        pretty_exceptions_enable=False,
-    )
+    app = typer.Typer(name="aeolid", help=HELP, epilog=ENDING, no_args_is_help=True, pretty_exceptions_enable=False)
 
     @app.callback()
-    def root() -> None:
-        """Identify and diagnose wind-turbine models from controller recordings."""
+    def root(
+        version: Annotated[
+            bool, typer.Option("--version", help="Say the version and exit.", callback=_say_version, is_eager=True)
+        ] = False,
+    ) -> None:
+        """Take what goes before the command."""
 
     for info in sorted(pkgutil.iter_modules(aeolid.cli.__path__), key=lambda m: m.name):
         if info.name not in PLUMBING:
-            importlib.import_module(f"aeolid.cli.{info.name}").register(app)
+            module = importlib.import_module(f"aeolid.cli.{info.name}")
+            module.register(app)
+            command = app.registered_commands[-1]
+            command.help = _paragraphs(inspect.getdoc(command.callback) or "")
+            command.epilog = escape("\n".join(["Examples:", *getattr(module, "EXAMPLES", ())]))
     return app
+
+
+def _paragraphs(text: str) -> str:
+    """Return the text with each paragraph on one line, so that it is wrapped to the terminal and nowhere else."""
+    return "\n\n".join(" ".join(part.split()) for part in text.split("\n\n"))
+
+
+def _say_version(wanted: bool) -> None:
+    if wanted:
+        print(f"aeolid {aeolid.__version__}")
+        raise typer.Exit
 
 
 def main(arguments: list[str] | None = None) -> int:

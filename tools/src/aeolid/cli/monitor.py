@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from aeolid.monitor.server import PageServer
     from aeolid.monitor.terminal import Terminal
 
+EXAMPLES = (
+    "aeolid monitor --bus socketcan:can0 --record received.csv",
+    "aeolid monitor --bus slcan:socket://127.0.0.1:29536 --terminal --for 60",
+)
 PORT = 8536
 
 

@@ -8,11 +8,26 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, check_address, console, emit_json, progress_console
+from aeolid.cli.common import (
+    DEFAULT_BASE,
+    FILTERS,
+    BaseOption,
+    JsonOption,
+    check_address,
+    console,
+    emit_json,
+    one_of,
+    progress_console,
+)
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
     from aeolid.can.software_node import Feed, SoftwareNode
+
+EXAMPLES = (
+    "aeolid node --turbine --past 30 --bus tcp:29536 --wait",
+    "aeolid node --recording monday.csv --roles roles.toml --speed 10",
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -26,7 +41,9 @@ def run(
     turbine: Annotated[bool, typer.Option("--turbine", help="Simulate the built-in turbine in closed loop.")] = False,
     samples: Annotated[int | None, typer.Option("--samples", help="At most so many samples.", min=1)] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the turbine's wind and excitation.")] = 0,
-    method: Annotated[str, typer.Option("--method", help="Filter: rls, els, fast-rls or lattice.")] = "rls",
+    method: Annotated[
+        str, typer.Option("--method", help="Filter: rls, els, fast-rls or lattice.", autocompletion=one_of(*FILTERS))
+    ] = "rls",
     varmax: Annotated[
         bool, typer.Option("--varmax", help="Feed the residual back: a VARMAX predictor, as els has it anyway.")
     ] = False,
@@ -151,13 +168,27 @@ def _run(feed: Feed, options: list[str]) -> str:
 
 
 def _pump(node: SoftwareNode, feed: Feed) -> None:
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
     if not progress_console.is_terminal:
         for rows in feed.rows:
             node.feed(rows)
         return
-    columns = (TextColumn("samples"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("samples"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("samples", total=feed.samples)
         for rows in feed.rows:

@@ -26,7 +26,9 @@ Show = Callable[["Reception", "ModeFollower | None", Stop], AbstractContextManag
 BusOption = Annotated[
     str,
     typer.Option(
-        "--bus", help="interface:channel[?key=value&...] of python-can, or a log (.blf, .asc, .log, .mf4, .parquet)."
+        "--bus",
+        help="interface:channel of python-can (?key=value&key=value adds settings), or a log "
+        "(.blf, .asc, .log, .mf4, .parquet).",
     ),
 ]
 RecordOption = Annotated[

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of
 from aeolid.errors import UsageError
+
+EXAMPLES = ("aeolid simulate model.json tuesday.csv --roles roles.toml --out simulated.csv",)
 
 
 def register(app: typer.Typer) -> None:
@@ -22,7 +24,12 @@ def simulate(
     roles: RolesOption,
     out: Annotated[Path, typer.Option("--out", help="Where to write the outputs (.csv, .csv.gz or .parquet).")],
     initial: Annotated[
-        str, typer.Option("--initial", help="First state of a state-space model: estimate, model or zero.")
+        str,
+        typer.Option(
+            "--initial",
+            help="First state of a state-space model: estimate, model or zero.",
+            autocompletion=one_of("estimate", "model", "zero"),
+        ),
     ] = "estimate",
     json_target: JsonOption = None,
 ) -> None:

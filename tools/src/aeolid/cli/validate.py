@@ -7,8 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of
 from aeolid.errors import UsageError
+
+EXAMPLES = (
+    "aeolid validate model.json tuesday.csv --roles roles.toml",
+    "aeolid validate model.json tuesday.csv --roles roles.toml --metric one-step --fail-above 0.3",
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -27,7 +32,12 @@ def validate(
         float | None, typer.Option("--fail-above", help="Exit with 1 when an output's NRMSE exceeds this.")
     ] = None,
     metric: Annotated[
-        str, typer.Option("--metric", help="What --fail-above looks at: free-run or one-step.")
+        str,
+        typer.Option(
+            "--metric",
+            help="What --fail-above looks at: free-run or one-step.",
+            autocompletion=one_of("free-run", "one-step"),
+        ),
     ] = "free-run",
     json_target: JsonOption = None,
 ) -> None:

@@ -54,7 +54,7 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
     near = [folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)]
     hint = f"; did you mean {near[0]!r}?" if near else ""
     raise DataError(
-        f"{source}: no channel {wanted!r}{hint} The file holds {listed(bare) or 'no named channel'};"
+        f"{source}: no channel {wanted!r}{hint or '.'} The file holds {listed(bare) or 'no named channel'};"
         f" set `column` in the roles file to the heading"
     )
 
