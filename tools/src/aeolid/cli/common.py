@@ -21,7 +21,8 @@ progress_console = Console(stderr=True, highlight=False)
 
 RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names each channel, its unit and role.")]
 JsonOption = Annotated[
-    str | None, typer.Option("--json", help="Write the same facts as JSON to this file, or - for standard output.")
+    str | None,
+    typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),
 ]
 
 
