@@ -1,0 +1,125 @@
+"""Every command shown in README.md and docs/ runs, in the order shown, in an empty folder for each page.
+
+A block that cannot run here says why in a comment before it: `<!-- not run: REASON -->`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shlex
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from doc_pages import PAGES, ROOT, Block, blocks
+
+from aeolid.cli import reference
+from aeolid.plants.examples import write_examples
+
+SHELL = [block for page in PAGES for block in blocks(page) if block.language == "sh"]
+COMMANDS = {command.name: command for command in reference.commands()}
+# What is shown and not run; a block more is a decision to be made here too.
+NOT_RUN = {
+    "README.md": ["it runs until Ctrl-C"],
+    "docs/index.md": ["the demonstration and the whole suite have tests of their own"],
+    "docs/tutorials/sil.md": ["needs a kernel with virtual CAN and the right to configure it; tests/sil runs it in a "
+                              "kernel of its own"],
+}  # fmt: skip
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port: int = server.getsockname()[1]
+        return port
+
+
+def script(shown: list[Block]) -> str:
+    """Join the blocks of a page; each says that it begins, and ports are free ones instead of those shown."""
+    parts = ["set -eu"]
+    for block in shown:
+        text, port = block.text, free_port()
+        text = re.sub(r"\b29536\b", str(port), text)
+        parts += [f"echo '== {block.place}' >&2", text]
+    return "\n".join([*parts, "echo '== done' >&2"])
+
+
+def run(text: str, folder: Path) -> tuple[int, str]:
+    """Run a script in a process group of its own, of which nothing is left behind; returns exit code and messages."""
+    tools = Path(sys.executable).parent
+    own = {"AEOLID": str(ROOT), "PATH": f"{tools}:{os.environ['PATH']}", "COLUMNS": "100", "MPLBACKEND": "Agg"}
+    if shutil.which("ninja"):
+        own["CMAKE_GENERATOR"] = "Ninja"  # a machine without make is none of the reader's
+    with subprocess.Popen(
+        ["sh", "-c", text], cwd=folder, env=os.environ | own, text=True, start_new_session=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    ) as process:  # fmt: skip
+        try:
+            said, _ = process.communicate(timeout=280)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, said
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
+    shown = [block for block in SHELL if block.page == page and block.reason is None]
+    if not shown:
+        assert page.parent.name == "reference", "a page of commands without one"
+        return
+    code, said = run(script(shown), tmp_path)
+    assert code == 0 and "== done" in said, said[-3000:]
+    assert "Traceback" not in said, said[-3000:]
+
+
+def test_what_does_not_run_is_listed_with_its_reason() -> None:
+    found: dict[str, list[str]] = {}
+    for block in SHELL:
+        if block.reason is not None:
+            found.setdefault(str(block.page.relative_to(ROOT)), []).append(block.reason)
+    assert found == NOT_RUN
+
+
+def test_a_command_that_fails_is_noticed(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("text\n\n```sh\naeolid simulate none.json none.csv --roles none.toml --out s.csv\ntrue\n```\n")
+    (block,) = blocks(page)
+    assert block.reason is None and block.line == 3
+    code, said = run(script([Block(ROOT / "README.md", 3, "sh", block.text, None)]), tmp_path)
+    assert code == 3 and "no such file" in said and "== done" not in said
+
+
+def test_every_option_shown_exists() -> None:
+    """Also those of blocks that are not run."""
+    for block in SHELL:
+        for line in block.text.splitlines():
+            words = shlex.split(line.removesuffix("&"), comments=True)
+            if words[:1] == ["aeolid"]:
+                known = {n for p in COMMANDS[words[1]].parameters for n in re.split(r"[ ,/]+", " ".join(p.names))}
+                assert {w for w in words if w.startswith("--")} <= known, f"{block.place}: {line}"
+    for page in PAGES:
+        for name, option in re.findall(r"`aeolid (\w+)[^`]*?(--[a-z-]+)", page.read_text(encoding="utf-8")):
+            parameters = COMMANDS[name].parameters
+            assert any(option in re.split(r"[ ,/]+", " ".join(p.names)) for p in parameters), (page, name, option)
+
+
+def test_files_shown_are_those_the_example_writes(tmp_path: Path) -> None:
+    """TOML shown with its file name in the first line says what the file says."""
+    write_examples(tmp_path, samples=100)
+    shown = 0
+    for page in PAGES:
+        for block in blocks(page):
+            name = re.match(r"# ([\w/]+\.toml)\n", block.text)
+            if block.language != "toml" or name is None:
+                continue
+            path = tmp_path / name[1] if (tmp_path / name[1]).exists() else tmp_path / "my_case" / name[1]
+            assert tomllib.loads(block.text) == tomllib.loads(path.read_text()), block.place
+            shown += 1
+    assert shown >= 5
