@@ -1,0 +1,163 @@
+"""What may lie between a command and the plant, and between a quantity and its recorded column.
+
+Each effect has two forms: form 0 is the textbook one; form 1 is another mechanism of the same physics (several lags in
+a row for one, a spread of dead times for one dead time, rounded knees for corners, compliant walls for rigid play).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter
+
+Array = NDArray[np.float64]
+RING = 16384  # fine steps of commands that are remembered: the longest dead time
+DRIVES = ("none", "lag", "second_order", "delay", "rate", "saturation", "deadband", "backlash", "levels", "hidden",
+          "bent")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Hold what the drive of input `which` does: kind (of DRIVES), form, and up to two sizes in its units."""
+
+    which: int = 0
+    kind: str = "none"
+    form: int = 0
+    a: float = 0.0
+    b: float = 0.0
+
+    def packed(self) -> Array:
+        """Return the row the compiled loop reads."""
+        return np.array([self.which, DRIVES.index(self.kind), self.form, self.a, self.b], dtype=float)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Hold what a sensor or logger does to column `which`: kind, form, and up to two sizes in its units."""
+
+    which: int
+    kind: str
+    form: int = 0
+    a: float = 0.0
+    b: float = 0.0
+
+
+@njit(cache=True)
+def drive(row: Array, s: Array, ring: Array, k: int, command: float, dt: float, rest: float) -> float:
+    """Return what acts after a command at fine step k; s (3,) is the drive's state, ring starts at rest."""
+    kind, form, a, b = int(row[1]), int(row[2]), row[3], row[4]
+    ring[k % RING] = command
+    if kind == 1:
+        if form == 0:
+            s[0] += (command - s[0]) * -math.expm1(-dt / a)
+            return float(s[0])
+        s[0] += (command - s[0]) * -math.expm1(-dt / (0.75 * a))  # three lags in a row, of a in sum
+        s[1] += (s[0] - s[1]) * -math.expm1(-dt / (0.15 * a))
+        s[2] += (s[1] - s[2]) * -math.expm1(-dt / (0.10 * a))
+        return float(s[2])
+    if kind == 2:  # a rad/s, damping b; other form: behind a valve that is three times as fast
+        if form == 1:
+            s[2] += (command - s[2]) * -math.expm1(-dt * 5.0 * a)
+            command = s[2]
+        s[1] += dt * (a * a * (command - s[0]) - 2 * b * a * s[1])
+        s[0] += dt * s[1]
+        return float(s[0])
+    if kind == 3:
+        if form == 0:
+            return float(ring[(k - round(a / dt)) % RING])
+        total = 0.0  # a bus that is busy by turns: dead times spread over a quarter to either side
+        for j in range(9):
+            total += ring[(k - round(a * (0.75 + j / 16.0) / dt)) % RING]
+        return float(total / 9.0)
+    return _bent(kind, form, a, b, s, command, dt, rest)
+
+
+@njit(cache=True)
+def _bent(kind: int, form: int, a: float, b: float, s: Array, command: float, dt: float, rest: float) -> float:
+    """Return what acts behind a drive that is not linear, or that hides a state of its own."""
+    gap, away = command - s[0], command - rest
+    if kind == 4:  # a by second; other form: a servo whose speed levels off
+        s[0] += a * dt * math.tanh(gap / (4.0 * dt * a)) if form == 1 else min(max(gap, -a * dt), a * dt)
+        return float(s[0])
+    if kind == 5:  # at a above and below its rest
+        return rest + (away / (1 + (away / a) ** 16) ** 0.0625 if form == 1 else min(max(away, -a), a))
+    if kind == 6:  # of half width a about rest
+        beyond = max(abs(away) - a, 0.0)
+        if form == 1:
+            beyond = 0.5 * (abs(away) - a + math.hypot(abs(away) - a, 0.15 * a))
+        return rest + math.copysign(beyond, away)
+    if kind == 7:  # of full width a; other form: a wall that gives
+        over = max(gap - 0.5 * a, 0.0) + min(gap + 0.5 * a, 0.0)
+        s[0] += over * (-math.expm1(-dt / b) if form == 1 else 1.0)
+        return float(s[0])
+    if kind == 8:  # spaced a; other form: cut off instead of rounded
+        return rest + a * (math.floor(away / a) + 0.5 if form == 1 else math.floor(away / a + 0.5))
+    if kind == 9:  # a times the mean of the last b seconds on top
+        s[0] += (away - s[0]) * -math.expm1(-dt / b)
+        return float(command + a * s[0])
+    if kind == 10:  # a valve's curve: even powers, which no entry of a drive has
+        return command + a * away * away
+    return command
+
+
+def read(sensors: tuple[Sensor, ...], fine: Array, jitter: Array, every: int, dt: float) -> Array:
+    """Return the logged outputs (N, l) of those at every fine step (N·every, l) with sensor noise (N, l)."""
+    fine = fine.copy()
+    for s in sensors:
+        if s.kind in ("lag", "second_order"):
+            fine[:, s.which] = _filtered(s, fine[:, s.which], dt)
+    late = next((s for s in sensors if s.kind == "offset"), None)
+    rows = np.arange(0, len(fine), every) - (0 if late is None else round(late.a / dt))
+    if late is not None and late.form == 1:  # a clock that walks by a tenth of its offset
+        rows = rows - np.round(0.1 * late.a / dt * np.sin(np.arange(len(rows)) * 2 * np.pi / len(rows))).astype(int)
+    seen = fine[np.clip(rows, 0, len(fine) - 1)] + jitter
+    times: Array = dt * every * np.arange(len(seen), dtype=float)
+    for s in sensors:
+        if s.kind == "swap":
+            seen[:, [s.which, int(s.b)]] = seen[:, [int(s.b), s.which]]
+        else:
+            seen[:, s.which] = _logged(s, seen, jitter, times)
+    return seen
+
+
+def _filtered(s: Sensor, x: Array, dt: float) -> Array:
+    if s.kind == "lag":
+        for tau in (s.a,) if s.form == 0 else (0.8 * s.a, 0.2 * s.a):
+            keep = math.exp(-dt / tau)
+            x = lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0]
+        return np.asarray(x)
+    top, bottom = bilinear([s.a**2], [1, 2 * s.b * s.a, s.a**2], 1 / dt)
+    if s.form == 1:  # the filter works on an average over a quarter of its period
+        width = max(1, round(0.25 * 2 * np.pi / s.a / dt))
+        x = lfilter(np.ones(width) / width, [1.0], x - x[0]) + x[0]
+    return np.asarray(lfilter(top, bottom, x - x[0]) + x[0])
+
+
+def _logged(s: Sensor, seen: Array, jitter: Array, times: Array) -> Array:
+    x, noise, other = seen[:, s.which], jitter[:, s.which], s.form == 1
+    clean = x - noise
+    if s.kind == "rectified":
+        return np.sqrt(clean**2 + (0.02 * np.std(clean)) ** 2) + noise if other else np.abs(x)
+    if s.kind == "saturation":
+        return np.clip(clean, s.b - s.a, s.b + s.a) + noise if other else np.clip(x, s.b - s.a, s.b + s.a)
+    if s.kind == "levels":
+        return s.a * (np.floor(x / s.a) if other else np.rint(x / s.a))
+    if s.kind == "scale":
+        return s.a * x
+    if s.kind == "bias":
+        return x + s.a
+    if s.kind == "drift":
+        return x + s.a * (times[-1] / 2 * (1 - np.exp(-2 * times / times[-1])) if other else times)
+    if s.kind == "skew":
+        neighbour = seen[:, int(s.b)]
+        return math.cos(s.a) * x + math.sin(s.a) * neighbour if other else x + s.a * neighbour
+    if s.kind == "stuck":
+        held = (times >= s.a * times[-1]) & (times < (s.a + s.b) * times[-1])
+        return np.where(held, x[np.argmax(held)], x)
+    if s.kind == "twin":
+        return seen[:, int(s.b)]
+    return np.asarray(x)

@@ -1,0 +1,151 @@
+"""Have every case diagnosed, each in a process of its own, and keep what became of it.
+
+The answers are never opened here. A diagnosis that crashes, refuses the data or takes too long is a result, too.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aeolid import __version__
+from aeolid.challenge.write import hash_of, read_seal
+from aeolid.errors import DataError, UsageError
+from aeolid.fleet.workers import Pool
+
+Facts = dict[str, Any]
+Notice = Callable[[int, int, Facts], None]
+RESULT, OUTCOME = "result.json", "diagnosis"
+KEPT = ("verdict", "statement", "effects", "location", "sealed", "false_alarm", "not_excluded", "next_experiment")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Name one case to be diagnosed and how."""
+
+    case: str
+    out: str
+    sham: int
+    seed: int
+    most_s: float
+    keep: bool
+
+    def settings(self) -> Facts:
+        """Return what a stored result must agree with to be used again."""
+        return {"version": __version__, "sham": self.sham, "seed": self.seed}
+
+
+def run(
+    folder: Path, out: Path, pool: Pool, *, sham: int = 0, seed: int = 1, most_s: float = 900.0, keep: bool = False,
+    notice: Notice | None = None,
+) -> list[Facts]:  # fmt: skip
+    """Diagnose every case of a challenge that has no result yet; returns all results in order.
+
+    A result is used again when the case's files, the version and the settings are the same and it was no crash. Raises
+    DataError where the cases are not those that were sealed, UsageError where `out` cannot be written to.
+    """
+    tell = notice or (lambda done, of, result: None)
+    if out.resolve() == folder.resolve():
+        raise UsageError(f"--out {out}: holds the cases themselves; name another folder")
+    seal = read_seal(folder)
+    jobs = []
+    for name, digest in seal["cases"].items():
+        if not (folder / name).is_dir() or hash_of(folder / name) != digest:
+            raise DataError(f"{folder / name}: is not the case that was sealed; make the challenge anew")
+        jobs.append(Job(str(folder / name), str(out / name), sham, seed, most_s, keep))
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{out}: cannot be written ({error.strerror or error})") from None
+    results: dict[int, Facts] = {}
+    for i, job in enumerate(jobs):
+        stored = _stored(job, seal["cases"][Path(job.case).name])
+        if stored is not None:
+            results[i] = stored
+    left = [i for i in range(len(jobs)) if i not in results]
+    tell(len(results), len(jobs), {})
+    for k, outcome in pool.run(diagnose_case, [jobs[i] for i in left]):
+        lost = isinstance(outcome, BaseException)
+        results[left[k]] = _ended(jobs[left[k]], "crash", str(outcome), 0.0) if lost else outcome
+        tell(len(results), len(jobs), results[left[k]])
+    return [results[i] for i in range(len(jobs))]
+
+
+def diagnose_case(job: Job) -> Facts:
+    """Diagnose one case in a process of its own and write its result."""
+    out = Path(job.out)
+    out.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME)]
+    command += ["--sham", str(job.sham), "--seed", str(job.seed)]
+    begun = time.perf_counter()
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=job.most_s, check=False, stdin=subprocess.DEVNULL,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return _ended(job, "time-out", f"no verdict within {job.most_s:g} s", time.perf_counter() - begun)
+    seconds = time.perf_counter() - begun
+    last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+    if done.returncode:
+        return _ended(job, "refused" if done.returncode in (3, 4) else "crash", last, seconds)
+    try:
+        found = json.loads((out / OUTCOME / "diagnosis.json").read_text(encoding="utf-8"))
+        kept = {k: found[k] for k in KEPT}
+    except (OSError, ValueError, KeyError) as error:
+        return _ended(job, "crash", f"diagnosis.json: {error}", seconds)
+    return _ended(job, "done", "", seconds, kept)
+
+
+def _ended(job: Job, outcome: str, reason: str, seconds: float, found: Facts | None = None) -> Facts:
+    case = Path(job.case)
+    result = {
+        "case": case.name, "case_sha256": hash_of(case), "settings": job.settings(), "outcome": outcome,
+        "reason": reason, "seconds": round(seconds, 1), "diagnosis": found,
+    }  # fmt: skip
+    out = Path(job.out)
+    out.mkdir(parents=True, exist_ok=True)
+    if not job.keep:  # hundreds of reports and models nobody asked for
+        shutil.rmtree(out / OUTCOME, ignore_errors=True)
+    partial = out / (RESULT + ".part")
+    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
+    os.replace(partial, out / RESULT)
+    return result
+
+
+def _stored(job: Job, digest: str) -> Facts | None:
+    """Return an earlier result of the same case and settings, None where there is none or it is of no use."""
+    try:
+        found: Facts = json.loads((Path(job.out) / RESULT).read_text(encoding="utf-8"))
+        same = found["case_sha256"] == digest and found["settings"] == job.settings() and found["outcome"] == "done"
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return found if same else None
+
+
+def read_results(folder: Path, out: Path) -> list[Facts]:
+    """Return the results of every sealed case; raises DataError where one is missing or of another case."""
+    found = []
+    seal = read_seal(folder)
+    for name, digest in seal["cases"].items():
+        path = out / name / RESULT
+        try:
+            result: Facts = json.loads(path.read_text(encoding="utf-8"))
+            same = result["case_sha256"] == digest
+        except (OSError, ValueError, KeyError, TypeError):
+            left = sum(not (out / n / RESULT).is_file() for n in seal["cases"])
+            raise DataError(
+                f"{path}: no result; {left} of {len(seal['cases'])} cases are left: `aeolid challenge run {folder}`"
+            ) from None
+        if not same:
+            raise DataError(f"{path}: is the result of another case than the sealed one; run the challenge anew")
+        found.append(result)
+    return found

@@ -1,0 +1,211 @@
+"""Write cases as a user would hand them in, and their answers under a seal."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aeolid.challenge.draw import DECIDABLE, Draw, build, draw_all, place
+from aeolid.challenge.families import family_of
+from aeolid.challenge.items import WAYS
+from aeolid.challenge.plants import Plant, Setup, simulate
+from aeolid.challenge.worth import core_of, discrete, linearise
+from aeolid.errors import DataError, UsageError
+
+ANSWERS, SEAL = "answers.json.gz", "seal.json"
+VERSION = 1  # of the generator: the same seed makes the same bytes within one version
+Notice = Callable[[int, int], None]
+Facts = dict[str, Any]
+TITLES = {"spring": "mass on a spring", "shaft": "motor and load", "tanks": "two tanks", "heater": "heated block",
+          "turbine": "turbine above rated"}  # fmt: skip
+
+
+def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | None = None) -> Facts:
+    """Write case directories, answers and seal; returns the seal.
+
+    The same arguments write the same bytes. Raises UsageError where the folder holds anything already.
+    """
+    tell = notice or (lambda done, of: None)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if any(folder.iterdir()):
+            raise UsageError(f"{folder}: is not empty; name a new folder")
+        answers: dict[str, Facts] = {}
+        hashes: dict[str, str] = {}
+        tell(0, cases)
+        for number, (sort, items, own) in enumerate(draw_all(cases, seed), 1):
+            name = f"case-{number:04d}"
+            draw = build(sort, items, own, samples)
+            write_case(folder / name, draw, samples)
+            answers[name], hashes[name] = answer_of(draw, samples), hash_of(folder / name)
+            tell(number, cases)
+        settings = {"version": VERSION, "seed": seed, "samples": samples, "cases": cases}
+        text = json.dumps({"settings": settings, "answers": answers}, indent=1, sort_keys=True)
+        (folder / ANSWERS).write_bytes(gzip.compress(text.encode(), mtime=0))
+        seal = {"schema": 1, "answers": ANSWERS, "sha256": sha256(folder / ANSWERS), "cases": hashes}
+        (folder / SEAL).write_text(json.dumps(seal, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"{error.filename or folder}: cannot be written ({error.strerror or error})") from None
+    return seal
+
+
+def sha256(path: Path) -> str:
+    """Return the digest of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def hash_of(case: Path) -> str:
+    """Return one digest of all files of a case, names included."""
+    total = hashlib.sha256()
+    for path in sorted(p for p in case.rglob("*") if p.is_file()):
+        total.update(f"{path.relative_to(case)} {sha256(path)}\n".encode())
+    return total.hexdigest()
+
+
+def read_seal(folder: Path) -> Facts:
+    """Return seal.json; raises DataError where it is missing or is none."""
+    path = folder / SEAL
+    try:
+        seal = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        why = error.strerror or error
+        raise DataError(f"{path}: {why}; `aeolid challenge make {folder}` writes a challenge") from None
+    except ValueError as error:
+        raise DataError(f"{path}: is not JSON ({error})") from None
+    if not isinstance(seal, dict) or seal.get("schema") != 1 or not isinstance(seal.get("cases"), dict):
+        raise DataError(f"{path}: is not a seal of this version; make the challenge anew")
+    if not all(re.fullmatch(r"case-\d{4,}", n) for n in seal["cases"]) or not isinstance(seal.get("sha256"), str):
+        raise DataError(f"{path}: is not a seal of this version; make the challenge anew")
+    return seal
+
+
+def open_answers(folder: Path) -> Facts:
+    """Return the answers; raises DataError where they are not those that were sealed."""
+    seal, path = read_seal(folder), folder / ANSWERS
+    try:
+        found = sha256(path)
+    except OSError as error:
+        raise DataError(f"{path}: {error.strerror or error}; the answers of this challenge are lost") from None
+    if found != seal["sha256"]:
+        raise DataError(f"{path}: the seal is broken: its SHA-256 is {found[:12]}…, sealed was {seal['sha256'][:12]}…")
+    content: Facts = json.loads(gzip.decompress(path.read_bytes()))
+    return content
+
+
+def write_case(case: Path, draw: Draw, samples: int) -> None:
+    """Write recording, roles, baseline and case.toml; nothing in them tells what is hidden."""
+    case.mkdir()
+    setup = place(draw, draw.strength)
+    columns = simulate(setup, samples, draw.seed)
+    channels = _channels(setup)
+    _write_table(case / "recording.csv", columns, channels)
+    rows = [f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, _, u, r in channels]
+    (case / "roles.toml").write_text('[recording]\ntime = "time_s"\n' + "".join(rows), encoding="utf-8")
+    context = dict(setup.plant.context)
+    if any(c[0] == "wave" for c in channels):
+        context["offshore"] = True
+    file = _write_baseline(case, draw, setup, channels, samples)
+    lines = ["[case]", f'title = "{TITLES[setup.plant.name]}"', "[recordings]", 'files = ["recording.csv"]']
+    lines += ['roles = "roles.toml"', "[baseline]", f'kind = "{draw.kind}"', f'file = "{file}"']
+    lines += ["same_inputs = false"] if draw.kind == "run" else []
+    lines += ["[context]", *(f"{k} = {json.dumps(v)}" for k, v in context.items())]
+    (case / "case.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
+    """List name, column of the simulation, unit and role of what is recorded."""
+    plant = setup.plant
+    found = [(c.name, c.name, c.unit, c.role) for c in plant.inputs]
+    units = {c.name: c.unit for c in plant.outputs}
+    found += [(o, o, units[o], "output") for o in setup.outputs]
+    other = {"azimuth": ("azimuth", "azimuth", "deg", "azimuth"), "wind": ("wind", "wind", "m/s", "scheduling"),
+             "warmth": ("temperature", "warmth", "degC", "disturbance"), "wave": ("wave", "wave", "m", "disturbance"),
+             "seen": (plant.seen.name, "seen", plant.seen.unit, plant.seen.role)}  # fmt: skip
+    return found + [other[r] for r in setup.roles]
+
+
+def _write_table(path: Path, columns: Mapping[str, Any], channels: list[tuple[str, str, str, str]]) -> None:
+    table = np.column_stack([columns["time_s"], *(columns[c] for _, c, _, _ in channels)])
+    lines = [",".join(["time_s", *(n for n, _, _, _ in channels)])]
+    lines += [",".join(f"{x:.8g}" for x in row) for row in table]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _write_baseline(
+    case: Path, draw: Draw, setup: Setup, channels: list[tuple[str, str, str, str]], samples: int
+) -> str:  # fmt: skip
+    if draw.kind == "run":  # the same machine without what is hidden, in another wind
+        _write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
+        return "simulation.csv"
+    if draw.kind == "equations":
+        text = setup.plant.model(setup.base, setup.outputs, setup.declared)
+        (case / "model.toml").write_text(text, encoding="utf-8")
+        return "model.toml"
+    (case / "model.json").write_text(json.dumps(state_space(setup), indent=1) + "\n", encoding="utf-8")
+    return "model.json"
+
+
+def state_space(setup: Setup) -> Facts:
+    """Return the plant without the effect as a discrete linear model; on a turbine the wind is a state."""
+    plant, bare = setup.plant, setup.bare
+    model = linearise(replace(bare, memory=1.0), bare.base)
+    names = [plant.state_names[plant.core.index(i)] for i in core_of(bare)]
+    kept = len(names)
+    if plant.name == "turbine":
+        kept += 1
+        names = [*names, ("gust", "m/s")]
+    A, B, _ = discrete(model, plant.step_s)
+    A, B, C = A[:kept, :kept], B[:kept], model.C[:, :kept]
+    units = {c.name: c.unit for c in plant.outputs}
+    inputs = [{"name": c.name, "unit": c.unit, "offset": o} for c, o in zip(plant.inputs, plant.rest, strict=True)]
+    outputs = [{"name": o, "unit": units[o], "offset": float(y)} for o, y in zip(setup.outputs, model.y0, strict=True)]
+    return {
+        "kind": "state_space", "sample_time_s": plant.step_s, "inputs": inputs, "outputs": outputs,
+        "states": [{"name": n, "unit": u} for n, u in names], "A": A.tolist(), "B": B.tolist(), "C": C.tolist(),
+        "D": model.D.tolist(), "K": None, "x0": [0.0] * kept, "innovation_covariance": None, "scheduling": None,
+    }  # fmt: skip
+
+
+def answer_of(draw: Draw, samples: int) -> Facts:
+    """Return what is sealed about a case."""
+    setup = place(draw, draw.strength)
+    hides = sorted({h for i in draw.items for h in i.hides} | _ways(draw, setup, setup.plant))
+    value = draw.value
+    worthy = None if value is None or not np.isfinite(value.nats) else round(value.nats, 2)
+    return {
+        "class": draw.sort, "plant": setup.plant.name, "baseline": draw.kind, "form": draw.form,
+        "effects": [_effect(draw, i, k, setup) for k, i in enumerate(draw.items)],
+        "hides": [{"way": h, "what": WAYS[h]} for h in hides],
+        "nats": worthy, "vaf_points": None if value is None else round(value.vaf_points, 4),
+        "decidable": draw.sort != "impossible" and (worthy is None or worthy >= DECIDABLE),
+        "declared": {k: round(v, 6) for k, v in setup.declared.items()}, "closed_loop": setup.closed
+        or setup.plant.always_closed, "seconds": samples * setup.plant.step_s,
+    }  # fmt: skip
+
+
+def _effect(draw: Draw, item: Any, number: int, setup: Setup) -> Facts:
+    alone = place(replace(draw, items=(item,)), draw.strength[number : number + 1])
+    quantity = None
+    if item.quantity is not None and draw.form == 0 and draw.kind == "equations":
+        quantity = {"label": item.quantity[0], "value": float(item.quantity[1](alone))}
+    return {
+        "what": item.what, "accepted": list(item.accepted), "strength": draw.strength[number], "quantity": quantity,
+        "family": family_of(item.accepted[0]) if item.accepted else None, "random": item.random,
+    }  # fmt: skip
+
+
+def _ways(draw: Draw, setup: Setup, plant: Plant) -> set[int]:
+    found = {14} if len(draw.items) > 1 else set()
+    if draw.items and (setup.closed or plant.always_closed):
+        found |= {1, 18}
+    if draw.items and draw.kind == "run":
+        found.add(8)
+    return found | ({7} if draw.sort == "impossible" else set())

@@ -1,0 +1,157 @@
+"""aeolid challenge: make cases with concealed physics, have them diagnosed blind, open the seal and count."""
+
+from __future__ import annotations
+
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from aeolid.cli.common import JsonOption, console, emit_json, one_of, progress_console
+from aeolid.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+EXAMPLES = (
+    "aeolid challenge make proof --cases 60 --seed 7",
+    "aeolid challenge run proof --workers 2    # goes on where it stopped",
+    "aeolid challenge score proof --fail-below 0.8",
+)
+STEPS = {
+    "make": ("cases", "seed", "samples"),
+    "run": ("workers", "out", "sham", "timeout", "keep"),
+    "score": ("out", "page", "fail_below"),
+}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command("challenge")(challenge)
+
+
+def challenge(
+    step: Annotated[
+        str, typer.Argument(help="make, run or score, in this order.", autocompletion=one_of("make", "run", "score"))
+    ],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the cases and the sealed answers.")],
+    cases: Annotated[
+        int | None, typer.Option("--cases", min=1, max=9999, help="make: number of cases; default 60.")
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, max=20_000, help="make: the same seed makes the same bytes; default 1."),
+    ] = None,
+    samples: Annotated[
+        int | None,
+        typer.Option("--samples", min=1000, max=100_000, help="make: length of each recording; default 6000."),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, max=1024, help="run: cases at a time; default one a core.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="run, score: folder of the results; default DIR/results.")
+    ] = None,
+    sham: Annotated[
+        int | None,
+        typer.Option(
+            "--sham", min=0, max=1000, help="run: null runs in each diagnosis, which change no verdict; default 0."
+        ),
+    ] = None,
+    timeout: Annotated[
+        float | None, typer.Option("--timeout", min=1.0, help="run: seconds until a case has failed; default 900.")
+    ] = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="run: keep the report and the model of every diagnosis.")
+    ] = False,
+    page: Annotated[Path | None, typer.Option("--page", help="score: HTML page; default among the results.")] = None,
+    fail_below: Annotated[
+        float | None, typer.Option("--fail-below", min=0.0, max=1.0, help="score: exit 1 when the recall lies below.")
+    ] = None,
+    json_target: JsonOption = None,
+) -> None:
+    """Prove the diagnosis: hide physics in recordings, diagnose them blind, open the answers and count.
+
+    make writes cases without any hint, their answers, and a seal with the hash of both. run diagnoses every case and
+    never opens the answers. score checks the seal and prints what was found, missed and wrongly named.
+    """
+    given = {"cases": cases, "seed": seed, "samples": samples, "workers": workers, "out": out, "sham": sham,
+             "timeout": timeout, "keep": keep or None, "page": page, "fail_below": fail_below}  # fmt: skip
+    _check(step, {name for name, value in given.items() if value is not None})
+    target = out or folder / "results"
+    if step == "make":
+        _make(folder, cases or 60, 1 if seed is None else seed, samples or 6000, json_target)
+    elif step == "run":
+        _run(folder, target, workers or len(os.sched_getaffinity(0)), sham or 0, timeout or 900.0, keep, json_target)
+    else:
+        _score(folder, target, page or target / "score.html", fail_below, json_target)
+
+
+def _check(step: str, given: set[str]) -> None:
+    if step not in STEPS:
+        raise UsageError(f"there is no step {step!r}; make, run and score follow each other")
+    for name in sorted(given - set(STEPS[step])):
+        home = " and ".join(s for s, names in STEPS.items() if name in names)
+        raise UsageError(f"--{name.replace('_', '-')} goes with {home}, not with {step}")
+
+
+def _make(folder: Path, cases: int, seed: int, samples: int, json_target: str | None) -> None:
+    from aeolid.challenge.write import make
+
+    with _bar("making") as tell:
+        seal = make(folder, cases=cases, seed=seed, samples=samples, notice=tell)
+    if json_target != "-":
+        console.print(f"{cases} cases in {folder}; answers sealed, SHA-256 {seal['sha256']}", soft_wrap=True)
+    emit_json(seal, json_target)
+
+
+def _run(
+    folder: Path, target: Path, workers: int, sham: int, timeout: float, keep: bool, json_target: str | None
+) -> None:
+    from aeolid.challenge.run import run
+    from aeolid.fleet.workers import open_pool
+
+    try:
+        with open_pool(workers, threads=workers > 1) as pool, _bar("diagnosing") as tell:
+            results = run(
+                folder, target, pool, sham=sham, most_s=timeout, keep=keep,
+                notice=lambda done, of, result: tell(done, of),
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        progress_console.print(f"stopped; finished cases are kept in {target}: the same command goes on there")
+        raise
+    failed = [r for r in results if r["outcome"] != "done"]
+    if json_target != "-":
+        console.print(
+            f"{len(results)} cases diagnosed, {len(failed)} without a verdict; results in {target}", soft_wrap=True
+        )
+        for result in failed:
+            console.print(f"  {result['case']}: {result['outcome']}: {result['reason']}", markup=False, soft_wrap=True)
+    emit_json(results, json_target)
+
+
+def _score(folder: Path, target: Path, page: Path, fail_below: float | None, json_target: str | None) -> None:
+    from aeolid.challenge.page import render, text
+    from aeolid.challenge.score import failed, score
+
+    facts = score(folder, target)
+    render(facts, page)
+    if json_target != "-":
+        console.print(text(facts), markup=False, soft_wrap=True)
+        console.print(f"page: {page}", markup=False, soft_wrap=True)
+    emit_json(facts, json_target)
+    if fail_below is not None and failed(facts, fail_below):
+        raise typer.Exit(1)
+
+
+@contextmanager
+def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Show progress with the time left on standard error."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns: Any = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=progress_console, disable=not progress_console.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, of: bar.update(task, completed=done, total=of)
