@@ -21,6 +21,7 @@ import pytest
 from doc_pages import PAGES, ROOT, Block, blocks
 
 from aeolid.cli import reference
+from aeolid.models.state_space import load
 from aeolid.plants.examples import write_examples
 
 SHELL = [block for page in PAGES for block in blocks(page) if block.language == "sh"]
@@ -108,6 +109,27 @@ def test_every_option_shown_exists() -> None:
         for name, option in re.findall(r"`aeolid (\w+)[^`]*?(--[a-z-]+)", page.read_text(encoding="utf-8")):
             parameters = COMMANDS[name].parameters
             assert any(option in re.split(r"[ ,/]+", " ".join(p.names)) for p in parameters), (page, name, option)
+
+
+def test_c_shown_compiles(tmp_path: Path) -> None:
+    """What the pages show of C is complete but for the headers; README's blocks are built by tests of their own."""
+    compiler = shutil.which("gcc") or shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler is installed")
+    found = [b for page in PAGES[1:] for b in blocks(page) if b.language == "c"]
+    assert found
+    for block in found:
+        (tmp_path / "shown.c").write_text("#include <aeolid/aeolid.h>\n" + block.text)
+        flags = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", f"-I{ROOT / 'include'}", "-fsyntax-only")
+        done = subprocess.run([compiler, *flags, "shown.c"], cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, f"{block.place}: {done.stderr}"
+
+
+def test_the_model_shown_is_read(tmp_path: Path) -> None:
+    (shown,) = [b for page in PAGES for b in blocks(page) if b.language == "json"]
+    (tmp_path / "model.json").write_text(shown.text)
+    model = load(tmp_path / "model.json")
+    assert (model.order, model.inputs[0].name, model.outputs[0].unit) == (1, "pitch", "rpm")
 
 
 def test_files_shown_are_those_the_example_writes(tmp_path: Path) -> None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,17 @@ JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),
 ]
+
+
+@contextmanager
+def waiting(text: str) -> Iterator[None]:
+    """Show on the terminal what is being done and for how long, where the time left cannot be told."""
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True) as bar:
+        bar.add_task(text, total=None)
+        yield
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of, waiting
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -155,9 +155,9 @@ def identify(
     from aeolid.record import Roles
 
     table = Roles.load(roles)
-    with progress_console.status("reading"):
+    with waiting("reading"):
         records = [read_record(path, table) for path in recordings]
-    with progress_console.status(f"identifying from {sum(map(len, records))} samples"):
+    with waiting(f"identifying from {sum(map(len, records))} samples"):
         common: dict[str, Any] = {
             "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
             "regularization": _regularization(regularize), "decimation": decimate,
