@@ -124,6 +124,30 @@ def test_standard_output_is_json_alone_when_asked_for(tmp_path: Path) -> None:
     assert len(json.loads(done.stdout)["files"]) == 12
 
 
+FACTS = {
+    "identify": "monday.csv --roles roles.toml --past 10 --order 4 --out model.json",
+    "simulate": "my_case/model.json monday.csv --roles roles.toml --out simulated.csv",
+    "validate": "my_case/model.json monday.csv --roles roles.toml",
+    "filter": "monday.csv --roles roles.toml --method rls --past 5 --out markov.npz",
+    "convert": "my_case/model.json model.mat",
+    "catalogue": "",
+    "diagnose": "stage --out diagnosis",
+}
+
+
+def test_standard_output_of_other_commands_is_json_alone_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    write_examples(tmp_path, samples=800)
+    head, *rows = (tmp_path / "stage/recording.csv").read_text().splitlines()
+    stuck = [f"{row.rpartition(',')[0]},0.25" for row in rows]  # a dead sensor ends a diagnosis at once
+    (tmp_path / "stage/recording.csv").write_text("\n".join([head, *stuck]) + "\n")
+    for name, words in FACTS.items():
+        assert main([name, *words.split(), "--json", "-"]) == 0, name
+        assert json.loads(capsys.readouterr().out), name
+
+
 def test_the_version_is_that_of_the_header() -> None:
     header = (Path(__file__).resolve().parents[2] / "include/aeolid/aeolid.h").read_text()
     version = ".".join(re.findall(r"#define AEO_VERSION_(?:MAJOR|MINOR|PATCH) (\d+)", header))

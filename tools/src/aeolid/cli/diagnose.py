@@ -44,9 +44,14 @@ def run(
 
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
-    from aeolid.errors import Contradiction
+    from aeolid.errors import Contradiction, DataError
     from aeolid.report.diagnosis import render_diagnosis
 
+    if not (case / "case.toml").is_file():
+        raise DataError(
+            f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
+            " model: aeolid example . writes two"
+        )
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
