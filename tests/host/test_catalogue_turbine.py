@@ -341,10 +341,13 @@ def test_a_tower_slows_the_blade_that_stands_before_it() -> None:
 
     values, after = min((solve(error, a, start) for start in starts_of(a)), key=lambda r: r[1])
     thrust, torque = ((values[f"tower_shadow_cos{k}"], values[f"tower_shadow_sin{k}"]) for k in (1, 2))
-    assert after < np.sum(error({}) ** 2) and values["tower_shadow_ratio"] > 0.3  # a dip, no smooth swing
+    assert after < 0.05 * np.sum(error({}) ** 2)  # two harmonics left six tenths of it
+    dip = np.exp(-3 * 5.0 / rig.ARM)  # of a blade that passes 5 m before the tower
+    assert values["tower_shadow_sharpness"] == pytest.approx(dip, abs=0.06)
     for c, s in (thrust, torque):
         assert c > 0 and abs(s) < 0.05 * c
-    assert torque[0] / thrust[0] == pytest.approx(rig.Q_V / rig.T_V, rel=0.05)  # one wind, two slopes
+    # one wind, two slopes; the blades' ends run on a circle, not on a straight line before the tower
+    assert torque[0] / thrust[0] == pytest.approx(rig.Q_V / rig.T_V, rel=0.12)
 
 
 def starts_of(a: Attachment) -> list[dict[str, float]]:
@@ -417,11 +420,14 @@ def test_a_band_of_noise_turns_with_the_rotor_and_fades() -> None:
 def test_a_mass_off_the_axis_stands_out_in_the_bank(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With wind and noise and this file's entries: the mass leads, over the family's threshold.
 
-    In equations a narrow band at rest beside it changed the Kalman gain by rounding, and its score to 2.
+    In equations a narrow band at rest beside it changed the Kalman gain by rounding, and its score to 2. On the outputs
+    of a linear model a pitched blade has the same line and one more in the fore-aft motion.
     """
     monkeypatch.setattr(prepare, "ENTRIES", tuple(entry(i) for i in IDS))
     trial = TRIALS["mass imbalance", kind]
     prepared = prepare.prepare(load_case(rig.write_case(tmp_path, trial, 2000, 7)))
     bank = score_bank(prepared, prepared.hypotheses, 1)
-    assert bank.rows[0].attachment.entry == "mass_imbalance" and bank.rows[0].z > bank.threshold
-    assert all(r.z < 0.5 * bank.rows[0].z for r in bank.rows[1:])
+    others = [r for r in bank.rows if kind == "equations" or r.attachment.entry != "aero_imbalance"]
+    assert others[0].attachment.entry == "mass_imbalance" and others[0].z > bank.threshold
+    assert all(r.z < 0.5 * others[0].z for r in others[1:])
+    assert all(r.z < others[0].z + 2 for r in bank.rows)  # nor does the further line add anything

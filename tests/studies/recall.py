@@ -27,6 +27,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 RIGS = {"diagnosis": 3000, "mechanics": 3000, "signals": 2000, "turbine": 3000}  # module → samples of a recording
+DECIDABLE = 5.0  # nats on the sealed data that the effect itself gains when it is fitted
 GOOD = ("right", "right, and one too many")
 
 
@@ -79,6 +80,8 @@ def table(rows: list[dict[str, Any]]) -> str:
         errors = [abs(r["parameter_error"]) for r in found if r["parameter_error"] is not None and r["outcome"] in GOOD]
         error = f"{np.median(errors):6.1%}" if errors else ""
         told = "; ".join(f"{a} ×{n}" for a, n in answers.most_common())
+        missed = [f"{r['nats']:.0f}" for r in found if r.get("nats") is not None]
+        told += f"  (missed, nats of the truth: {', '.join(missed)})" if missed else ""
         lines.append(f"{name:10} {trial:34} {kind:11} {good:2} of {len(found):2} {error:>7}  {told}")
     hidden, null = ([r for r in rows if r["kind"] == k] for k in ("hidden", "null"))
     outside = [r for r in rows if r["kind"] == "outside"]
@@ -90,7 +93,13 @@ def table(rows: list[dict[str, Any]]) -> str:
         )
 
     named = [r for r in hidden if r["ids"]]
+    decidable = [r for r in hidden if r["outcome"] in GOOD or r.get("nats") is None or r["nats"] >= DECIDABLE]
     lines.append("")
+    count(
+        "hidden and decidable (the truth gains 5 nats), named or in the set",
+        decidable,
+        [r["outcome"] in GOOD for r in decidable],
+    )
     count("hidden, named or in the set", hidden, [r["outcome"] in GOOD for r in hidden])
     count("hidden, of those named: first name right", named, [r["ids"][0] in r["truth"] for r in named])
     right = [family(r["ids"][0]) in {family(t) for t in r["truth"]} for r in named]

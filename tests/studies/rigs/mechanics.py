@@ -276,13 +276,12 @@ def diagnose_one(trial: Trial, folder: Path, samples: int, seed: int, sham: int)
     """Write a case, diagnose it, judge the answer."""
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.pipeline import study
-    from aeolid.diagnose.verdict import diagnose
 
     begun = time.perf_counter()
     case = load_case(write_case(folder, trial, samples, seed))
-    found = diagnose(study(case, sham=sham, seed=1, progress=lambda text, share: None))
-    row = diagnosis.judge(trial, found)
-    return row | {"seed": seed, "seconds": round(time.perf_counter() - begun, 1)}
+    result = study(case, sham=sham, seed=1, progress=lambda text, share: None)
+    seconds = round(time.perf_counter() - begun, 1)
+    return diagnosis.answer(trial, result) | {"seed": seed, "seconds": seconds}
 
 
 def main(arguments: list[str] | None = None) -> int:

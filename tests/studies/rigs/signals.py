@@ -315,8 +315,12 @@ def diagnose_one(fault: Fault, folder: Path, samples: int, seed: int, sham: int)
 
     begun = time.perf_counter()
     case = load_case(write_case(folder, fault, samples, seed))
-    found = diagnose(study(case, sham=sham, seed=1, progress=lambda text, share: None))
-    return judge(fault, found) | {"seed": seed, "seconds": round(time.perf_counter() - begun, 1)}
+    result = study(case, sham=sham, seed=1, progress=lambda text, share: None)
+    seconds = round(time.perf_counter() - begun, 1)
+    row = judge(fault, diagnose(result))
+    missed = fault.truth and "right" not in row["outcome"]
+    row["nats"] = diagnosis.nats_of_truth(result, fault.truth) if missed else None
+    return row | {"seed": seed, "seconds": seconds}
 
 
 def main(arguments: list[str] | None = None) -> int:

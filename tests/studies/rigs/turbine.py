@@ -140,7 +140,7 @@ def _flow(e: np.ndarray, s: np.ndarray, pitch: float, generator: float, v: float
     d[1] = s[0]
     push = thrust - T0 + sea + (1.5 / HUB * tilt if e[PITCH_OFFSET] else 0.0)
     d[2], d[3] = s[3], (push - C_FA * s[3] - K_FA * s[2]) / M
-    pull = ROLL * (generator - TORQUE0) + side + 0.6 * sea + e[MASS] * s[0] ** 2 * swing
+    pull = ROLL * (generator - TORQUE0) + side + 0.2 * sea + e[MASS] * s[0] ** 2 * swing
     pull += plane if e[PITCH_OFFSET] else 0.0
     d[4], d[5] = s[5], (pull - C_SS * s[5] - K_SS * s[4]) / M
     d[6] = d[7] = d[8] = 0.0
@@ -215,6 +215,12 @@ def sea_force(e: Effect, n: int, rng: np.random.Generator) -> tuple[np.ndarray, 
         return np.zeros(n), np.zeros(n)
     f = np.linspace(0.04, 0.35, 120)
     peak = 1 / e.sea_s
+
+    def reach(frequency: np.ndarray | float) -> np.ndarray:
+        """Return the mean over a depth of 20 m of what is left of the waves' motion (deep water, k = w²/g)."""
+        depth = np.asarray((2 * math.pi * np.asarray(frequency)) ** 2 / 9.81 * 20.0)
+        return np.asarray((1 - np.exp(-depth)) / depth)
+
     shape = f**-5 * np.exp(-1.25 * (peak / f) ** 4)
     shape *= 3.3 ** np.exp(-((f - peak) ** 2) / (2 * np.where(f > peak, 0.09, 0.07) ** 2 * peak**2))
     a = np.sqrt(shape / shape.sum()) * e.sea_m / 4 * math.sqrt(2)
@@ -223,7 +229,9 @@ def sea_force(e: Effect, n: int, rng: np.random.Generator) -> tuple[np.ndarray, 
     for amplitude, frequency, phase in zip(a, f, turn, strict=True):
         angle = 2 * math.pi * frequency * t + phase
         eta += amplitude * np.cos(angle)
-        force += -6e4 * e.sea_force * amplitude * (frequency / peak) ** 2 * np.sin(angle)
+        force += (
+            -6e4 * e.sea_force * amplitude * (frequency / peak) ** 2 * reach(frequency) / reach(peak) * np.sin(angle)
+        )
     return eta, force
 
 
@@ -436,13 +444,12 @@ def diagnose_one(trial: Trial, folder: Path, samples: int, seed: int, sham: int)
     """Write a case, diagnose it, judge the answer."""
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.pipeline import study
-    from aeolid.diagnose.verdict import diagnose
 
     begun = time.perf_counter()
     case = load_case(write_case(folder, trial, samples, seed))
-    found = diagnose(study(case, sham=sham, seed=1, progress=lambda text, share: None))
-    judged: dict[str, Any] = diagnosis.judge(trial, found)
-    return judged | {"seed": seed, "seconds": round(time.perf_counter() - begun, 1), "statement": found["statement"]}
+    result = study(case, sham=sham, seed=1, progress=lambda text, share: None)
+    seconds = round(time.perf_counter() - begun, 1)
+    return diagnosis.answer(trial, result) | {"seed": seed, "seconds": seconds}
 
 
 def main(arguments: list[str] | None = None) -> int:

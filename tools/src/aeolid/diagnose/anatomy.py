@@ -32,7 +32,8 @@ class Motion:
 
     inject(model, force, name) adds the force, called `name`, to the equation of motion; force_unit is its unit (an
     acceleration where the model shows no mass). forces is what the model has there already, in that unit; mass the
-    parameter it is divided by. Sizes are typical magnitudes from the baseline's own run.
+    parameter it is divided by; shown_by the output that shows a mode of a linear model most. Sizes are typical
+    magnitudes from the baseline's own run.
     """
 
     location: str
@@ -48,6 +49,7 @@ class Motion:
     forces: ast.expr
     mass: Parameter | None
     position_unit: str
+    shown_by: str = ""
 
 
 def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[Motion]:
@@ -62,7 +64,7 @@ def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[M
         if isinstance(state.derivative, ast.Name) and state.derivative.id in names:
             paired[state.derivative.id] = state.name
     for i, state in enumerate(model.states):
-        if state.name not in paired and state.unit.replace(" ", "") not in VELOCITY_UNITS:
+        if state.name not in paired and (_is_alone(state, model) or state.unit.replace(" ", "") not in VELOCITY_UNITS):
             continue
         position = paired.get(state.name)
         mass = mass_of(state.derivative, model)
@@ -79,6 +81,11 @@ def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[M
             )
         )  # fmt: skip
     return found
+
+
+def _is_alone(state: State, model: Equations) -> bool:
+    """Tell whether nothing but itself and constants enters a state's equation: a wind with memory, no body."""
+    return ex.names_in(state.derivative) <= {state.name, *(p.name for p in model.parameters)}
 
 
 def _forces(state: State, mass: Parameter | None) -> ast.expr:
@@ -133,7 +140,7 @@ def motions_of_state_space(
                 _force_on_mode(tag, push * model.sample_time_s, feels, converted), "acceleration",
                 f"{_base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
-                ast.Name(id=f"{tag}_acceleration"), None, _base_unit(model.outputs[j].unit),
+                ast.Name(id=f"{tag}_acceleration"), None, _base_unit(model.outputs[j].unit), model.outputs[j].name,
             )
         )  # fmt: skip
     return found, replace(converted, auxiliaries=(*converted.auxiliaries, *shared))

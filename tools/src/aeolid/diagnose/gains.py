@@ -9,6 +9,7 @@ from scipy.linalg import expm
 from aeolid.models.integrate import Compiled, numeric_jacobian, output_jacobian
 
 Array = NDArray[np.float64]
+_EXACT = 1e-4  # a sensor's error is at least a hundredth of what the process noise of one sample moves it
 
 
 def kalman_gain(
@@ -17,8 +18,10 @@ def kalman_gain(
     """Return the steady Kalman gain (n, l) of the model linearised a typical excursion away from its start.
 
     Process noise of standard deviation amplitude[i] · size_i a sample on each state, sensor noise
-    amplitude[n + j] · spread_j; sizes are those of the states (n,) and outputs (l,), u (r,) the typical input, step the
-    time between rows in s. Zero where the Riccati equation has no finite solution.
+    amplitude[n + j] · spread_j, and no less than a hundredth of what it sees of a sample's process noise: towards a
+    faultless sensor the likelihood is flat and the gain without end. Sizes are those of the states (n,) and outputs
+    (l,), u (r,) the typical input, step the time between rows in s. Zero where the Riccati equation has no finite
+    solution.
     """
     x_size, spread = sizes
     n, m = len(x_size), len(spread)
@@ -28,7 +31,7 @@ def kalman_gain(
     if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
         return np.zeros((n, m))
     Q = np.diag((amplitude[:n] * x_size) ** 2)
-    R = np.diag((amplitude[n:] * spread) ** 2)
+    R = np.diag((amplitude[n:] * spread) ** 2 + _EXACT * np.diag(C @ Q @ C.T))
     if compiled.model.sample_time_s:
         return steady_gain(J, C, Q, R)  # a discrete model runs at the rate of its outputs
     A = np.asarray(expm(J * step))

@@ -151,7 +151,9 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     nothing).
     """
     bare = prepared.only(())
-    points = [carry_point(c.fit.point, c.predictor.compiled.model, bare.extended) for c in candidates]
+    points = [
+        _without_effects(carry_point(c.fit.point, c.predictor.compiled.model, bare.extended), bare) for c in candidates
+    ]
     starts = sorted(points, key=bare.predictor.objective)[:1]
     if not starts or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - _SHORT:
         return None
@@ -160,6 +162,14 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     if fit is None or fit.log_likelihood < bare.fit.log_likelihood + _SHORT:
         return None
     return replace(bare, predictor=predictor, fit=fit)
+
+
+def _without_effects(point: Point, bare: Prepared) -> Point:
+    """Return the point with every parameter that the baseline holds at its declared value: an effect may move some."""
+    theta = bare.fit.point.theta.copy()
+    free = list(bare.free.theta)
+    theta[free] = point.theta[free]
+    return replace(point, theta=theta)
 
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:

@@ -19,6 +19,7 @@ from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogen
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.gains import steady_gain
+from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
@@ -31,6 +32,7 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+_LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
 NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", modal.PREFIX)
 
@@ -92,7 +94,7 @@ def prepare(case: Case) -> Prepared:
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
-    rough, scales = _rough(compiled, split.fit, spreads, linear)
+    rough, scales = _rough(compiled, split.fit, spreads, linear, settle)
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
     declared = base.bare(working.auxiliaries)
@@ -165,13 +167,13 @@ def _spread(y: Array, outputs: list[str], case: Case) -> Array:
 
 
 def _rough(
-    compiled: Compiled, segments: tuple[Segment, ...], spreads: Array, linear: StateSpace | None
+    compiled: Compiled, segments: tuple[Segment, ...], spreads: Array, linear: StateSpace | None, settle_s: float
 ) -> tuple[tuple[Predictor, Point], Scales]:
     """Find a stabilising noise gain to start from: the given K, or the best of Riccati gains over a noise ladder."""
     model = compiled.model
     n, m = len(model.states), len(model.outputs)
-    x_size = np.array([max(abs(s.initial), 1e-6) for s in model.states])
-    scales = scales_of(model, x_size, spreads)
+    u = np.nanmedian(np.vstack([s.u for s in segments]), axis=0)
+    scales = scales_of(model, visible_sizes(compiled, u, spreads, segments[0].step, settle_s), spreads)
     predictor = Predictor(compiled, segments, scales, 0 if linear is not None else 1)
     x0 = tuple(model.x0.copy() for _ in segments)
     if linear is not None:
@@ -204,9 +206,11 @@ def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array
     runs = [predictor.run(point, i)[2] for i in range(len(predictor.segments))]
     n = len(predictor.compiled.model.states)
     X = np.vstack([x[s.burn :, :n] for x, s in zip(runs, predictor.segments, strict=True)])
-    floor = 1e-9 * max(float(np.max(np.std(X, axis=0), initial=0.0)), 1e-300)
+    floor = _LEAST * scales.x0  # a state that nothing moves in a free run still has the size at which it would show
     change = np.vstack([np.diff(x[s.burn :, :n], axis=0) for x, s in zip(runs, predictor.segments, strict=True)])
-    return np.maximum(np.std(X, axis=0), floor), np.maximum(np.std(change, axis=0) / predictor.segments[0].step, floor)
+    return np.maximum(np.std(X, axis=0), floor), np.maximum(
+        np.std(change, axis=0) / predictor.segments[0].step, floor / predictor.segments[0].step
+    )
 
 
 def _mass(model: Equations, force: str) -> float:

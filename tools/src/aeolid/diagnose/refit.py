@@ -14,6 +14,7 @@ from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.explore import TRIED, core, explore, fit_best
+from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
@@ -135,7 +136,10 @@ def _with_noise_held(predictor: Predictor, starts: Sequence[Point], free: Free) 
 
 
 def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) -> Candidate:
-    """Fit a candidate once more, its effect put into another fit of the baseline; returns the better of both."""
+    """Fit a candidate once more, its effect put into another fit of the baseline, and on from where it stands.
+
+    Returns the best, itself where nothing gains: the baseline's noise may lead into another optimum (13 nats short).
+    """
     stage, old = prepared.only(candidate.attachments), candidate.predictor.compiled.model
     start, model = stage.fit.point, stage.extended
     theta, noise = start.theta.copy(), start.noise.copy()
@@ -147,7 +151,9 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
         noise[own.index(state)] = candidate.fit.point.noise[before.index(state)]
     predictor = stage.predictor.with_order(candidate.predictor.var_order or 0)
     free = free_with(stage.fit.free, candidate.attachments, stage)
-    fit = predictor.fit(replace(start, theta=theta, noise=noise), free, iterations=_AGAIN)
+    starts = replace(start, theta=theta, noise=noise), carry_point(candidate.fit.point, old, model)
+    fits = [predictor.fit(s, free, iterations=_AGAIN) for s in starts]
+    fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None or fit.log_likelihood <= candidate.fit.log_likelihood:
         return candidate
     return judge(stage, predictor, stage.fit, fit, candidate.attachments, baseline_select)
@@ -256,6 +262,7 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
         if reason := a.credible(values):
             return False, f"{a.key}: {reason}"
         sizes = [s for s in a.slots if s.local and s.label and model.index(s.name) in fit.free.theta]
+        sizes = [s for s in sizes if not a.essential or s.name in a.essential]
         if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
             return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"
         drives = [s for s in a.slots if s.name != a.share and not s.label and model.index(s.name) in fit.free.theta]

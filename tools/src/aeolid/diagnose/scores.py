@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
@@ -190,11 +191,11 @@ def _cell(asked: _Direction, G: Array, baseline: Array) -> _Cell | None:
     size = np.linalg.norm(G, axis=0)
     projected = _outside(G, baseline)
     keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
+    keep[keep] = _independent(projected[:, keep] / size[keep])
     if not np.any(keep):
         return None
-    Q, R = np.linalg.qr(projected[:, keep])
-    if np.min(np.abs(np.diag(R))) < 1e-9 * np.max(np.abs(np.diag(R))):
-        return None
+    Q, R = np.linalg.qr(projected[:, keep] / size[keep])
+    R = R * size[keep]
     if len(R) == 1 and R[0, 0] < 0:
         Q, R = -Q, -R
     labels: list[str | tuple[str, int]] = [*asked.names, *asked.gains]
@@ -205,6 +206,17 @@ def _cell(asked: _Direction, G: Array, baseline: Array) -> _Cell | None:
         asked.grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
         Q, R, sided,
     )  # fmt: skip
+
+
+def _independent(scaled: Array) -> NDArray[np.bool_]:
+    """Tell which columns to keep so that none is a sum of the others, the largest first."""
+    if not scaled.shape[1]:
+        return np.zeros(0, dtype=bool)
+    _, R, order = qr(scaled, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    kept = np.zeros(scaled.shape[1], dtype=bool)
+    kept[order[: len(diagonal)][diagonal > _ABSORBED * diagonal[0]]] = True
+    return kept
 
 
 def _outside(G: Array, baseline: Array) -> Array:

@@ -84,6 +84,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         and declared.interval[0] > 0
         and _material(declared)
         and _moved(study)[0].deviations > _SURE
+        and not any(m.at_end for m in _moved(study) if m.deviations > _SURE)
     ):
         return "parameter", [_parameter_effect(study)], declared
     if not any(r.testable for r in study.bank.rows):
@@ -166,7 +167,15 @@ class _Moved:
     std: float
 
     @property
+    def at_end(self) -> bool:
+        """Tell whether the data drive the value to the end of its declared range: then the structure is not right."""
+        p = self.parameter
+        near = 1e-6 * (p.maximum - p.minimum)
+        return bool(np.isfinite(near)) and min(self.value - p.minimum, p.maximum - self.value) <= near
+
+    @property
     def deviations(self) -> float:
+        """Return by how many standard deviations the value moved."""
         return abs(self.value - self.parameter.value) / max(self.std, 1e-300)
 
 

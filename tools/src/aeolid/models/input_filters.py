@@ -162,6 +162,19 @@ def _lead_lag(u: Array, values: Array, step: float) -> Array:
     return out
 
 
+@njit(cache=True)
+def _indicial(u: Array, values: Array, step: float) -> Array:
+    """Add values[1] times what is left of the input's changes: two thirds of it die away 6.6 times as fast as the rest.
+
+    The two terms of Jones' approximation to Wagner's function, 0.165 e^(-0.0455 s) and 0.335 e^(-0.3 s); values[0] is
+    the slow time constant in s.
+    """
+    fast = lag_held_input(u, values[0] * (0.0455 / 0.3) / step)
+    slow = lag_held_input(u, values[0] / step)
+    out: Array = u + values[1] * (u - 0.67 * fast - 0.33 * slow)
+    return out
+
+
 def _scale(u: Array, values: Array, step: float) -> Array:
     scaled: Array = u * (1.0 + values[1] * (values[0] - 1.0))
     return scaled
@@ -179,5 +192,6 @@ KINDS: dict[str, FilterKind] = {
     "input_quantisation": FilterKind(("spacing", "share"), _quantisation),
     "input_scale": FilterKind(("factor", "share"), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
+    "indicial": FilterKind(("tau_s", "gain"), _indicial),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""

@@ -18,17 +18,20 @@ def _attach(site: Site) -> list[Attachment]:
     axial = rotor.place(site, "fore_aft")
     if not rotor.is_turbine(site) or axial is None:
         return []
-    factor = rotor.wind_factor(site)
+    factor, side = rotor.wind_factor(site), rotor.place(site, "side_side")
+    as_force = side is not None and side.is_force and axial.is_force
+    places = [(p, factor) for p in (axial, None if as_force else side) if p is not None]
     made = rotor.locked(
-        site, "aero_imbalance", [(axial, factor)], 1, "F_fore_aft = F*cos(azimuth + phase), F ~ V^2",
+        site, "aero_imbalance", places, 1, "F_fore_aft = F*cos(azimuth + phase), F ~ V^2",
         lambda size, unit, where: (
             f"one blade stands at another pitch angle: once a turn {size:.3g} {unit} fore and aft at {where}"
             " that the model leaves out"
         ),
     )  # fmt: skip
-    side = rotor.place(site, "side_side")
-    if not made or side is None or not (side.is_force and axial.is_force):
+    if not made or side is None:
         return made
+    if not as_force:  # straight on the outputs, each with its own phase: the fore-aft one makes it this effect
+        return [replace(made[0], essential=tuple(s.name for s in made[0].slots[:2]))]
     return [_with_side(made[0], side, site, factor)]
 
 

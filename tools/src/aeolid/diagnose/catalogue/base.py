@@ -90,6 +90,7 @@ class Attachment:
     share: name of a local slot that blends the effect in from 0 to 1 where its own parameters have no null to start
     from; its value is 1 when the effect is active (put it in `fixed`); grid is then ordered from mild to strong.
     noise_driven: noise alone may drive the states it brings, for their frequency band is known from elsewhere.
+    essential: names of slots of which one must differ from none, or it is another effect; without any, one of all.
     credible: returns why reported values cannot be this effect, though each lies in its range; "" where they can.
     """
 
@@ -110,6 +111,7 @@ class Attachment:
     weight: Callable[[Mapping[str, float]], float] | None = None
     noise_driven: bool = False
     credible: Callable[[Mapping[str, float]], str] = lambda values: ""
+    essential: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,9 @@ def pitch_inputs(site: Site) -> list[int]:
 def lead_lag(
     site: Site, entry: str, *, gain: tuple[str, float, float], tau: tuple[float, float], grid: tuple[float, ...],
     equation: str, says: Callable[[str, Mapping[str, float]], str], show: Callable[[float], float] = float,
+    kind: str = "lead_lag",
 ) -> list[Attachment]:  # fmt: skip
-    """Offer u + gain (u − lag(u, tau)) on every pitch input; gain: (label, low, high), null 0."""
+    """Offer u + gain (u − lag(u, tau)) on every pitch input; gain: (label, low, high), null 0; kind of input filter."""
     result = []
     for i in pitch_inputs(site):
         name = site.input_names[i]
@@ -37,7 +38,7 @@ def lead_lag(
         result.append(
             Attachment(
                 entry, f"{entry} input:{name}", location(f"input:{name}", inputs=(name,)),
-                partial(_filtered, name, (part, times), grid[0]), (part, times),
+                partial(_filtered, name, kind, (part, times), grid[0]), (part, times),
                 grid=tuple({names[0]: t} for t in grid), starts=({}, {names[1]: 0.3 * (gain[1] + gain[2])}),
                 equation=equation, statement=partial(says, name), stepped=True,
             )
@@ -45,11 +46,11 @@ def lead_lag(
     return result
 
 
-def _filtered(name: str, slots: tuple[Slot, Slot], start: float, model: Equations) -> Equations:
+def _filtered(name: str, kind: str, slots: tuple[Slot, Slot], start: float, model: Equations) -> Equations:
     part, times = slots
     extra = (
         Parameter(times.name, start, "s", times.low, times.high),
         Parameter(part.name, 0.0, "", part.low, part.high),
     )
-    added = InputFilter(name, "lead_lag", (times.name, part.name))
+    added = InputFilter(name, kind, (times.name, part.name))
     return replace(model, parameters=(*model.parameters, *extra), filters=(*model.filters, added))

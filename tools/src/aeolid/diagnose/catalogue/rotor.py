@@ -141,13 +141,16 @@ def wind_factor(site: Site) -> str:
     return ""
 
 
-def place(site: Site, kind: str, as_output: bool = False) -> Place | None:
-    """Find where a force of this kind acts: the motion its output shows (equations), else the output itself."""
+def place(site: Site, kind: str, as_output: bool = False, broad: bool = False) -> Place | None:
+    """Find where a force of this kind acts: the motion its output shows (equations), else the output itself.
+
+    broad: the force is no line, so that its way through the mode shows: push a linear model's mode too.
+    """
     found = outputs_like(site, kind)
     if not found:
         return None
     name = site.output_names[found[0]]
-    motion = None if site.linear is not None or as_output else motion_of(site, name)
+    motion = None if as_output else motion_of(site, name) if site.linear is None else _mode(site, name, broad)
     if motion is not None:
 
         def act(model: Equations, force: ast.expr, label: str) -> Equations:
@@ -161,6 +164,10 @@ def place(site: Site, kind: str, as_output: bool = False) -> Place | None:
         return on_output(model, name, force)
 
     return Place(f"output:{name}", name, "amplitude", unit, spread, False, show)
+
+
+def _mode(site: Site, name: str, broad: bool) -> Motion | None:
+    return next((m for m in site.motions if m.shown_by == name), None) if broad else None
 
 
 def on_output(model: Equations, name: str, term: ast.expr) -> Equations:

@@ -6,10 +6,12 @@ from dataclasses import replace
 
 from aeolid.diagnose.catalogue import rotor
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.models.equations import Equations, Parameter
+from aeolid.models.equations import Equations
 
-_RATIO = "tower_shadow_ratio"
-_FLOOR = 0.05  # of the typical force: below it the second harmonic fades, so that its score is that of the first
+_SHARPNESS = "tower_shadow_sharpness"
+_SHARPEST = 0.95  # a blade 42 m out that passes 0.7 m before the middle of the tower
+_FLOOR = 1e-5  # of the typical force: where there is no swing the dip has no place either
+_EQUATION = "F = F*((1 + q^2)*cos(x) + 2*q)/(1 + 2*q*cos(x) + q^2)^2, x = blades*azimuth + phase, q = sharpness"
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -17,50 +19,61 @@ def _attach(site: Site) -> list[Attachment]:
         return []
     order, places = rotor.blades(site), rotor.hub(site)
     made = rotor.locked(
-        site, "tower_shadow", places, order, "F = F*(cos(x) - second_harmonic*cos(2*x)), x = blades*azimuth + phase",
+        site, "tower_shadow", places, order, _EQUATION,
         lambda size, unit, where: (
             f"the blades pass through the tower's shadow: {size:.3g} {unit} at {where}, {order} times a turn,"
             " locked to the rotor; the model leaves it out"
         ),
     )  # fmt: skip
-    twice = rotor.angle(site, 2 * order)
-    return made if not made or twice is None else [_with_dip(made[0], places, twice)]
+    phase = rotor.angle(site, order)
+    return made if not made or phase is None or rotor.angle(site, 2 * order) is None else [_dip(made[0], places, phase)]
 
 
-def _with_dip(made: Attachment, places: list[tuple[rotor.Place, str]], twice: rotor.Angle) -> Attachment:
-    """Add the second harmonic: a dip where A cos(x − φ) = c cos x + s sin x is least, so −cos 2(x − φ)."""
-    pairs = [(made.slots[2 * k].name, made.slots[2 * k + 1].name, p) for k, (p, _) in enumerate(places)]
+def _dip(made: Attachment, places: list[tuple[rotor.Place, str]], phase: rotor.Angle) -> Attachment:
+    """Let all harmonics follow from the first one, A cos x with x = blades·azimuth − φ, and the sharpness q.
+
+    The wind before the tower is that of a dipole: its harmonics are A k (−q)^(k−1) cos kx, q = e^(−blades·distance/arm)
+    of a blade's path, and their sum is written in closed form.
+    """
     terms = []
-    for k, (c, s, p) in enumerate(pairs):
-        held, now = (_second(c, s, x, _FLOOR * p.size) for x in (twice.held, twice.now))
-        terms.append(rotor.Term(p, held, now, f"tower_shadow_dip{k}"))
+    for k, (p, factor) in enumerate(places):
+        c, s = made.slots[2 * k].name, made.slots[2 * k + 1].name
+        write = _dip_in_speed if not p.is_force and rotor.looks_like("speed", p.output) else _dip_of
+        held, now = (f"({write(c, s, x, _FLOOR * p.size)}){factor}" for x in (phase.held, phase.now))
+        terms.append(rotor.Term(p, held, now, f"tower_shadow_force{k + 1}"))
+    sharpness = Slot(_SHARPNESS, "sharpness", "1", 0.0, 0.0, _SHARPEST, 0.2, local=False)
 
     def edit(model: Equations) -> Equations:
-        model = made.edit(model)
-        model = replace(model, parameters=(*model.parameters, Parameter(_RATIO, 0.0, "1", 0.0, 1.5)))
-        for term in terms:
-            model = term.on(model)
-        return model
+        return rotor.add_terms(model, [*made.slots, sharpness], terms)
 
-    ratio = Slot(_RATIO, "second_harmonic", "1", 0.0, 0.0, 1.5, 0.3, local=False)
-    return replace(made, edit=edit, slots=(*made.slots, ratio), starts=({}, {_RATIO: 0.5}))
+    return replace(
+        made, edit=edit, slots=(*made.slots, sharpness), starts=({}, {_SHARPNESS: 0.4}, {_SHARPNESS: 0.7}),
+    )  # fmt: skip
 
 
-def _second(c: str, s: str, twice: str, floor: float) -> str:
-    size = f"sqrt({c}**2 + {s}**2 + {floor * floor!r})"
-    return f"-{_RATIO}*(({c}**2 - {s}**2)*cos({twice}) + 2*{c}*{s}*sin({twice}))/{size}"
+def _dip_of(c: str, s: str, x: str, floor: float) -> str:
+    size, first = f"sqrt({c}**2 + {s}**2 + {floor * floor!r})", f"({c}*cos({x}) + {s}*sin({x}))"
+    q = _SHARPNESS
+    return f"((1 + {q}**2)*{first} + 2*{q}*({size} - {floor!r}))/(1 + 2*{q}*{first}/{size} + {q}**2)**2"
+
+
+def _dip_in_speed(c: str, s: str, x: str, floor: float) -> str:
+    """Write what a dip in torque leaves in the speed, its integral: A (−q)^(k−1) sin kx."""
+    size, ahead = f"sqrt({c}**2 + {s}**2 + {floor * floor!r})", f"({s}*cos({x}) - {c}*sin({x}))"
+    q = _SHARPNESS
+    return f"({c}*cos({x}) + {s}*sin({x}))/(1 + 2*{q}*{ahead}/{size} + {q}**2)"
 
 
 ENTRY = Entry(
     id="tower_shadow",
     family="rotor_3p",
     name="tower shadow",
-    equation="F = F*(cos(x) - second_harmonic*cos(2*x)), x = blades*azimuth + phase",
+    equation=_EQUATION,
     source="Dolan and Lehn 2006, IEEE Trans. Energy Conversion 21(3): potential flow around the tower",
     quantities=(
         Quantity("force_N_cos", "N", -1e6, 1e6, 0.0, "first harmonic of the dip in thrust, cos part"),
         Quantity("force_N_sin", "N", -1e6, 1e6, 0.0, "sin part"),
-        Quantity("second_harmonic", "1", 0.0, 1.5, 0.0, "second harmonic over the first: 0 smooth, towards 1 a dip"),
+        Quantity("sharpness", "1", 0.0, _SHARPEST, 0.0, "0 a smooth swing, towards 1 a dip: e^(-blades*distance/arm)"),
     ),
     attaches_to="tower fore-aft and rotor speed of a wind turbine whose rotor angle is recorded",
     signature="lines at the blades' multiple and its multiples, phase locked to the angle",

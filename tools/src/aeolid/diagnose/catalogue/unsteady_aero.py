@@ -5,21 +5,23 @@ from __future__ import annotations
 from aeolid.diagnose.catalogue import pitch_path
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site
 
+_EQUATION = "load ~ pitch - lagging_share*(pitch - (2*lag(pitch, tau_s/6.6) + lag(pitch, tau_s))/3)"
+
 
 def _attach(site: Site) -> list[Attachment]:
-    top = 1.5
+    top = 3.0
     low = 0.5 * site.step
     if low >= top:
         return []
-    grid = tuple(t for t in (0.15, 0.35, 0.8) if low < t)
+    grid = tuple(t for t in (0.2, 0.5, 1.2) if low < t)
     return pitch_path.lead_lag(
-        site, "unsteady_aero", gain=("lagging_share", -0.6, 0.0), tau=(low, top), grid=grid,
-        equation="load ~ (1 - lagging_share)*pitch + lagging_share*lag(pitch, tau_s)",
+        site, "unsteady_aero", gain=("lagging_share", -0.75, 0.0), tau=(low, top), grid=grid,
+        equation=_EQUATION,
         says=lambda name, v: (
             f"{v['lagging_share']:.0%} of the blades' response to {name} builds up over {v['tau_s']:.3g} s"
             " (shed vorticity); the model's aerodynamics are instantaneous"
         ),
-        show=lambda gain: -gain,
+        show=lambda gain: -gain, kind="indicial",
     )  # fmt: skip
 
 
@@ -27,11 +29,11 @@ ENTRY = Entry(
     id="unsteady_aero",
     family="slow_aero",
     name="unsteady aerodynamics (shed vorticity)",
-    equation="load ~ (1 - lagging_share)*pitch + lagging_share*lag(pitch, tau_s)",
+    equation=_EQUATION,
     source="Wagner 1925; Theodorsen 1935; R. T. Jones 1938: 1 - 0.165 e^(-0.0455 s) - 0.335 e^(-0.3 s)",
     quantities=(
-        Quantity("lagging_share", "1", 0.0, 0.6, 0.0, "share that is not there at once (flat plate: 0.5)"),
-        Quantity("tau_s", "s", 0.05, 1.5, float("nan"), "time constant: 7 chords over the blade's air speed"),
+        Quantity("lagging_share", "1", 0.0, 0.75, 0.0, "share that is not there at once (flat plate: 0.5)"),
+        Quantity("tau_s", "s", 0.05, 3.0, float("nan"), "slow time constant: 11 chords over the blade's air speed"),
     ),
     attaches_to="the pitch input of a wind turbine, down to half a sample",
     signature="half of every load change comes at once, the rest within a second; gain falls to a half, phase recovers",

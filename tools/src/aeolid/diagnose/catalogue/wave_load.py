@@ -28,7 +28,7 @@ def recorded(site: Site) -> Exogenous | None:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    tower = rotor.place(site, "fore_aft") or rotor.place(site, "side_side")
+    tower = rotor.place(site, "fore_aft", broad=True) or rotor.place(site, "side_side", broad=True)
     if not rotor.is_turbine(site) or tower is None:
         return []
     channel = recorded(site)
