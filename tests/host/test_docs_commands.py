@@ -21,8 +21,10 @@ import pytest
 from doc_pages import PAGES, ROOT, Block, blocks
 
 from aeolid.cli import reference
+from aeolid.models.input_filters import KINDS
 from aeolid.models.state_space import load
 from aeolid.plants.examples import write_examples
+from aeolid.record import ROLES
 
 SHELL = [block for page in PAGES for block in blocks(page) if block.language == "sh"]
 COMMANDS = {command.name: command for command in reference.commands()}
@@ -130,6 +132,18 @@ def test_the_model_shown_is_read(tmp_path: Path) -> None:
     (tmp_path / "model.json").write_text(shown.text)
     model = load(tmp_path / "model.json")
     assert (model.order, model.inputs[0].name, model.outputs[0].unit) == (1, "pitch", "rpm")
+
+
+def test_the_page_of_files_names_every_key_that_is_read() -> None:
+    text = (ROOT / "docs/reference/files.md").read_text(encoding="utf-8")
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
+    named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", prose))))
+    package = ROOT / "tools/src/aeolid"
+    for file in ("record.py", "models/equations_file.py", "diagnose/case.py"):
+        for keys in re.findall(r"check_keys\([^{}]*\{([^}]*)\}", (package / file).read_text(encoding="utf-8")):
+            assert set(re.findall(r'"(\w+)"', keys)) <= named, f"{file}: {keys}"
+    assert set(KINDS) | {slot for kind in KINDS.values() for slot in kind.slots} <= named
+    assert set(ROLES) <= named
 
 
 def test_files_shown_are_those_the_example_writes(tmp_path: Path) -> None:
