@@ -1,0 +1,135 @@
+"""Typical sizes of hidden states, and what depended on them: a wind's noise, the bank, a better baseline."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from study_modules import load_study
+
+from aeolid.diagnose import pipeline, scores
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.gains import kalman_gain
+from aeolid.diagnose.magnitudes import visible_sizes
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.verdict import _Moved
+from aeolid.models import equations_file
+from aeolid.models.equations import Parameter
+from aeolid.models.integrate import Compiled, compile_equations, simulate
+
+rig = load_study("rigs/turbine")
+STEP = 0.05
+_MODEL = """
+[model]
+name = "a body that a hidden force pushes"
+[[state]]
+name = "q"
+derivative = "v"
+[[state]]
+name = "v"
+derivative = "-4*q - 0.5*v + 1e4*f + u"
+[[state]]
+name = "f"
+derivative = "-0.2*f"
+[[state]]
+name = "unseen"
+initial = {{ value = {unseen}, free = false }}
+derivative = "-unseen"
+[[output]]
+name = "y"
+equation = "q"
+"""
+
+
+def body(tmp_path: Path, unseen: float = 0.0) -> Compiled:
+    path = tmp_path / "model.toml"
+    path.write_text(_MODEL.format(unseen=unseen))
+    return compile_equations(equations_file.load(path))
+
+
+def test_a_state_that_starts_at_its_size_moves_an_output_by_its_spread(tmp_path: Path) -> None:
+    """The law that defines the size; the force starts at nothing, no input moves it, and it shows late."""
+    compiled, spread = body(tmp_path), 0.03
+    sizes = visible_sizes(compiled, np.zeros(1), np.array([spread]), STEP, 15.0)
+    assert sizes[3] == 1.0  # nothing shows it
+    for i in range(3):
+        x0 = np.zeros(4)
+        x0[i] = sizes[i]
+        y = simulate(compiled, np.zeros((300, 1)), compiled.model.theta, x0, STEP)
+        assert np.max(np.abs(y)) == pytest.approx(spread, rel=1e-3)  # of the integration
+
+
+def test_of_what_nothing_shows_the_start_value_tells_the_size(tmp_path: Path) -> None:
+    sizes = visible_sizes(body(tmp_path, unseen=7.0), np.zeros(1), np.ones(1), STEP, 15.0)
+    assert sizes[3] == 7.0
+
+
+@pytest.fixture(scope="module")
+def turbine(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    trial = next(t for t in rig.trials() if t.name == "torque not connected" and t.kind == "equations")
+    return prepare(load_case(rig.write_case(tmp_path_factory.mktemp("turbine"), trial, 2000, 11)))
+
+
+def test_the_wind_of_a_turbine_is_found_in_its_own_state(turbine: Prepared) -> None:
+    """It is no input and starts at 0. Its kicks are 0.157 m/s a sample, the speed sensor's noise 0.001 rad/s.
+
+    A factor of two is left to the other noises; at the size it had before, it was 1e-10 of that.
+    """
+    model, point, scales = turbine.extended, turbine.fit.point, turbine.predictor.scales
+    wind = [s.name for s in model.states].index("wind_speed")
+    speed = len(model.states) + [o.name for o in model.outputs].index("rotor_speed")
+    kicks = point.noise[wind] * scales.x0[wind] / (point.noise[speed] * scales.spread[0])
+    assert 0.5 < kicks / (0.157 / 0.001) < 2.0
+
+
+def test_the_wind_is_no_body(turbine: Prepared) -> None:
+    """Nothing but itself enters its equation: no friction, no stiffness can be missing there."""
+    assert "state:omega" in {m.location for m in turbine.motions}
+    assert "state:wind_speed" not in {m.location for m in turbine.motions}
+
+
+def test_a_missing_input_stands_out_though_one_place_it_may_enter_is_dead(turbine: Prepared) -> None:
+    """A place whose size was all but zero took the whole hypothesis out of the bank."""
+    row = scores.score_bank(turbine, turbine.hypotheses, 1).rows[0]
+    assert row.attachment.entry == "missing_coupling" and row.z > 15
+
+
+def test_directions_that_say_the_same_are_left_out_whatever_their_units() -> None:
+    rng = np.random.default_rng(2)
+    a, b = rng.standard_normal((2, 40))
+    kept = scores._independent(np.column_stack([a, b, a + b, 1e-6 * a, np.zeros(40)]))
+    assert kept.sum() == 2 and not kept[4]
+    assert scores._independent(np.zeros((40, 0))).size == 0
+
+
+def test_a_baseline_is_not_bettered_by_what_it_holds_fixed() -> None:
+    """A hypothesis about a wrong inertia moves the inertia itself; carried over, it hid in the baseline."""
+    fit = SimpleNamespace(point=Point(np.array([1.0, 2.0, 3.0]), np.zeros(0), None, ()))
+    bare: Any = SimpleNamespace(fit=fit, free=SimpleNamespace(theta=(1,)))
+    moved = pipeline._without_effects(replace(fit.point, theta=np.array([10.0, 20.0, 30.0])), bare)
+    np.testing.assert_array_equal(moved.theta, [1.0, 20.0, 3.0])
+
+
+def test_a_faultless_sensor_counts_as_one_that_errs_by_a_hundredth(tmp_path: Path) -> None:
+    compiled = body(tmp_path)
+    sizes, theta, u = (np.ones(4), np.ones(1)), compiled.model.theta, np.zeros(1)
+    amplitude = np.array([0.3, 0.5, 0.0, 0.0, 0.0])
+    exact = kalman_gain(compiled, sizes, theta, amplitude, u, STEP)
+    amplitude[4] = 0.003
+    near = kalman_gain(compiled, sizes, theta, amplitude * np.sqrt([1, 1, 1, 1, 0.0]), u, STEP)
+    np.testing.assert_allclose(exact, near, rtol=1e-12)
+    assert np.all(np.isfinite(exact)) and np.max(np.abs(exact)) > 0.5
+    doubled = kalman_gain(compiled, sizes, theta, amplitude, u, STEP)  # 0.003² + (0.01 · 0.3)²: twice the floor
+    assert not np.allclose(doubled, exact, rtol=1e-7)
+
+
+@pytest.mark.parametrize(("value", "at_end"), [(0.5, True), (2.0, True), (1.2, False)])
+def test_a_declared_value_at_the_end_of_its_range_accuses_the_structure(value: float, at_end: bool) -> None:
+    parameter = Parameter("k", 1.0, "", 0.5, 2.0, True)
+    assert _Moved(parameter, value, 0.01).at_end is at_end
+    assert not _Moved(Parameter("k", 1.0, ""), value, 0.01).at_end
