@@ -14,8 +14,9 @@ from study_modules import load_study
 
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
-from aeolid.diagnose.pipeline import _adds, _is_another, against, fit_rows, select_density
+from aeolid.diagnose.pipeline import _adds, _is_another, against
 from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import renewed
 from aeolid.diagnose.scores import Bank, score_bank
 
@@ -36,7 +37,7 @@ def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path)
     theta[prepared.free.theta[0]] *= 0.9
     other = replace(prepared, fit=prepared.predictor.at(replace(prepared.fit.point, theta=theta), prepared.free))
     moved = against(found, other, select_density(prepared) - select_density(other))
-    assert moved.fit_gain == pytest.approx(found.fit.log_likelihood - other.fit.log_likelihood)
+    assert moved.fit_gain == pytest.approx(found.fit.log_posterior - other.fit.log_posterior)
     assert moved.fit_gain > found.fit_gain + 1  # the other baseline is worse
     own = found.predictor.score_elsewhere(found.fit, prepared.split.select)[0]
     np.testing.assert_allclose(moved.select_difference, own - select_density(other), atol=1e-9)
@@ -61,7 +62,7 @@ def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: P
 def candidate(select: np.ndarray[Any, Any], likelihood: float, gain: float) -> Any:
     return SimpleNamespace(
         select_gain=float(select.sum()), select_difference=select, fit_gain=gain,
-        fit=SimpleNamespace(log_likelihood=likelihood),
+        fit=SimpleNamespace(log_posterior=likelihood),
     )  # fmt: skip
 
 

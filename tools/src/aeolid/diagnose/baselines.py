@@ -71,8 +71,8 @@ def _of_run(case: Case, run: Record) -> Baseline:
     turned = [to_fixed_frame(r, sets) for r in case.records]
     if case.same_inputs:
         turned = [with_run(r, to_fixed_frame(run, sets)) for r in turned]
-    records = tuple(with_time(decimate(r, factor)) for r in turned)
-    slow = decimate(to_fixed_frame(run, sets), factor)
+    records = tuple(with_time(decimate(r, factor, centred=True)) for r in turned)
+    slow = decimate(to_fixed_frame(run, sets), factor, centred=True)
     found = surrogate(slow)
     form = with_values(found.form, dict(zip(found.form.values, found.mean.tolist(), strict=True)))
     linear = replace(form.model, K=found.fit.point.K[: form.model.order] if found.fit.point.K is not None else None)

@@ -83,15 +83,27 @@ def noise_ladder(point: Point, noisy: Sequence[int]) -> list[Point]:
 
 
 def fit_best(predictor: Predictor, starts: Sequence[Point], free: Free, tried: int = TRIED) -> Fit | None:
-    """Fit briefly from the `tried` most likely starts, fully from the best; returns None where all diverge.
+    """Fit briefly from the `tried` most likely starts, fully from the best; returns None where all diverge."""
+    best = fit_briefly(predictor, starts, free, tried)
+    return None if best is None else fit_fully(predictor, best[1], free)
 
-    The brief fits move the `core` only: white noise first, its memory last, so that a force with memory does not take
-    the place of a parameter that is still far off.
+
+def fit_briefly(
+    predictor: Predictor, starts: Sequence[Point], free: Free, tried: int = TRIED
+) -> tuple[float, Point] | None:
+    """Return the best objective and point that a few steps from the `tried` most likely starts lead to.
+
+    They move the `core` only: white noise first, its memory last, so that a force with memory does not take the place
+    of a parameter that is still far off.
     """
     few = core(predictor, free)
     ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:tried]
-    trials = [predictor.fit(starts[i], few, iterations=_QUICK) for value, i in ranked if value < 1e299]
-    best = max((t for t in trials if t is not None), key=lambda t: t.log_likelihood, default=None)
-    if best is not None and few != free:
-        best = predictor.fit(best.point, few, iterations=_FULL)
-    return None if best is None else predictor.fit(best.point, free, iterations=_FULL)
+    trials = [predictor.climb(starts[i], few, iterations=_QUICK) for value, i in ranked if value < 1e299]
+    return min((t for t in trials if t is not None), key=lambda t: t[0], default=None)
+
+
+def fit_fully(predictor: Predictor, start: Point, free: Free) -> Fit | None:
+    """Fit the `core` to the end, then all that is free."""
+    few = core(predictor, free)
+    found = predictor.climb(start, few, iterations=_FULL) if few != free else None
+    return predictor.fit(start if found is None else found[1], free, iterations=_FULL)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -54,6 +55,36 @@ def filter_var(e: Array, var: Array) -> Array:
     for i, a in enumerate(var, 1):
         result[..., i:, :] -= e[..., :-i, :] @ a.T
     return result
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, out: Array) -> None:
+    """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.
+
+    e (N, l, lanes); y (N, l) the measurements, of which a missing one makes a row, and those whose lags reach it,
+    zero. What a model that has run away leaves stays infinite or NaN.
+    """
+    m, lanes, order = e.shape[1], e.shape[2], len(var)
+    burn = len(e) - len(out) // m
+    own = np.empty((m, lanes))
+    for t in range(burn, len(e)):
+        known = True
+        own[:] = e[t]
+        for i in range(min(order, t) + 1):
+            for b in range(m):
+                known = known and y[t - i, b] == y[t - i, b]
+                if i == 0:
+                    continue
+                for c in range(m):
+                    for p in range(lanes):
+                        own[c, p] -= var[i - 1, c, b] * e[t - i, b, p]
+        for c in range(m):
+            row = (t - burn) * m + c
+            for p in range(lanes):
+                out[row, p] = 0.0
+            for b in range(m if known else 0):
+                for p in range(lanes):
+                    out[row, p] += own[b, p] * factor[b, c]
 
 
 def colour_var(white: Array, var: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,14 +20,16 @@ from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
+from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import Candidate, finalists, refit, renewed
 from aeolid.diagnose.scores import Bank, Row, score_bank
 
 Array = NDArray[np.float64]
 _SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
 _BEYOND_DOUBT = 50.0  # nats on the fit data that a second effect must gain where the selection data are silent
-_LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
+_LEAST_GAIN = 4.0  # nats on the selection data that a second effect must add
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
+_TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _TIED = 1.0  # nats: candidates this close are equally good
 
@@ -87,7 +89,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     bands = band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
-    hits, largest = _sham(prepared, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
+    hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
     done()
     progress("done", 1.0)
     return Study(
@@ -128,7 +130,7 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
         fresh = [r for r in finalists(bank) if r.attachment.key not in fitted]
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
         better = better_baseline(prepared, list(fitted.values()))
-        if better is None:
+        if better is None or _is_trifling(better.fit.log_posterior - prepared.fit.log_posterior, list(fitted.values())):
             break
         density = select_density(better)
         change, prepared = select_density(prepared) - density, better
@@ -137,10 +139,15 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
     return prepared, bank, sorted(fitted.values(), key=lambda c: -c.score)
 
 
+def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:
+    """Tell whether a baseline this much better changes nothing: an effect that survived the control dwarfs it."""
+    return shortfall < _TRIFLE * max((c.fit_gain for c in fitted if c.survived), default=0.0)
+
+
 def against(candidate: Candidate, prepared: Prepared, change: Array) -> Candidate:
     """Return a candidate measured against another fit of the baseline; change: old less new density of each sample."""
     difference = candidate.select_difference + change
-    gain = candidate.fit.log_likelihood - prepared.fit.log_likelihood
+    gain = candidate.fit.log_posterior - prepared.fit.log_posterior
     return replace(candidate, fit_gain=gain, select_gain=float(difference.sum()), select_difference=difference)
 
 
@@ -159,7 +166,7 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
         return None
     predictor = bare.predictor.with_order(bare.predictor.choose_var_order(starts[0]))
     fit = predictor.fit(starts[0], bare.free, iterations=40)
-    if fit is None or fit.log_likelihood < bare.fit.log_likelihood + _SHORT:
+    if fit is None or fit.log_posterior < bare.fit.log_posterior + _SHORT:
         return None
     return replace(bare, predictor=predictor, fit=fit)
 
@@ -172,35 +179,14 @@ def _without_effects(point: Point, bare: Prepared) -> Point:
     return replace(point, theta=theta)
 
 
-def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
-    """Fit the finalists of a bank fully, best score first."""
-    return sorted(fit_rows(prepared, finalists(bank)[:most]), key=lambda c: -c.score)
-
-
-def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
-    """Fit hypotheses fully, each in a model of its own; those whose every start diverges are left out."""
-    if not rows:
-        return []
-    base_select = select_density(prepared)
-    stages = (prepared.only([r.attachment]) for r in rows)
-    fitted = [refit(stage, stage.fit, [r], base_select) for stage, r in zip(stages, rows, strict=True)]
-    return [c for c in fitted if c is not None]
-
-
 def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
     """Return the leading accepted candidate that is a finding, and all with those that are none marked so."""
     while (winner := leading([c for c in candidates if is_accepted(c)])) is not None:
-        if survives_control(prepared, winner):
+        if winner.survived or survives_control(prepared, winner):
             break
         refused = replace(winner, plausible=False, reason=f"{winner.key} gains as much on the simulation itself")
         candidates = [refused if c is winner else c for c in candidates]
     return winner, candidates
-
-
-def select_density(prepared: Prepared) -> Array:
-    """Return the baseline's log-density of each sample of the selection data."""
-    bare = prepared.only(())
-    return bare.predictor.score_elsewhere(bare.fit, prepared.split.select)[0]
 
 
 def leading(candidates: list[Candidate]) -> Candidate | None:
@@ -212,12 +198,6 @@ def leading(candidates: list[Candidate]) -> Candidate | None:
     order = [e.id for e in ENTRIES]
     tied = [c for c in candidates if best - c.score < _TIED]
     return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
-
-
-def is_accepted(candidate: Candidate) -> bool:
-    """Tell whether a candidate earned its name on data it was not fitted to."""
-    spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
-    return candidate.plausible and candidate.fit_gain > 0 and candidate.select_gain > max(_LEAST_GAIN, 1.64 * spread)
 
 
 def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
@@ -257,7 +237,7 @@ def _adds(winner: Candidate, pair: Candidate) -> bool:
     spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
     if added > max(_LEAST_GAIN, spread, _SECOND_SHARE * winner.select_gain):
         return True
-    gained = pair.fit.log_likelihood - winner.fit.log_likelihood
+    gained = pair.fit.log_posterior - winner.fit.log_posterior
     return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SECOND_SHARE * winner.fit_gain)
 
 
@@ -295,8 +275,14 @@ def _declared(prepared: Prepared, seed: int) -> Proof | None:
     return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
 
 
-def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]) -> tuple[int, list[float]]:
-    """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named."""
+def _sham(
+    prepared: Prepared, bank: Bank, count: int, seed: int, tick: Callable[[int], None]
+) -> tuple[int, list[float]]:
+    """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named.
+
+    The threshold is that of the recording, from its own bootstrap: an imitation has the same inputs, length and noise.
+    Full fits follow only where the bank speaks.
+    """
     hits, largest, tested = 0, [], [a for a in prepared.hypotheses if not a.always_fit]
     prepared = prepared.only(())
     _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
@@ -314,9 +300,9 @@ def _sham(prepared: Prepared, count: int, seed: int, tick: Callable[[int], None]
             continue
         split = replace(prepared.split, fit=tuple(fit_part), select=tuple(select_part))
         world = replace(prepared, predictor=predictor, fit=fit, split=split)
-        bank = score_bank(world, tested, seed + k)
-        top = bank.rows[0].z if bank.rows else -np.inf
+        own = score_bank(world, tested, seed + k, threshold=bank.threshold)
+        top = own.rows[0].z if own.rows else -np.inf
         largest.append(float(top) if np.isfinite(top) else 0.0)
-        if top > bank.threshold and any(is_accepted(c) for c in fit_finalists(world, bank, most=2)):
+        if top > own.threshold and first_effect(world, fit_finalists(world, own, most=2))[0] is not None:
             hits += 1
     return hits, largest

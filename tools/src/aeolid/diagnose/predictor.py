@@ -47,6 +47,11 @@ class Fit:
     prior_jacobian: Array
 
     @property
+    def log_posterior(self) -> float:
+        """Return what the fit maximises: the log-likelihood less what leaving the priors costs."""
+        return self.log_likelihood - 0.5 * float(self.prior_residual @ self.prior_residual)
+
+    @property
     def std(self) -> Array:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
         gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian
@@ -106,10 +111,10 @@ class Predictor:
         )
 
     def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
-        """Return innovations (points, N, l) of one segment for up to LANES points near `base`, side by side.
+        """Return innovations (N, l, LANES) of one segment for up to LANES points near `base`, side by side.
 
         All have the same values of the input filters' parameters. The integration steps are those of `base`, so that
-        a small step never changes them.
+        a small step never changes them. Lanes without a point of their own repeat the first.
         """
         segment, first = self.segments[index], points[0]
         lanes = [*points, *[first] * (LANES - len(points))]
@@ -118,22 +123,7 @@ class Predictor:
         theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
         gains = [self.gain(p) for p in points]
         K = np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
-        e = self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
-        result: Array = np.ascontiguousarray(np.moveaxis(e[:, :, : len(points)], 2, 0))
-        return result
-
-    def whitened_wide(self, innovations: Array, noise: Noise, index: int) -> Array:
-        """Return what `whitened` says of each of several innovations (points, N, l) of one segment: (points, rows).
-
-        Infinite where a model has run away, which a missing sample must not hide.
-        """
-        segment = self.segments[index]
-        missing = filter_var(np.where(np.isfinite(segment.y), 0.0, np.nan), noise.var)[segment.burn :]
-        with np.errstate(all="ignore"):
-            white = filter_var(innovations, noise.var)[:, segment.burn :] @ noise.factor
-        white[~np.all(np.isfinite(white), axis=2)] = np.inf
-        white[:, ~np.all(np.isfinite(missing), axis=1)] = 0.0
-        return white.reshape(len(white), -1)
+        return self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
 
     def gain(self, point: Point) -> Array:
         """Return the predictor's gain (n, l): given, or the Kalman gain of the noise amplitudes."""
@@ -207,7 +197,14 @@ class Predictor:
         return choice
 
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
-        """Maximise the likelihood from `start` by damped Gauss–Newton; None where the start itself diverges.
+        """Maximise the likelihood from `start` and return what stands there; None where the start itself diverges."""
+        found = self.climb(start, free, iterations, tolerance)
+        return None if found is None else self.at(found[1], free)
+
+    def climb(
+        self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02
+    ) -> tuple[float, Point] | None:
+        """Minimise the objective from `start` by damped Gauss–Newton; None where the start itself diverges.
 
         Sensitivities serve several steps, as long as each still gains a fifth of the first one. Stops when one set of
         them gains less than `tolerance` nats. Cost: k + 1 filter passes an iteration, a few for each further step.
@@ -226,7 +223,7 @@ class Predictor:
                     break
             if begun - value < tolerance:
                 break
-        return self.at(point, free)
+        return value, point
 
     def _step(
         self, value: float, point: Point, free: Free, damping: float, slopes: _Slopes | None

@@ -163,10 +163,10 @@ def _spectra(
 def imitate(
     predictor: Predictor, fit: Fit, segments: Sequence[Segment], point: Point, rng: np.random.Generator
 ) -> list[Segment]:
-    """Generate recordings from the fitted baseline: the recorded inputs, innovations resampled in blocks.
+    """Generate recordings from the fitted baseline: the recorded inputs, innovations resampled.
 
-    Innovations are the whitened residuals in random order of short blocks with random signs, coloured by the noise
-    model again; nothing that the baseline lacks is in the result.
+    Innovations are the whitened residuals in random order with random signs, coloured by the noise model again;
+    nothing that the baseline lacks is in the result.
     """
     outputs = segments[0].y.shape[1]
     pool = fit.residual.reshape(-1, outputs)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 _DRAWS = 999
+_FEW_DRAWS = 99  # where the threshold is given: for the deviations alone
 _TOGETHER = 10  # attachments in one model of the bank
 _LEVEL = 0.01  # family-wise false-alarm level of the bank
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
@@ -82,14 +83,15 @@ def score_bank(
     fit = prepared.fit
     basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian]))
     outputs = prepared.predictor.segments[0].y.shape[1]
-    signs = _block_signs(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed)
+    draws = _DRAWS if threshold is None else _FEW_DRAWS
+    signs = _block_signs(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
     residual = np.concatenate([fit.residual, fit.prior_residual])
     cells = _cells(prepared, attachments, basis)
-    null_max = np.full(_DRAWS, -np.inf)
+    null_max = np.full(draws, -np.inf)
     rows = []
     for attachment, options in zip(attachments, cells, strict=True):
         best: Row | None = None
-        null_z = np.full(_DRAWS, -np.inf)
+        null_z = np.full(draws, -np.inf)
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
             row, null = _evaluate(attachment, option, residual, signs)
@@ -102,7 +104,7 @@ def score_bank(
             rows.append(_silent(attachment))
             continue
         null_max = np.maximum(null_max, null_z)
-        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + _DRAWS)))
+        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + draws)))
     limit = float(np.quantile(null_max, 1 - _LEVEL)) if np.any(np.isfinite(null_max)) else np.inf
     rows.sort(key=lambda r: -r.z)
     return Bank(tuple(rows), limit if threshold is None else threshold)
@@ -151,17 +153,15 @@ def _directions(predictor: Predictor, fit: Fit, attachment: Attachment) -> list[
     return result
 
 
-def _cells(prepared: Prepared, attachments: Sequence[Attachment], baseline: Array) -> list[list[_Cell]]:
-    """Return each attachment's cells.
+def _cells(prepared: Prepared, attachments: Sequence[Attachment], baseline: Array) -> Iterator[list[_Cell]]:
+    """Yield each attachment's cells.
 
     A few attachments at a time are put into the model: each one makes every pass slower, each model costs its
     translation.
     """
-    result: list[list[_Cell]] = []
     for first in range(0, len(attachments), _TOGETHER):
         some = attachments[first : first + _TOGETHER]
-        result += _cells_of(prepared.only((*prepared.attachments, *some)), some, baseline)
-    return result
+        yield from _cells_of(prepared.only((*prepared.attachments, *some)), some, baseline)
 
 
 def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Array) -> list[list[_Cell]]:
@@ -173,23 +173,24 @@ def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Arra
     moved = columns(predictor, fit.point, fit.noise, base, variants)
     known = np.zeros((len(fit.prior_residual), len(variants)))  # what was known before says nothing of an effect
     directions, result = np.vstack([moved, known]), []
+    projected = _outside(directions, baseline)  # all at once: a product of matrices, not of vectors
     first = 0
     for of_one in asked:
         found = []
         for d in of_one:
-            cell = _cell(d, directions[:, first : first + len(d.variants)], baseline)
-            first += len(d.variants)
+            own = slice(first, first + len(d.variants))
+            cell = _cell(d, directions[:, own], projected[:, own])
+            first = own.stop
             found += [cell] if cell else []
         result.append(found)
     return result
 
 
-def _cell(asked: _Direction, G: Array, baseline: Array) -> _Cell | None:
-    """Project one cell's directions out of the baseline's own; None where they say nothing of their own."""
+def _cell(asked: _Direction, G: Array, projected: Array) -> _Cell | None:
+    """Span what of one cell's directions the baseline's own leave over; None where they say nothing of their own."""
     if not np.all(np.abs(G) < _DIVERGED):  # NaN too
         return None
     size = np.linalg.norm(G, axis=0)
-    projected = _outside(G, baseline)
     keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
     keep[keep] = _independent(projected[:, keep] / size[keep])
     if not np.any(keep):
@@ -273,7 +274,9 @@ def _span(jacobian: Array) -> Array:
     return result
 
 
-def _block_signs(samples: int, outputs: int, known: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
+def _block_signs(
+    samples: int, outputs: int, known: int, seed: int, draws: int = _DRAWS
+) -> tuple[Array, NDArray[np.int64]]:
     """Draw ±1 for blocks of samples, all outputs of a sample in one block, and for each of the prior's `known` rows.
 
     Returns signs and block starts.
@@ -281,7 +284,7 @@ def _block_signs(samples: int, outputs: int, known: int, seed: int) -> tuple[Arr
     length = max(1, round(samples ** (1 / 3)))
     starts = np.concatenate([np.arange(0, samples, length) * outputs, samples * outputs + np.arange(known)])
     rng = np.random.default_rng(seed)
-    return rng.choice(np.array([-1.0, 1.0]), size=(_DRAWS, len(starts))), starts
+    return rng.choice(np.array([-1.0, 1.0]), size=(draws, len(starts))), starts
 
 
 def _silent(attachment: Attachment) -> Row:

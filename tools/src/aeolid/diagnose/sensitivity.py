@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.noise import Noise
+from aeolid.diagnose.noise import Noise, whiten_lanes
 from aeolid.diagnose.point import Free, Point
 from aeolid.models.machine_code import LANES
 
@@ -75,8 +75,10 @@ def _fill(
     first = 0 if only is None else sum(rows[:only])
     steps = np.array([v.h for v in chosen])
     for i in range(len(rows)) if only is None else [only]:
-        moved = predictor.whitened_wide(predictor.wide(at, [v.point for v in chosen], i), noise, i)  # (lanes, rows)
-        result[first : first + rows[i], places] = (base[first : first + rows[i], None] - moved.T) / steps
+        still = base[first : first + rows[i], None]
+        e, moved = predictor.wide(at, [v.point for v in chosen], i), np.empty((rows[i], LANES))
+        whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, moved)
+        result[first : first + rows[i], places] = (still - moved[:, : len(places)]) / steps
         first += rows[i]
 
 

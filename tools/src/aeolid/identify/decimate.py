@@ -15,8 +15,12 @@ Array = NDArray[np.float64]
 TAPS_PER_STEP = 20  # on either side of the centre: 0.05 dB at 70 % and 60 dB beyond 130 % of the new Nyquist frequency
 
 
-def decimate(record: Record, factor: int) -> Record:
+def decimate(record: Record, factor: int, *, centred: bool = False) -> Record:
     """Return every factor-th sample after a symmetric (zero-phase) low-pass filter; factor 1 returns the recording.
+
+    With `centred`, inputs and disturbances are read in the middle of the longer sample over which a model holds them,
+    (factor − 1)/2 samples later: what was held over the short samples then acts at the same time. Read at its
+    beginning, the model seems to lag by as much less than it does, a quarter of the new sample at factor 2.
 
     All channels pass the same filter, so the dynamics between them stay; the angle of a role `azimuth` is filtered on
     the circle. Samples whose filter window reaches over an end or a gap are dropped at the ends and missing inside.
@@ -32,19 +36,23 @@ def decimate(record: Record, factor: int) -> Record:
         )
     taps = firwin(2 * half + 1, 1.0 / factor, window=("kaiser", 6.0))
     columns = []
+    between = firwin(2 * half + factor % 2, 1.0 / factor, window=("kaiser", 6.0))  # its middle as far off as asked
     for i, channel in enumerate(record.channels):
         values = record.values[:, i]
+        if centred and channel.role in ("input", "disturbance"):
+            columns.append(_filter(values[factor // 2 :], between, factor))
+            continue
         columns.append(_filter_angle(values, taps, factor, channel.unit) if channel.role == "azimuth" else
                        _filter(values, taps, factor))  # fmt: skip
-    time = record.time_s[half : len(record) - half : factor]
-    values = np.column_stack(columns)[: len(time)]
+    rows = min(len(c) for c in columns)
+    time = record.time_s[half : len(record) - half : factor][:rows]
+    values = np.column_stack([c[:rows] for c in columns])
     return replace(record, time_s=time, values=values, sample_time_s=record.sample_time_s * factor)
 
 
 def _filter(values: Array, taps: Array, factor: int) -> Array:
     """Filter and pick every factor-th sample whose window lies inside the recording; NaN spreads over its window."""
-    half = len(taps) // 2
-    out: Array = upfirdn(taps, values, 1, 1)[2 * half : len(values)]  # full overlap only
+    out: Array = upfirdn(taps, values, 1, 1)[len(taps) - 1 : len(values)]  # full overlap only
     return out[::factor]
 
 
