@@ -65,10 +65,9 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     Raises NotIdentifiable where the run is too short or does not excite. Cost: 15 Gauss–Newton steps of n (r + 2 l)
     filter passes.
     """
-    past = min(_PAST, len(run) // 30)
-    found = identify_varx([run], past=past, stable=True, order=order)
+    found = identify_varx([run], past=_past(run), stable=True, order=order)
     if order is None and found.order > _MOST:
-        found = identify_varx([run], past=past, order=_MOST, stable=True)
+        found = identify_varx([run], past=_past(run), order=_MOST, stable=True)
     spreads = np.nanstd(run.matrix("output"), axis=0)
     form = modal_form(found.model, spreads)
     model = equations_of(form.model, shaped_noise=True, modal=form)
@@ -80,6 +79,15 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     places = [names.index(n) for n in form.values]
     columns = [fit.free.theta.index(i) for i in places]
     return Surrogate(form, fit.point.theta[places], _information_root(fit, columns, len(spreads)), predictor, fit)
+
+
+def is_simple(run: Record) -> bool:
+    """Tell whether no more states than a surrogate may have describe the run at its own rate."""
+    return identify_varx([run], past=_past(run), stable=True).order <= _MOST
+
+
+def _past(run: Record) -> int:
+    return min(_PAST, len(run) // 30)
 
 
 def _whole(run: Record, form: ModalForm) -> Sequence[Segment]:
