@@ -12,7 +12,7 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.exogenous import with_time
 from aeolid.diagnose.rotor_frame import blade_sets, to_fixed_frame, worth_rate
 from aeolid.diagnose.sampled import sample_fmu
-from aeolid.diagnose.simulated import Surrogate, is_simple, surrogate, with_values
+from aeolid.diagnose.simulated import Surrogate, check_run, is_simple, surrogate, with_values
 from aeolid.errors import DataError
 from aeolid.identify.decimate import decimate
 from aeolid.models.equations import Auxiliary, Equations
@@ -78,6 +78,7 @@ def _rate(run: Record) -> int:
 
 def _of_run(case: Case, run: Record) -> Baseline:
     """Identify the simulator's run; recording and run go to the fixed frame and the same lower rate."""
+    check_run(run)
     sets = blade_sets(run, case.context)  # none of a unit that does not turn the rotor
     factor = _rate(to_fixed_frame(run, sets))
     turned = [to_fixed_frame(r, sets) for r in case.records]

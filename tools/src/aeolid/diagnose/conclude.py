@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.export import write_all, write_ended
 from aeolid.diagnose.forensics import examine
@@ -29,6 +31,9 @@ def conclude(case: Case, folder: Path, *, sham: int, seed: int, progress: Progre
         result = study(case, sham=sham, seed=seed, progress=progress)
     except NotIdentifiable as error:
         return ended("not_testable", case.title, str(error), folder)
+    except np.linalg.LinAlgError as error:
+        reason = f"{case.baseline_file}: what is to be fitted cannot be solved for ({error}); check units and scales"
+        return ended("not_testable", case.title, reason, folder)
     diagnosis = diagnose(result)
     return diagnosis, write_all(result, diagnosis, folder)
 

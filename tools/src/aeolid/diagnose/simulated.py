@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 _PAST = 40  # samples
 _MOST = 14  # states
 _ITERATIONS = 15
+_FEWEST = 400  # samples of a run, as of a recording
+_RUNAWAY = 1e6  # times its median that no output of a working simulation reaches
 _BLOCK = 100  # samples a block of the sandwich covariance: longer than the innovations' memory
 
 
@@ -79,6 +81,25 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     places = [names.index(n) for n in form.values]
     columns = [fit.free.theta.index(i) for i in places]
     return Surrogate(form, fit.point.theta[places], _information_root(fit, columns, len(spreads)), predictor, fit)
+
+
+def check_run(run: Record) -> None:
+    """Raise NotIdentifiable for a run that no model can be made of: too short, mostly missing, or running away."""
+    y = run.matrix("output")
+    if len(run) < _FEWEST:
+        raise NotIdentifiable(f"{run.source}: {len(run)} samples, a simulation of at least {_FEWEST} is needed")
+    missing = int(np.sum(~np.all(np.isfinite(y), axis=1)))
+    if 2 * missing >= len(run) - 1:
+        raise NotIdentifiable(
+            f"{run.source}: {missing} of {len(run)} samples are missing; was it simulated at another sample time than"
+            f" the {run.sample_time_s:g} s of the recording?"
+        )
+    for name, column in zip(run.names("output"), y.T, strict=True):
+        size = np.abs(np.nan_to_num(column))
+        usual = float(np.median(size))
+        if 0 < _RUNAWAY * usual < size.max():
+            first = int(np.argmax(size > _RUNAWAY * usual))
+            raise NotIdentifiable(f"{run.source}: the simulation diverges, {name} at sample {first + 1}; simulate anew")
 
 
 def is_simple(run: Record) -> bool:

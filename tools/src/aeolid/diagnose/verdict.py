@@ -87,9 +87,18 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         and not any(m.at_end for m in _moved(study) if m.deviations > _SURE)
     ):
         return "parameter", [_parameter_effect(study)], declared
-    if not any(r.testable for r in study.bank.rows):
+    if not any(r.testable for r in study.bank.rows) or _is_still(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _is_still(study: Study) -> bool:
+    """Tell whether the model has inputs of which none moves in any recording."""
+    inputs = [s.name for s in study.prepared.declared.inputs]
+    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in study.case.records]
+    return any(u.shape[1] for u in known) and all(
+        float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) == 0.0 for u in known
+    )
 
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
