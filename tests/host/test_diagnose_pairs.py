@@ -1,9 +1,10 @@
-"""Complete pairs of recording and simulation, a simulator's run or a mock-up unit: to the verdict."""
+"""Complete pairs of recording and simulation, a simulator's run or a mock-up unit: to the verdict, good and bad."""
 
 from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from aeolid.cli.main import main
+from aeolid.identify.decimate import decimate
+from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
 STEP, SAMPLES, LAG = 0.05, 2400, 0.1
@@ -119,3 +122,111 @@ def test_a_lag_that_the_simulation_leaves_out_is_named(pair: str, tmp_path: Path
     assert d["sealed"]["interval"][0] > 0
     for output in ("position", "speed"):
         assert d["sealed"]["nrmse_after"][output] < 0.6 * d["sealed"]["nrmse_before"][output]
+
+
+Spoil = Callable[[Path], None]
+
+
+def lines(file: str, change: Callable[[list[str]], list[str]]) -> Spoil:
+    def spoil(case: Path) -> None:
+        (case / file).write_text("\n".join(change((case / file).read_text().splitlines())) + "\n")
+
+    return spoil
+
+
+def column(file: str, index: int, cell: Callable[[int], str]) -> Spoil:
+    def change(rows: list[str]) -> list[str]:
+        cells = [r.split(",") for r in rows]
+        return [rows[0], *(",".join([*c[:index], cell(k), *c[index + 1 :]]) for k, c in enumerate(cells[1:]))]
+
+    return lines(file, change)
+
+
+def in_metres(case: Path) -> None:
+    build_fmu(case, "m")
+
+
+RUN, UNIT = KINDS["a run with other inputs"], KINDS["a unit"]
+SIMULATED, RECORDED, MUTE = "simulation.csv", "recording.csv", "not_testable"
+REFUSED: dict[str, tuple[tuple[str, bool], Spoil, list[str]]] = {
+    "a unit in the heading": (RUN, lines(SIMULATED, lambda r: [r[0].replace("position", "position [mm]"), *r[1:]]),
+                              ["simulation.csv", "'position'", "'mm'", "'m'"]),
+    "a channel less": (RUN, lines(SIMULATED, lambda r: [r[0].replace("speed", "pace"), *r[1:]]), ["'speed'"]),
+    "other times": (KINDS["a run with the same inputs"], lines(SIMULATED, lambda r: r[:700]),
+                    ["simulation.csv", "699 samples", "same times"]),
+}  # fmt: skip
+ENDED: dict[str, tuple[tuple[str, bool], Spoil, str, list[str]]] = {
+    "unit in another unit": (UNIT, in_metres, "data_fault", ["oscillator.fmu", "drive", "'m'", "'V'"]),
+    "unit without an input": (UNIT, column(RECORDED, 1, lambda k: "" if k == 99 else "1"), MUTE,
+                              ["drive", "sample 100"]),
+    "short simulation": (RUN, lines(SIMULATED, lambda r: r[:60]), MUTE, ["simulation.csv", "59 samples"]),
+    "short recording": (RUN, lines(RECORDED, lambda r: r[:300]), MUTE, ["299 samples", "at least 400"]),
+    "every second sample": (RUN, lines(SIMULATED, lambda r: [r[0], *r[1::2]]), MUTE, ["0.05 s"]),
+    "diverging simulation": (RUN, column(SIMULATED, 2, lambda k: f"{1.4**k:.6g}"), MUTE,
+                             ["simulation.csv", "diverges", "position"]),
+    "constant simulated output": (RUN, column(SIMULATED, 2, lambda k: "0"), MUTE, ["position", "constant"]),
+    "constant simulated input": (RUN, column(SIMULATED, 1, lambda k: "1"), MUTE, ["drive", "constant"]),
+    "constant input": (RUN, column(RECORDED, 1, lambda k: "1"), MUTE, ["No input", "excitation"]),
+    "constant input of a unit": (UNIT, column(RECORDED, 1, lambda k: "1"), MUTE, ["No input"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("bad", REFUSED)
+def test_a_simulation_that_does_not_fit_is_one_sentence(
+    bad: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pair, spoil, words = REFUSED[bad]
+    case = write_case(tmp_path / "case", *pair, lag=0.0, samples=800)
+    spoil(case)
+    assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "0"]) == 3
+    message = capsys.readouterr().err.strip()
+    assert message.count("\n") == 0 and message.startswith("aeolid: ") and all(w in message for w in words), message
+
+
+@pytest.mark.parametrize("bad", ENDED)
+def test_what_cannot_be_tested_ends_in_a_verdict(bad: str, tmp_path: Path) -> None:
+    pair, spoil, verdict, words = ENDED[bad]
+    case = write_case(tmp_path / "case", *pair, lag=0.0, samples=800)
+    spoil(case)
+    d = diagnose(case, tmp_path / "out")
+    assert d["verdict"] == verdict and d["effects"] == [], d["statement"]
+    assert all(w in d["statement"] for w in words), d["statement"]
+
+
+SLOW = """[parameters]
+T = { value = 2000.0, min = 1.0, max = 1e5, unit = "s", free = true }
+[[state]]
+name = "x"
+derivative = "(drive - x)/T"
+initial = { value = 0.0, free = true }
+unit = "m"
+[[output]]
+name = "position"
+equation = "x"
+unit = "m"
+"""
+
+
+def test_a_recording_shorter_than_the_slowest_time_constant_tests_nothing(tmp_path: Path) -> None:
+    case = write_case(tmp_path / "case", *RUN, lag=0.0, samples=800)
+    (case / "model.toml").write_text(SLOW)
+    text = (case / "case.toml").read_text().replace('"run"', '"equations"').replace("simulation.csv", "model.toml")
+    (case / "case.toml").write_text(text.replace("same_inputs = false\n", ""))
+    rng = np.random.default_rng(1)
+    u = drive(800, rng)
+    x = np.concatenate([[0.0], np.cumsum(u[:-1] * STEP / 2000.0 + 1e-4 * rng.standard_normal(799))])
+    write(case / "recording.csv", u, np.column_stack([x, x]) + 1e-3 * rng.standard_normal((800, 2)))
+    d = diagnose(case, tmp_path / "out")
+    assert d["verdict"] == "not_testable" and "40 s" in d["statement"] and "2000 s" in d["statement"], d["statement"]
+
+
+@pytest.mark.parametrize("factor", [2, 3, 4])
+def test_held_inputs_are_read_in_the_middle_of_the_longer_sample(factor: int) -> None:
+    """A slow sine, and 60 dB of stop band: the input's value half the longer sample less half a short one later."""
+    t = STEP * np.arange(1000)
+    channels = (Channel("u", "V", "input"), Channel("y", "m", "output"))
+    wave = np.sin(0.9 * t)
+    slow = decimate(Record(t, np.column_stack([wave, wave]), channels, STEP, "test", ""), factor, centred=True)
+    np.testing.assert_allclose(slow.column("y"), np.sin(0.9 * slow.time_s), atol=2e-3)
+    np.testing.assert_allclose(slow.column("u"), np.sin(0.9 * (slow.time_s + (factor - 1) / 2 * STEP)), atol=2e-3)
+    assert slow.sample_time_s == pytest.approx(factor * STEP)

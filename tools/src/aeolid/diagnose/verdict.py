@@ -87,18 +87,27 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         and not any(m.at_end for m in _moved(study) if m.deviations > _SURE)
     ):
         return "parameter", [_parameter_effect(study)], declared
-    if not any(r.testable for r in study.bank.rows) or _is_still(study):
+    if _untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
 
 
-def _is_still(study: Study) -> bool:
-    """Tell whether the model has inputs of which none moves in any recording."""
-    inputs = [s.name for s in study.prepared.declared.inputs]
-    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in study.case.records]
-    return any(u.shape[1] for u in known) and all(
-        float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) == 0.0 for u in known
-    )
+def _untested(study: Study) -> str:
+    """Say why finding nothing means nothing here; empty where it means something."""
+    if not any(r.testable for r in study.bank.rows):
+        return "The recording does not excite the model enough to test any of the effects."
+    prepared, records = study.prepared, study.case.records
+    inputs = [s.name for s in prepared.declared.inputs]
+    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in records]
+    if any(u.shape[1] for u in known) and not any(float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) for u in known):
+        return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
+    slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
+    if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing
+        return (
+            f"The recording of {length:.4g} s is shorter than the model's slowest time constant of {slowest:.4g} s:"
+            " record longer."
+        )
+    return ""
 
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
@@ -314,7 +323,7 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     if verdict == "immaterial":
         return "A difference is there beyond doubt, but too small to show in any prediction."
     if verdict == "not_testable":
-        return "The recording does not excite the model enough to test any of the effects."
+        return _untested(study)
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
         return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."
