@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,13 +13,15 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
+from aeolid.cli.main import main
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
-from aeolid.diagnose.pipeline import _adds, _is_another, against
+from aeolid.diagnose.pipeline import against
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import renewed
+from aeolid.diagnose.refit import refit, renewed
 from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.several import adds, is_another, without_the_needless
 
 
 def lagging(folder: Path) -> tuple[Prepared, Bank]:
@@ -59,6 +62,39 @@ def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: P
     assert renewed(prepared, found, select_density(prepared)).fit.log_likelihood >= found.fit.log_likelihood
 
 
+def test_three_effects_are_all_found(tmp_path: Path) -> None:
+    """A drive that lags, dry friction and a stretched wire at once: each value within 10 %."""
+    study = load_study("diagnosis")
+    hidden = study.Hidden(
+        "three", "equations", {"lag": 0.08, "bristle_N": 1.2, "wire_N_per_m": 900.0}, noise=(0.3, 0.05, 0.005)
+    )
+    case = study.write_case(tmp_path / "case", hidden, 2500, 3)
+    assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "0"]) == 0
+    d = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    found = {e["id"]: {k: v["value"] for k, v in e["parameters"].items()} for e in d["effects"]}
+    assert d["verdict"] == "multiple" and d["sealed"]["interval"][0] > 0
+    assert found == {
+        "actuator_lag": {"tau_s": pytest.approx(0.08, rel=0.1)},
+        "coulomb_friction": {"force_N": pytest.approx(1.2, rel=0.1)},
+        "cubic_stiffness": {"k3": pytest.approx(900.0, rel=0.1)},
+    }
+
+
+def test_an_effect_that_a_later_one_makes_needless_is_left_out(tmp_path: Path) -> None:
+    """Friction was put into the model of a rig that only lags; with the lag beside it, it explains nothing."""
+    prepared, bank = lagging(tmp_path)
+    wanted = [a for a in prepared.hypotheses if a.entry == "coulomb_friction"][:1]
+    rows = [*score_bank(prepared, wanted, 1).rows, *bank.rows]
+    both = prepared.only([r.attachment for r in rows])
+    full = refit(both, both.fit, rows, select_density(prepared))
+    assert full is not None
+    left = without_the_needless(prepared, full)
+    assert [a.entry for a in left.attachments] == ["actuator_lag"]
+    assert left.fit_gain == pytest.approx(fit_rows(prepared, bank.rows)[0].fit_gain, abs=1.0)
+    needed = replace(full, attachments=full.attachments[::-1])  # now the lag is asked for first
+    assert "actuator_lag" in [a.entry for a in without_the_needless(prepared, needed).attachments]
+
+
 def candidate(select: np.ndarray[Any, Any], likelihood: float, gain: float) -> Any:
     return SimpleNamespace(
         select_gain=float(select.sum()), select_difference=select, fit_gain=gain,
@@ -67,26 +103,26 @@ def candidate(select: np.ndarray[Any, Any], likelihood: float, gain: float) -> A
 
 
 @pytest.mark.parametrize(
-    ("mean", "fit_gain", "adds"),
+    ("mean", "fit_gain", "is_worth_it"),
     [(0.5, 10.0, True), (0.0, 200.0, True), (0.0, 40.0, False), (-0.5, 200.0, False), (0.002, 10.0, False)],
     ids=["selection shows it", "silent, beyond doubt", "silent, too little", "selection refutes it", "too little"],
 )
-def test_a_second_effect_must_show_or_be_beyond_doubt(mean: float, fit_gain: float, adds: bool) -> None:
+def test_a_second_effect_must_show_or_be_beyond_doubt(mean: float, fit_gain: float, is_worth_it: bool) -> None:
     rng = np.random.default_rng(1)
     first = candidate(0.05 * rng.standard_normal(500), 0.0, 100.0)
     noise = rng.standard_normal(500)
     pair = candidate(first.select_difference + mean + 0.05 * (noise - noise.mean()), fit_gain, 100.0 + fit_gain)
-    assert _adds(first, pair) is adds
+    assert adds(first, pair) is is_worth_it
 
 
 def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
     def at(entry: str, place: str) -> Any:
         return SimpleNamespace(entry=entry, location={"entry": place})
 
-    assert _is_another(at("overflow", "state:h2"), at("overflow", "state:h1"))
-    assert _is_another(at("coulomb_friction", "state:v"), at("actuator_lag", "input:u"))
-    assert not _is_another(at("transport_delay", "input:u"), at("actuator_lag", "input:u"))
-    assert not _is_another(at("actuator_lag", "input:u"), at("actuator_lag", "input:u"))
+    assert is_another(at("overflow", "state:h2"), at("overflow", "state:h1"))
+    assert is_another(at("coulomb_friction", "state:v"), at("actuator_lag", "input:u"))
+    assert not is_another(at("transport_delay", "input:u"), at("actuator_lag", "input:u"))
+    assert not is_another(at("actuator_lag", "input:u"), at("actuator_lag", "input:u"))
 
 
 @pytest.mark.parametrize(

@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import ENTRIES, entry
-from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
-from aeolid.diagnose.frame import carry_fit, carry_point
+from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
-from aeolid.diagnose.refit import Candidate, finalists, refit, renewed
-from aeolid.diagnose.scores import Bank, Row, score_bank
+from aeolid.diagnose.refit import Candidate, finalists, renewed
+from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.several import further_effects
 
 Array = NDArray[np.float64]
-_SECOND_SHARE = 0.1  # a second effect must add a tenth of the first one's gain to be worth a name
-_BEYOND_DOUBT = 50.0  # nats on the fit data that a second effect must gain where the selection data are silent
-_LEAST_GAIN = 4.0  # nats on the selection data that a second effect must add
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
 _TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
 _AGAIN = 2  # times a better fit of the baseline is taken up
@@ -80,10 +77,10 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     winner, candidates = first_effect(prepared, candidates)
     done()
     done = step("second effect", 0.5)
-    second, after_bank = (None, None) if winner is None else second_effect(prepared, winner, seed)
+    chain, after_bank = ([], None) if winner is None else further_effects(prepared, winner, seed)
     done()
     done = step("sealed proof", 0.6)
-    second, proof = _prove(prepared, winner, second, seed)
+    second, proof = _prove(prepared, chain, seed)
     declared_proof = _declared(prepared, seed)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     bands = band_power(prepared.predictor, prepared.fit, seed)
@@ -98,25 +95,17 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     )  # fmt: skip
 
 
-def _prove(
-    prepared: Prepared, winner: Candidate | None, second: Candidate | None, seed: int
-) -> tuple[Candidate | None, Proof | None]:
-    """Hold the chosen effects against the sealed data; a pair must beat its first effect there too, or goes."""
-    if winner is None:
-        return None, None
-
-    def against_baseline(chosen: Candidate) -> Proof:
-        pair = (bare.predictor, bare.fit), (chosen.predictor, chosen.fit)
-        return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
-
+def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[Candidate | None, Proof | None]:
+    """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go."""
     bare = prepared.only(())
-
-    alone = against_baseline(winner)
-    if second is None:
-        return None, alone
-    both = against_baseline(second)
-    better = block_interval(both.difference - alone.difference, seed)[0] > 0
-    return (second, both) if better else (None, alone)
+    best: Candidate | None = None
+    kept: Proof | None = None
+    for chosen in chain:
+        pair = (bare.predictor, bare.fit), (chosen.predictor, chosen.fit)
+        proof = prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
+        if kept is None or block_interval(proof.difference - kept.difference, seed)[0] > 0:
+            best, kept = chosen, proof
+    return (best if best is not None and len(best.attachments) > 1 else None), kept
 
 
 def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:
@@ -198,65 +187,6 @@ def leading(candidates: list[Candidate]) -> Candidate | None:
     order = [e.id for e in ENTRIES]
     tied = [c for c in candidates if best - c.score < _TIED]
     return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
-
-
-def second_effect(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
-    """Look for one more effect with the first one in the model; returns the pair, and what the bank then says."""
-    rest = tuple(a for a in prepared.hypotheses if all(_is_another(a, b) for b in winner.attachments))
-    stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
-    predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
-    full = winner.predictor.at(winner.fit.point, winner.fit.free)
-    stage = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
-    bank = score_bank(stage, rest, seed)
-    rows = [r for r in bank.rows if r.z > bank.threshold][:2]
-    if not rows:
-        return None, bank
-    base_select = select_density(prepared)
-    best: Candidate | None = None
-    first_row = _as_row(winner)
-    for row in rows:
-        both = prepared.only((*winner.attachments, row.attachment))
-        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
-        pair = refit(both, base, [first_row, row], base_select)
-        if pair is None:
-            continue
-        better = pair.plausible and _adds(winner, pair) and (best is None or pair.select_gain > best.select_gain)
-        if better and survives_control(prepared, pair):
-            best = pair
-    return best, bank
-
-
-def _adds(winner: Candidate, pair: Candidate) -> bool:
-    """Tell whether a pair explains more than its first effect: on the selection data, or where these are silent.
-
-    A part in which the second effect never acts (a tank that does not run over) can neither show nor refute it; then
-    the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
-    """
-    added = pair.select_gain - winner.select_gain
-    difference = pair.select_difference - winner.select_difference
-    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
-    if added > max(_LEAST_GAIN, spread, _SECOND_SHARE * winner.select_gain):
-        return True
-    gained = pair.fit.log_posterior - winner.fit.log_posterior
-    return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SECOND_SHARE * winner.fit_gain)
-
-
-def _is_another(a: Attachment, b: Attachment) -> bool:
-    """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
-
-    A lag and a delay of one input are one drive of higher order.
-    """
-    same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
-    return same_elsewhere or entry(a.entry).family != entry(b.entry).family
-
-
-def _as_row(winner: Candidate) -> Row:
-    """Present a fitted effect as a row whose start values are the fitted ones."""
-    attachment: Attachment = winner.attachments[0]
-    model = winner.predictor.compiled.model
-    values = {s.name: float(winner.fit.point.theta[model.index(s.name)]) for s in attachment.slots}
-    single = replace(attachment, starts=({},), always_fit=False)
-    return Row(single, 0.0, 0.0, 0, 1.0, {}, values, {}, {}, None, True)
 
 
 def _declared(prepared: Prepared, seed: int) -> Proof | None:

@@ -1,0 +1,111 @@
+"""Look for further effects beside the first one, and leave out again what they make needless (S5)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.control import survives_control
+from aeolid.diagnose.frame import carry_fit, carry_point
+from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.race import select_density
+from aeolid.diagnose.refit import Candidate, refit
+from aeolid.diagnose.scores import Bank, Row, score_bank
+
+_MOST = 3  # effects in one model
+_SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
+_BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
+_LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, or that leaving one out must cost
+
+
+def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[list[Candidate], Bank]:
+    """Add one effect after the other, three at most; returns the sets, smallest first, and what the bank then says."""
+    chain = [winner]
+    while True:
+        larger, bank = one_more(prepared, chain[-1], seed)
+        if larger is None:
+            return chain, bank
+        chain.append(larger)
+        if len(larger.attachments) == _MOST:
+            smaller = without_the_needless(prepared, larger)
+            return [*chain, *([smaller] if smaller is not larger else [])], bank
+
+
+def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
+    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
+    rest = tuple(a for a in prepared.hypotheses if all(is_another(a, b) for b in winner.attachments))
+    stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
+    predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
+    full = winner.predictor.at(winner.fit.point, winner.fit.free)
+    stage = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
+    bank = score_bank(stage, rest, seed)
+    rows = [r for r in bank.rows if r.z > bank.threshold][:2]
+    if not rows:
+        return None, bank
+    base_select = select_density(prepared)
+    best: Candidate | None = None
+    for row in rows:
+        both = prepared.only((*winner.attachments, row.attachment))
+        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
+        larger = refit(both, base, [*_as_rows(winner), row], base_select)
+        if larger is None:
+            continue
+        larger = replace(larger, fit_gain=larger.fit_gain + winner.fit_gain)  # over the bare baseline
+        better = larger.plausible and adds(winner, larger) and (best is None or larger.select_gain > best.select_gain)
+        if better and survives_control(prepared, larger):
+            best = larger
+    return best, bank
+
+
+def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
+    """Leave out effects, the last one excepted, that the later ones made needless (backward elimination)."""
+    base_select = select_density(prepared)
+    for left_out in full.attachments[:-1]:
+        rest = tuple(a for a in full.attachments if a is not left_out)
+        stage = prepared.only(rest)
+        point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
+        rows = [r for r in _as_rows(full) if r.attachment.key != left_out.key]
+        smaller = refit(stage, replace(full.fit, point=point, free=stage.free), rows, base_select)
+        if smaller is None or not smaller.plausible:
+            continue
+        lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
+        if max(lost) < _LEAST_GAIN:
+            return replace(smaller, fit_gain=full.fit_gain - lost[0])
+    return full
+
+
+def adds(fewer: Candidate, more: Candidate) -> bool:
+    """Tell whether a further effect explains more: on the selection data, or where these are silent.
+
+    A part in which the further effect never acts (a tank that does not run over) can neither show nor refute it; then
+    the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
+    """
+    added = more.select_gain - fewer.select_gain
+    difference = more.select_difference - fewer.select_difference
+    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
+    if added > max(_LEAST_GAIN, spread, _SHARE * fewer.select_gain):
+        return True
+    gained = more.fit.log_posterior - fewer.fit.log_posterior
+    return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SHARE * fewer.fit_gain)
+
+
+def is_another(a: Attachment, b: Attachment) -> bool:
+    """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
+
+    A lag and a delay of one input are one drive of higher order.
+    """
+    same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
+    return same_elsewhere or entry(a.entry).family != entry(b.entry).family
+
+
+def _as_rows(found: Candidate) -> list[Row]:
+    """Present fitted effects as rows whose start values are the fitted ones."""
+    model, rows = found.predictor.compiled.model, []
+    for attachment in found.attachments:
+        values = {s.name: float(found.fit.point.theta[model.index(s.name)]) for s in attachment.slots}
+        single = replace(attachment, starts=({},), always_fit=False)
+        rows.append(Row(single, 0.0, 0.0, 0, 1.0, {}, values, {}, {}, None, True))
+    return rows
