@@ -26,7 +26,10 @@ def visible_sizes(compiled: Compiled, u: Array, spreads: Array, step: float, hor
     J, C = numeric_jacobian(compiled, model.x0, u, model.theta), output_jacobian(compiled, model.x0, u, model.theta)
     if not len(J) or not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
         return told
-    A = J if model.sample_time_s else expm(J * step)
+    with np.errstate(over="ignore", invalid="ignore"):
+        A = J if model.sample_time_s else expm(J * step)
+    if not np.all(np.isfinite(A)):  # it runs away within a sample
+        return told
     shown = C / spreads[:, None]
     peak = np.max(np.abs(shown), axis=0)
     growth = max(float(np.max(np.abs(np.linalg.eigvals(A)))), 1.0 + 1e-9)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.proof import Proof, block_interval
@@ -117,13 +118,11 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     weights = _weights([winner, *rivals])
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
     effects = [_effect(study, winner, winner.attachments[0], listed, weights[0])]
-    if winner.attachments[0].entry == "parameter_error":
-        return "parameter", effects
     others = [c for c in rivals if c.attachments[0].entry != winner.attachments[0].entry]
     if others:
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in zip(rivals, weights[1:], strict=True)]
         return "ambiguous", effects
-    return "named", effects
+    return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
 
 
 def rivals_of(study: Study, winner: Candidate) -> list[Candidate]:
@@ -296,17 +295,27 @@ def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
 
 
 def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
-    if verdict == "ambiguous":
-        ids = [str(e["id"]) for e in effects]
-        hints = dict(entry(ids[0]).confused_with)
-        text = hints.get(ids[1]) or "record again with excitation up to half the sampling rate"
+    inputs = study.case.records[0].of("input")
+    if verdict == "ambiguous" and study.winner is not None:
+        first = study.winner.attachments[0].entry
+        other = next(c for c in rivals_of(study, study.winner) if c.attachments[0].entry != first)
+        ids = (first, other.attachments[0].entry)
+        hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
+        hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
+        return describe(advise(study.prepared, inputs, (study.winner, other), study.seed), ids, hint)
+    if verdict in ("unnamed", "not_testable"):
+        moved = " and ".join(c.name for c in inputs) or "every input"
+        where = effects[0]["location"] if effects else _where(study, verdict)
+        band = (where or {}).get("frequency_hz")
+        text = (
+            f"Record again with steps added to {moved}"
+            + (f" that excite {band[0]:.3g} to {band[1]:.3g} Hz" if band else " from the slowest to the fastest motion")
+            + ", twice as large as what moves there now"
+            + (", and once more in another operating region: what is left over must follow one of them"
+               if verdict == "unnamed" else "")
+        )  # fmt: skip
         sealed = study.prepared.split.sealed[0]
-        minutes = 2 * len(sealed.y) * sealed.step / 60
-        return {
-            "text": f"To decide between {ids[0]} and {ids[1]}: {text}; excite that input there.",
-            "minutes": minutes,
-            "separates": ids[:2],
-        }
+        return {"text": text, "minutes": float(np.ceil(2 * len(sealed.y) * sealed.step / 60)), "separates": []}
     return None
 
 
