@@ -71,7 +71,7 @@ def test_a_plant_without_effect_is_its_users_model(name: str, tmp_path: Path) ->
     """Two integrators, two texts of one physics: within 2e-3 of each spread, half of it the model's own rule's."""
     setup = still(name)
     columns = simulate(setup, 600, 3)
-    (tmp_path / "model.toml").write_text(setup.plant.model(setup.base, setup.outputs, {}))
+    (tmp_path / "model.toml").write_text(setup.plant.model(setup.base, setup.outputs, {}, 1.0))
     model = equations_file.load(tmp_path / "model.toml")
     found = model.simulate(record_of(setup, columns))
     for i, output in enumerate(o.name for o in model.outputs):

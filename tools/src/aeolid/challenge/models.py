@@ -30,7 +30,7 @@ def _text(
     return "\n".join(lines) + "\n"
 
 
-def _spring(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
+def _spring(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
     wide = (0.1, 8.0)
     if declared.get("no_mass"):  # written without a mass: only ratios are known
         rows: list[Row] = [("a", e.gain / e.m, "N/(V kg)", None), ("b", e.c / e.m, "1/s", wide)]
@@ -45,7 +45,7 @@ def _spring(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str
     return _text("mass on a spring", rows, states, [listed[o] for o in outputs], declared)
 
 
-def _shaft(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
+def _shaft(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
     wide = (0.1, 8.0)
     rows: list[Row] = [("g", e.gain, "N m/V", None), ("bm", e.bearing, "N m s", wide)]
     if e.rigid:
@@ -62,7 +62,7 @@ def _shaft(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
     return _text("motor, shaft and load", rows, states, [listed[o] for o in outputs], declared)
 
 
-def _tanks(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
+def _tanks(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
     rows: list[Row] = [("a", e.drain, "m^0.5/s", (0.1, 8.0)), ("b", e.fill, "m/(s V)", (0.1, 8.0))]
     level = float(tanks_start(e)[0])
     out, below = "a*sqrt(max(upper, 0))", "a*sqrt(max(lower, 0))"
@@ -71,7 +71,7 @@ def _tanks(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
     return _text("two tanks", rows, states, [listed[o] for o in outputs], declared)
 
 
-def _heater(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
+def _heater(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
     wide = (0.1, 8.0)
     rows: list[Row] = [("p", e.heat, "K/s", wide), ("h1", e.couple, "1/s", wide), ("h2", e.shell, "1/s", wide)]
     rows.append(("h3", e.air, "1/s", wide))
@@ -81,7 +81,7 @@ def _heater(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str
     return _text("heated block", rows, states, [listed[o] for o in outputs], declared)
 
 
-def _turbine(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> str:
+def _turbine(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
     held, wide = None, (0.3, 3.0)
     rows: list[Row] = [("J", e.jr + e.jg, "kg m^2", held), ("M", e.mass, "kg", held), ("Q0", rotor.Q0, "N m", held)]
     slopes = held if declared.get("held") else wide  # a user whose aerodynamics are known holds them
@@ -89,7 +89,7 @@ def _turbine(e: Any, outputs: tuple[str, ...], declared: dict[str, float]) -> st
     rows += [("Qw", e.q_w, "N m s", slopes), ("Tv", e.t_v, "N s/m", held), ("Tb", e.t_b, "N/deg", slopes)]
     rows += [("Tw", e.t_w, "N s", held), ("cf", e.c_fa, "N s/m", wide), ("kf", e.k_fa, "N/m", wide)]
     rows += [("cs", e.c_ss, "N s/m", wide), ("ks", e.k_ss, "N/m", wide), ("roll", e.roll, "1/m", held)]
-    rows.append(("wr", 0.125, "1/s", (0.1, 10.0)))
+    rows.append(("wr", 0.125 / memory, "1/s", (0.1, 10.0)))
     v, d, n = "(gust - vf)", f"(pitch - {rotor.B0!r})", f"(w - {rotor.W0!r})"
     turn, push = f"Q0 + Qv*{v} + Qb*{d} + Qw*{n}", f"Tv*{v} + Tb*{d} + Tw*{n}"
     if e.curve:

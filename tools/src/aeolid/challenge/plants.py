@@ -31,7 +31,8 @@ class Plant:
     """Hold what all cases of one plant share.
 
     core: places of the model's states in the plant's; disturbances: (place in w, spread, memory s) of what nobody
-    records; swings: amplitude and dwell in samples of each input's test signal; model: text of the equations.
+    records; swings: amplitude and dwell in samples of each input's test signal; model: text of the equations, from
+    constants, outputs, declared factors and the factor on the disturbances' memory.
     """
 
     name: str
@@ -50,7 +51,7 @@ class Plant:
     swings: tuple[tuple[float, int], ...]
     aim: float
     width: int
-    model: Callable[[Any, tuple[str, ...], dict[str, float]], str]
+    model: Callable[[Any, tuple[str, ...], dict[str, float], float], str]
     free: tuple[str, ...]
     state_names: tuple[tuple[str, str], ...]
     seen: Column

@@ -146,7 +146,7 @@ def _write_baseline(
         _write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
         return "simulation.csv"
     if draw.kind == "equations":
-        text = setup.plant.model(setup.base, setup.outputs, setup.declared)
+        text = setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory)
         (case / "model.toml").write_text(text, encoding="utf-8")
         return "model.toml"
     (case / "model.json").write_text(json.dumps(state_space(setup), indent=1) + "\n", encoding="utf-8")
@@ -156,7 +156,7 @@ def _write_baseline(
 def state_space(setup: Setup) -> Facts:
     """Return the plant without the effect as a discrete linear model; on a turbine the wind is a state."""
     plant, bare = setup.plant, setup.bare
-    model = linearise(replace(bare, memory=1.0), bare.base)
+    model = linearise(bare, bare.base)
     names = [plant.state_names[plant.core.index(i)] for i in core_of(bare)]
     kept = len(names)
     if plant.name == "turbine":
