@@ -80,7 +80,7 @@ def test_nulls_allow_no_physics_and_wrong_values_only_their_own_name() -> None:
         ("null", "no_mismatch", (), False), ("null", "unnamed", (), False), ("null", "named", ("backlash",), True),
         ("null", "parameter", ("parameter_error",), True), ("parameter", "parameter", ("parameter_error",), False),
         ("parameter", "immaterial", (), False), ("parameter", "multiple", ("parameter_error", "backlash"), True),
-        ("null", "data_fault", (), True),
+        ("null", "data_fault", (), True), ("null", "parameter", (), True), ("parameter", "parameter", (), False),
     ):  # fmt: skip
         j = one(hidden(sort), said(verdict, *ids))
         assert (j.false_name, j.wrong_but_confident, good(j)) == (false, false, not false), (sort, verdict)
@@ -103,6 +103,17 @@ def test_two_effects_are_found_by_either_name() -> None:
     assert one(both, said("multiple", "cubic_stiffness", "actuator_lag")).right
     assert one(both, said("named", "cubic_stiffness")).right
     assert not one(both, said("named", "backlash")).in_set
+    whole, half = (
+        one(both, said("multiple", *ids)) for ids in (("cubic_stiffness", "actuator_lag"), ("actuator_lag",))
+    )
+    assert value(table([whole, half]), "two effects")["count"] == 1
+
+
+def test_a_fault_recovers_nothing_and_is_not_counted_for_it() -> None:
+    fault = one(hidden("fault", ("sensor_sign", "data_fault")), said("data_fault", recovered=0.0))
+    named = one(hidden("fault", ("sensor_sign", "data_fault")), said("named", "sensor_sign", recovered=0.9))
+    row = value(table([fault, named]), "recovered fraction, median")
+    assert (row["of"], row["value"]) == (1, 0.9)
 
 
 def test_a_crash_is_a_miss() -> None:

@@ -74,6 +74,11 @@ class Judged:
         return bool(set(self.offered) & set(self.all_accepted))
 
     @property
+    def every_in_set(self) -> bool:
+        """Tell whether every hidden effect has a right name in the set."""
+        return all(set(self.offered) & set(ids) for ids in self.truth)
+
+    @property
     def false_name(self) -> bool:
         """Tell whether a name was given where nothing is hidden; a wrong declared value may be called one."""
         allowed = {"parameter_error"} if self.sort == "parameter" else set()

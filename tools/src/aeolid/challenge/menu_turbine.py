@@ -97,7 +97,7 @@ def outside() -> list[Item]:
         Item("heater", none, in_plant({"boil": 0.01}, {"boil_at": 74.0}), (12,), "boiling takes heat", BOTH, forms=1),
         Item("turbine", none, in_plant({"shed": 1500.0}), (3, 22), "tower sheds eddies", BOTH, roles=_TURN,
              outputs=_SIDE, forms=1),
-        Item("turbine", none, on_drive("bent", 0.04), (19, 6), "bent linkage", BOTH, roles=_TURN, forms=1),
+        Item("turbine", none, in_plant({"stall": 1e6}), (19, 22), "tower's damping leans", BOTH, roles=_TURN, forms=1),
     ]  # fmt: skip
 
 

@@ -15,7 +15,6 @@ Facts = dict[str, Any]
 
 def text(facts: Facts) -> str:
     """Return the table, the confusion of families and every answer that is not what one may ask for."""
-    settings = facts["settings"]
     lines = [f"seal intact: {facts['seal']}", _summary(facts), ""]
     lines.append(f"{'':44} {'count':>10} {'value':>8}  {'95 % interval':17} {'release':9} world-best")
     for row in facts["table"]:
@@ -27,7 +26,7 @@ def text(facts: Facts) -> str:
     lines += ["", "hidden family → first answer's family, or verdict:"]
     lines += [f"  {c['hidden']:22} → {c['answered']:22} ×{c['count']}" for c in facts["confusion"]]
     wrong = [c for c in facts["cases"] if not c["good"]]
-    lines += ["", f"answers that miss what one may ask for: {len(wrong)} of {settings['cases']}"]
+    lines += ["", f"answers that miss what one may ask for: {len(wrong)} of {len(facts['cases'])}"]
     lines += [f"  {c['case']} {_truth(c)} → {_answer(c)}" for c in wrong]
     return "\n".join(lines)
 

@@ -51,13 +51,14 @@ def table(judged: Sequence[Judged]) -> list[Facts]:
         _size("parameter error, median", [e for j in judged for e, _ in j.errors], np.median, "<= 0.15", "<= 0.05"),
     ]  # fmt: skip
     covered = [c for j in judged for _, c in j.errors if c is not None]
-    good = [j.recovered for j in found if j.right and j.recovered is not None]
-    every = list(judged)
+    good = [j.recovered for j in found if j.right and j.said and j.recovered is not None]
+    every, double = list(judged), [j for j in hidden if len(j.truth) > 1]
     return [
         *rows,
         _count("coverage of 90 % intervals", sum(covered), len(covered), "80–97 %", "87–93 %"),
         _size("recovered fraction, median", good, np.median, ">= 0.85", ">= 0.95"),
         _size("recovered fraction, 10th percentile", good, lambda x: np.quantile(x, 0.1), ">= 0.6", ">= 0.85"),
+        _share("two effects: both named or in the set", double, lambda j: j.every_in_set, "", ""),
         _share("outside the catalogue: no forced name", foreign, lambda j: not j.said, ">= 70 %", ">= 90 %"),
         _share("outside the catalogue: unnamed", foreign, lambda j: j.verdict == "unnamed", "", ""),
         _share("undecidable or impossible: a name", never, lambda j: bool(j.said) and not j.right, "", ""),
