@@ -29,6 +29,7 @@ _TURNING = {
 }  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _QUIET = 0.1
+_LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
@@ -143,15 +144,15 @@ def begin(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> Begun | None:
 
 
 def _without_the_lost(begun: Begun) -> Begun:
-    """Leave out, on a simulator's run, starts that a brief fit does not bring to where the bare baseline stands.
+    """Leave out, on a simulator's run, starts that a brief fit leaves far below the bare baseline.
 
-    Only where another start got there. From a run's own gains a fit of 180 parameters takes 40 iterations to come back
-    from 20,000 nats below, and came out below the other in 10 of 12 cases. Not with other baselines: gains chosen anew
-    for a wrong sign or unit look worse at first than all else.
+    Only where another start got above it. From a run's own gains a fit of 180 parameters takes 40 iterations to come
+    back from 20,000 nats below, and came out below the other in 10 of 12 cases. Not with other baselines: gains chosen
+    anew for a wrong sign or unit look worse at first than all else.
     """
     if begun.prepared.surrogate is None or begun.gain <= 0:
         return begun
-    limit = begun.found[0][0] + begun.gain
+    limit = begun.found[0][0] + begun.gain + _LOST * len(begun.base.residual)
     return replace(begun, found=tuple(f for f in begun.found if f[0] < limit))
 
 

@@ -53,10 +53,9 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
         larger = refit(both, base, [*_as_rows(winner), row], base_select)
         if larger is None:
             continue
-        larger = replace(larger, fit_gain=larger.fit_gain + winner.fit_gain)  # over the bare baseline
         better = larger.plausible and adds(winner, larger) and (best is None or larger.select_gain > best.select_gain)
-        if better and survives_control(prepared, larger):
-            best = larger
+        if better and survives_control(prepared, larger):  # by what it gains beyond the smaller set: that is at stake
+            best = replace(larger, fit_gain=larger.fit_gain + winner.fit_gain)  # over the bare baseline
     return best, bank
 
 
