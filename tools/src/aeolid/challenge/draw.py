@@ -127,6 +127,8 @@ def build(sort: str, items: tuple[Item, ...], seed: int, samples: int) -> Draw:
     odds = np.array([{"equations": 0.55, "state_space": 0.33, "run": 0.12}[k] for k in kinds])
     kind = str(rng.choice(kinds, p=odds / odds.sum()))
     form = int(rng.integers(0, 2)) if all(i.forms > 1 for i in items) else 0
+    if sort == "impossible":
+        form = 0  # a servo that is far from its limit still has its lag
     if sort == "parameter":
         kind = "equations"
     setup = _setting(plant.name, kind, items, rng)
