@@ -11,11 +11,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.exogenous import with_time
 from aeolid.diagnose.frame import carry_free, carry_point
 from aeolid.diagnose.point import Prior, Segment
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import Candidate
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

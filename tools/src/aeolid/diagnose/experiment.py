@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import imitate
-from aeolid.diagnose.refit import Candidate
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

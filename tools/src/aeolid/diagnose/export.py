@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.exogenous import with_exogenous, without_unused
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.control import survives_control
@@ -20,7 +21,7 @@ from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
-from aeolid.diagnose.refit import Candidate, finalists, renewed
+from aeolid.diagnose.refit import finalists, renewed
 from aeolid.diagnose.scores import Bank, score_bank
 from aeolid.diagnose.several import further_effects
 

@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import Candidate, begin, finalists, finish, left_behind
+from aeolid.diagnose.refit import begin, finalists, finish, left_behind
 from aeolid.diagnose.scores import Bank, Row
 
 Array = NDArray[np.float64]

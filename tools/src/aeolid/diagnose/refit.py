@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.diagnose.baseline import noisy_states
+from aeolid.diagnose.candidate import Candidate, at_bound
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully
@@ -34,34 +35,6 @@ _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """Hold a fully fitted set of effects: fit (without its sensitivities), gains over the baseline, reported values."""
-
-    attachments: tuple[Attachment, ...]
-    fit: Fit
-    predictor: Predictor
-    fit_gain: float
-    select_gain: float
-    parameters: int
-    select_difference: Array  # per sample, candidate minus baseline
-    values: Mapping[str, Mapping[str, tuple[float, float]]]  # key → label → (value, std)
-    plausible: bool
-    reason: str
-    survived: bool = False  # the control on the simulation itself
-    complete: bool = True  # fitted to the end, not left behind
-
-    @property
-    def key(self) -> str:
-        """Return a readable name of the set."""
-        return " + ".join(a.key for a in self.attachments)
-
-    @property
-    def score(self) -> float:
-        """Return what candidates are ranked by: gain on the fit data less a nat a parameter, plus that on selection."""
-        return self.fit_gain - self.parameters + self.select_gain
 
 
 def finalists(bank: Bank) -> list[Row]:
@@ -334,11 +307,3 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
 def _differs(slot: Slot, fit: Fit, index: int, times: float = 2.0) -> bool:
     std = float(fit.std[fit.free.theta.index(index)])
     return bool(abs(float(fit.point.theta[index]) - slot.null) >= times * std)
-
-
-def at_bound(value: float, slot: Slot) -> bool:
-    """Tell whether a fitted value sits at the end of its range, where it explains nothing or too much."""
-    width = slot.high - slot.low
-    if not np.isfinite(width):
-        return False
-    return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width

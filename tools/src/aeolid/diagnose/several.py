@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.frame import carry_fit, carry_point
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.race import select_density
-from aeolid.diagnose.refit import Candidate, refit
+from aeolid.diagnose.refit import refit
 from aeolid.diagnose.scores import Bank, Row, score_bank
 
 _MOST = 3  # effects in one model

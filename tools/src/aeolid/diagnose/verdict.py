@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.proof import Proof, block_interval
-from aeolid.diagnose.refit import Candidate
+from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 from aeolid.models.equations import Parameter
 
@@ -27,8 +28,6 @@ _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all t
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 _SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
-_EVEN = 2.0  # |Vuong z| below which two models are not told apart …
-_TIED = 1.0  # … and nats over all data
 
 
 def diagnose(study: Study) -> dict[str, Any]:
@@ -67,7 +66,8 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
             return "immaterial", [], None
         kinds = {a.entry for a in study.winner.attachments}
         needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
-        if recovered_fraction(study, study.proof) >= needed:
+        outdone = outdone_by(study.candidates, study.second or study.winner)
+        if recovered_fraction(study, study.proof) >= needed and outdone is None:
             return *_named(study, study.winner), study.proof
         return "unnamed", [], None
     top = study.ceiling
@@ -114,8 +114,8 @@ def _untested(study: Study) -> str:
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if study.second is not None:
         return "multiple", [_effect(study, study.second, a, []) for a in study.second.attachments]
-    rivals = rivals_of(study, winner)
-    weights = _weights([winner, *rivals])
+    rivals = rivals_of(study.candidates, winner)
+    weights = weights_of([winner, *rivals])
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
     effects = [_effect(study, winner, winner.attachments[0], listed, weights[0])]
     others = [c for c in rivals if c.attachments[0].entry != winner.attachments[0].entry]
@@ -123,29 +123,6 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in zip(rivals, weights[1:], strict=True)]
         return "ambiguous", effects
     return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
-
-
-def rivals_of(study: Study, winner: Candidate) -> list[Candidate]:
-    """List the candidates that the data do not tell from the winner: |Vuong z| below 2 on fit and selection data."""
-    result = []
-    for other in study.candidates:
-        if other is winner or not other.plausible or other.fit_gain <= 0 or other.select_gain <= 0:
-            continue
-        difference = np.concatenate(
-            [winner.fit.per_sample - other.fit.per_sample, winner.select_difference - other.select_difference]
-        )
-        length = max(1, int(np.sqrt(len(difference))))
-        blocks = np.add.reduceat(difference, np.arange(0, len(difference), length))
-        z = blocks.sum() / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12)
-        if z < _EVEN or abs(difference.sum()) < _TIED:  # equal models differ by rounding, always to one side
-            result.append(other)
-    return result
-
-
-def _weights(candidates: list[Candidate]) -> list[float]:
-    scores = np.array([c.score for c in candidates])
-    odds = np.exp(np.clip(scores - scores.max(), -50, 0))
-    return [float(w) for w in odds / odds.sum()]
 
 
 def _effect(
@@ -298,7 +275,7 @@ def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, 
     inputs = study.case.records[0].of("input")
     if verdict == "ambiguous" and study.winner is not None:
         first = study.winner.attachments[0].entry
-        other = next(c for c in rivals_of(study, study.winner) if c.attachments[0].entry != first)
+        other = next(c for c in rivals_of(study.candidates, study.winner) if c.attachments[0].entry != first)
         ids = (first, other.attachments[0].entry)
         hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
         hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"

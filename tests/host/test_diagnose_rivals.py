@@ -1,0 +1,59 @@
+"""Who is not told apart from the winner, and who outdoes it though it may not have the name."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
+
+NOISE = np.random.default_rng(4).standard_normal((2, 400))
+
+
+def candidate(fit_gain: float, select_gain: float, *, at_end: bool = False, **more: Any) -> Any:
+    """A candidate whose gains come evenly from its samples, up to noise that all share."""
+    parts = {"fit": NOISE[0] + fit_gain / 400, "select": select_gain / 400 + np.zeros(400)}
+    return SimpleNamespace(
+        fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
+        select_gain=select_gain, score=fit_gain + select_gain - 1, at_end=at_end,
+        **({"plausible": not at_end, "complete": True} | more),
+    )  # fmt: skip
+
+
+WINNER = candidate(60.0, 20.0)
+
+
+@pytest.mark.parametrize(
+    ("other", "outdoes"),
+    [
+        (candidate(137.0, 45.0, at_end=True), True),
+        (candidate(137.0, 45.0, at_end=True, complete=False), False),
+        (candidate(137.0, 15.0, at_end=True), False),
+        (candidate(64.0, 22.0, at_end=True), False),
+        (candidate(137.0, 45.0, plausible=False), False),
+    ],
+    ids=["far ahead, at its range's end", "left behind", "not on selection data", "hardly ahead", "refused otherwise"],
+)
+def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: bool) -> None:
+    """A sensor 4 ms late, refused as shorter than half a sample, gained twice what a mode gained that got its name."""
+    assert (outdone_by([WINNER, other], WINNER) is other) is outdoes
+
+
+def test_where_the_lead_is_scattered_nobody_is_outdone() -> None:
+    """Ahead by 60 nats in sum, but by turns: two models that the data do not tell apart."""
+    other = candidate(100.0, 40.0, at_end=True)
+    other.fit.per_sample = other.fit.per_sample + 3 * np.repeat(NOISE[1, :20], 20)
+    assert outdone_by([WINNER, other], WINNER) is None
+
+
+def test_rivals_are_those_that_samples_do_not_tell_apart() -> None:
+    equal, behind, refused = candidate(60.2, 20.1), candidate(20.0, 5.0), candidate(60.1, 20.0, at_end=True)
+    assert rivals_of([WINNER, equal, behind, refused], WINNER) == [equal]
+
+
+def test_weights_are_odds() -> None:
+    weights = weights_of([candidate(60.0, 20.0), candidate(60.0 - np.log(3), 20.0)])
+    assert weights == pytest.approx([0.75, 0.25])

@@ -1,0 +1,62 @@
+"""Say what a fitted set of effects is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.predictor import Fit, Predictor
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """Hold a fully fitted set of effects: fit (without its sensitivities), gains over the baseline, reported values."""
+
+    attachments: tuple[Attachment, ...]
+    fit: Fit
+    predictor: Predictor
+    fit_gain: float
+    select_gain: float
+    parameters: int
+    select_difference: Array  # per sample, candidate minus baseline
+    values: Mapping[str, Mapping[str, tuple[float, float]]]  # key → label → (value, std)
+    plausible: bool
+    reason: str
+    survived: bool = False  # the control on the simulation itself
+    complete: bool = True  # fitted to the end, not left behind
+
+    @property
+    def key(self) -> str:
+        """Return a readable name of the set."""
+        return " + ".join(a.key for a in self.attachments)
+
+    @property
+    def at_end(self) -> bool:
+        """Tell whether a value of an effect ran to the end of its physical range."""
+        model, theta = self.predictor.compiled.model, self.fit.point.theta
+        return any(
+            slot.label is not None
+            and model.index(slot.name) in self.fit.free.theta
+            and at_bound(float(theta[model.index(slot.name)]), slot)
+            for a in self.attachments
+            for slot in a.slots
+        )
+
+    @property
+    def score(self) -> float:
+        """Return what candidates are ranked by: gain on the fit data less a nat a parameter, plus that on selection."""
+        return self.fit_gain - self.parameters + self.select_gain
+
+
+def at_bound(value: float, slot: Slot) -> bool:
+    """Tell whether a fitted value sits at the end of its range, where it explains nothing or too much."""
+    width = slot.high - slot.low
+    if not np.isfinite(width):
+        return False
+    return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width
