@@ -10,11 +10,11 @@ import pytest
 from study_modules import load_study
 
 from aeolid.diagnose import experiment
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.experiment import Advice, Experiment, advise, describe
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.refit import Candidate
 from aeolid.diagnose.scores import score_bank
 from aeolid.record import Channel
 
