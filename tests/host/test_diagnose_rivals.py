@@ -13,17 +13,19 @@ from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
 
 
-def candidate(fit_gain: float, select_gain: float, *, at_end: bool = False, **more: Any) -> Any:
+def candidate(
+    fit_gain: float, select_gain: float, *, at_end: bool = False, name: str = "sensor_lag", **more: Any
+) -> Any:
     """A candidate whose gains come evenly from its samples, up to noise that all share."""
     parts = {"fit": NOISE[0] + fit_gain / 400, "select": select_gain / 400 + np.zeros(400)}
     return SimpleNamespace(
         fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
-        select_gain=select_gain, score=fit_gain + select_gain - 1, at_end=at_end,
-        **({"plausible": not at_end, "complete": True} | more),
+        attachments=(SimpleNamespace(entry=name),), select_gain=select_gain, score=fit_gain + select_gain - 1,
+        at_end=at_end, **({"plausible": not at_end, "complete": True} | more),
     )  # fmt: skip
 
 
-WINNER = candidate(60.0, 20.0)
+WINNER = candidate(60.0, 20.0, name="structural_mode")
 
 
 @pytest.mark.parametrize(
@@ -34,8 +36,16 @@ WINNER = candidate(60.0, 20.0)
         (candidate(137.0, 15.0, at_end=True), False),
         (candidate(64.0, 22.0, at_end=True), False),
         (candidate(137.0, 45.0, plausible=False), False),
+        (candidate(137.0, 45.0, at_end=True, name="blade_flap"), False),
     ],
-    ids=["far ahead, at its range's end", "left behind", "not on selection data", "hardly ahead", "refused otherwise"],
+    ids=[
+        "far ahead, at its range's end",
+        "left behind",
+        "not on selection data",
+        "hardly ahead",
+        "refused otherwise",
+        "of the same family",
+    ],
 )
 def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: bool) -> None:
     """A sensor 4 ms late, refused as shorter than half a sample, gained twice what a mode gained that got its name."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.catalogue import entry
 
 Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
@@ -33,12 +34,15 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
 
     Then what is missing resembles that one more than anything that has a name here: naming the second best would be
     forced (a sensor 4 ms late, less than the least lag that is believed, was called a bending mode). |Vuong z| above 2
-    and 10 nats are asked for; None where nobody is.
+    and 10 nats are asked for; None where nobody is. One of the same family takes nothing: stick and slip fits a stage
+    better than dry friction alone, with a force at its range's end; what is missing is friction all the same.
     """
+    families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
         if c.complete and c.at_end and c.score > named.score + _OUTDONE and c.select_gain > named.select_gain
         and _vuong(_difference(c, named)) > _EVEN
+        and not families & {entry(a.entry).family for a in c.attachments}
     ]  # fmt: skip
     return max(ahead, key=lambda c: c.score, default=None)
 
