@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.linalg import expm, solve_discrete_are
 from study_modules import load_study
 
 from aeolid.diagnose import pipeline, scores
@@ -20,7 +21,7 @@ from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.verdict import _Moved
 from aeolid.models import equations_file
 from aeolid.models.equations import Parameter
-from aeolid.models.integrate import Compiled, compile_equations, simulate
+from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, simulate
 
 rig = load_study("rigs/turbine")
 STEP = 0.05
@@ -115,17 +116,20 @@ def test_a_baseline_is_not_bettered_by_what_it_holds_fixed() -> None:
     np.testing.assert_array_equal(moved.theta, [1.0, 20.0, 3.0])
 
 
-def test_a_faultless_sensor_counts_as_one_that_errs_by_a_hundredth(tmp_path: Path) -> None:
+@pytest.mark.parametrize("noise", [0.0, 0.003, 0.3])
+def test_a_faultless_sensor_counts_as_one_that_errs_by_a_hundredth(noise: float, tmp_path: Path) -> None:
+    """Reference: scipy's Riccati equation with R = noise² + (0.3/100)², 0.3 what a sample's noise moves the sensor by.
+
+    Tolerance: what scipy's own solution is good for where the sensor is nearly exact.
+    """
     compiled = body(tmp_path)
-    sizes, theta, u = (np.ones(4), np.ones(1)), compiled.model.theta, np.zeros(1)
-    amplitude = np.array([0.3, 0.5, 0.0, 0.0, 0.0])
-    exact = kalman_gain(compiled, sizes, theta, amplitude, u, STEP)
-    amplitude[4] = 0.003
-    near = kalman_gain(compiled, sizes, theta, amplitude * np.sqrt([1, 1, 1, 1, 0.0]), u, STEP)
-    np.testing.assert_allclose(exact, near, rtol=1e-12)
-    assert np.all(np.isfinite(exact)) and np.max(np.abs(exact)) > 0.5
-    doubled = kalman_gain(compiled, sizes, theta, amplitude, u, STEP)  # 0.003² + (0.01 · 0.3)²: twice the floor
-    assert not np.allclose(doubled, exact, rtol=1e-7)
+    theta, u = compiled.model.theta, np.zeros(1)
+    found = kalman_gain(compiled, (np.ones(4), np.ones(1)), theta, np.array([0.3, 0.5, 0.0, 0.0, noise]), u, STEP)
+    A = expm(numeric_jacobian(compiled, compiled.model.x0 + 1.0, u, theta) * STEP)
+    C, Q = np.eye(4)[:1], np.diag([0.09, 0.25, 0.0, 0.0])
+    R = np.array([[noise**2 + 0.003**2]])
+    P = solve_discrete_are(A.T, C.T, 0.5 * (Q + A @ Q @ A.T), R)
+    np.testing.assert_allclose(found, A @ P @ C.T / (C @ P @ C.T + R), rtol=1e-4, atol=1e-9)
 
 
 @pytest.mark.parametrize(("value", "at_end"), [(0.5, True), (2.0, True), (1.2, False)])
