@@ -13,6 +13,14 @@ from aeolid.diagnose.race import is_accepted
 SPREAD = np.random.default_rng(6).standard_normal(400) / 4  # the sum of 400 scatters by 5 nats
 
 
+def candidate(fit_gain: float, select_gain: float, *, plausible: bool = True, parameters: int = 1) -> Any:
+    difference = SPREAD - SPREAD.mean() + select_gain / 400
+    return SimpleNamespace(
+        fit_gain=fit_gain, select_gain=select_gain, parameters=parameters, plausible=plausible,
+        select_difference=difference,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("fit_gain", "select_gain", "plausible", "accepted"),
     [
@@ -31,8 +39,9 @@ def test_a_candidate_is_proven_on_selection_data_or_clear_and_not_refuted(
     fit_gain: float, select_gain: float, plausible: bool, accepted: bool
 ) -> None:
     """A one-sided spring gained 81 nats with one parameter, and 7 ± 5 on the fifth that selects: it went unnoticed."""
-    difference = SPREAD - SPREAD.mean() + select_gain / 400
-    candidate: Any = SimpleNamespace(
-        fit_gain=fit_gain, select_gain=select_gain, parameters=1, plausible=plausible, select_difference=difference
-    )
-    assert is_accepted(candidate) is accepted
+    assert is_accepted(candidate(fit_gain, select_gain, plausible=plausible)) is accepted
+
+
+def test_a_smaller_noise_model_makes_nothing_clear() -> None:
+    """Five nats and eighteen parameters less in the noise model: not an effect worth twenty."""
+    assert not is_accepted(candidate(5.0, 1.0, parameters=-16))

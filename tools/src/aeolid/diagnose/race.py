@@ -73,7 +73,9 @@ def is_accepted(candidate: Candidate) -> bool:
         return False
     spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
     proven = candidate.select_gain > max(_LEAST_GAIN, 1.64 * spread)
-    return proven or (candidate.fit_gain - candidate.parameters > _CLEAR and candidate.select_gain > 0)
+    # a candidate with a smaller noise model than the baseline has fewer parameters, which is no gain of its own
+    clear = candidate.fit_gain - max(candidate.parameters, 1) > _CLEAR
+    return proven or (clear and candidate.select_gain > 0)
 
 
 def select_density(prepared: Prepared) -> Array:
