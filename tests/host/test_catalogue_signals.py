@@ -145,7 +145,7 @@ SENSORS = {
     "sensor_scale output:x_speed": ({"sensor_scale_1": 57.3}, lambda y, t: 57.3 * y[:, 0]),
     "sensor_sign output:x_speed": ({"sensor_sign_1": 1.0}, lambda y, t: -y[:, 0]),
     "sensor_bias output:x_speed": ({"sensor_bias_1": -0.3}, lambda y, t: y[:, 0] - 0.3),
-    "sensor_drift output:x_speed": ({"sensor_drift_1": 0.02}, lambda y, t: y[:, 0] + 0.02 * (t - t.mean())),
+    "sensor_drift output:x_speed": ({"sensor_drift_1": 0.02}, lambda y, t: y[:, 0] + 0.02 * (t - t[0])),
     "sensor_cross_axis output:x_speed from y_speed": ({"cross_axis_1_2": 0.2}, lambda y, t: y[:, 0] + 0.2 * y[:, 1]),
     "sensor_saturation output:y_speed": (
         {"sensor_rail_share_2": 1.0, "sensor_low_2": -0.1, "sensor_high_2": 0.08},

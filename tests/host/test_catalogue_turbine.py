@@ -25,7 +25,7 @@ from aeolid.diagnose.anatomy import motions_of_equations, motions_of_state_space
 from aeolid.diagnose.baseline import equations_of, shape_forces, with_force
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.base import Attachment, Site
+from aeolid.diagnose.catalogue.base import Attachment, Site, Slot
 from aeolid.diagnose.exogenous import exogenous_channels, with_exogenous
 from aeolid.diagnose.scores import score_bank
 from aeolid.models import equations_file
@@ -117,7 +117,9 @@ def stage_of(kind: str) -> Stage:
         site = site_of(Path(folder), everything(kind))
     found = attached(site)
     model = extended(site, found)
-    return Stage(site, {a.entry: a for a in found}, model, compile_equations(model))
+    return Stage(
+        site, {a.entry: a for a in reversed(found)}, model, compile_equations(model)
+    )  # the first of each entry
 
 
 @pytest.fixture(scope="module")
@@ -328,6 +330,46 @@ def test_an_entry_gives_back_what_the_turbine_has(name: str, kind: str) -> None:
         assert values[names["gain"]] / values[names["tau_s"]] == pytest.approx(0.1, rel=0.02)
 
 
+def test_thin_air_thins_every_load(tmp_path: Path) -> None:
+    """As if every slope of torque and thrust, and their means, were smaller: in the blade's moment too.
+
+    The mean thrust moves the tower, which its declared equation knows of by deviations only: accelerations are compared
+    once that has died away.
+    """
+    stage, change = stage_of("equations"), -0.12
+    data, _ = quiet(stage, TRIALS["thin air", "equations"])
+    scaled = {p: getattr(rig, p) * (1 + change) for p in ("Q_V", "Q_B", "Q_W", "T_V", "T_B", "T_W")}
+    scaled |= {"Q0": rig.TORQUE0 * (1 + change), "T0": rig.T0 * (1 + change)}
+    thin, expected = stage.run(data, {"air_density": change}), stage.run(data, scaled)
+    side = stage.site.output_names.index("tower_side_side")  # the torque's reaction: Q0 stands in its equation too
+    seen = [j for j in range(len(stage.site.output_names)) if j != side]
+    np.testing.assert_allclose(thin[SETTLED:, seen], expected[SETTLED:, seen], rtol=1e-9, atol=1e-9)
+    assert "flap_moment_1" in stage.attachments["air_density"].location["outputs"]
+
+
+def test_a_narrow_dip_is_heard_by_its_higher_harmonics() -> None:
+    """The slope at no swing knows of the first harmonic only: a dip of sharpness 0.5 has two thirds of its power elsewhere."""
+    stage = stage_of("equations")
+    a = stage.attachments["tower_shadow"]
+    heard = [s for s in a.slots if s.local and s.name in a.fixed]
+    assert len(heard) == 8 and all(a.fixed[s.name] == 0.0 and s.label is None for s in heard)
+    data, _ = quiet(stage, TRIALS["null", "equations"])
+    rest = stage.run(data, {})
+
+    def moved(values: dict[str, float]) -> Array:
+        return (stage.run(data, values) - rest)[SETTLED:, :2].ravel()
+
+    dip = moved({"tower_shadow_cos1": 3e3, "tower_shadow_cos2": 3e4, "tower_shadow_sharpness": 0.5})
+
+    def left(slots: list[Slot]) -> float:
+        basis = np.column_stack([moved({s.name: s.size}) for s in slots])
+        basis /= np.linalg.norm(basis, axis=0)
+        return float(np.linalg.norm(dip - basis @ np.linalg.lstsq(basis, dip, rcond=None)[0]) / np.linalg.norm(dip))
+
+    first = [s for s in a.slots if s.local and s.name not in a.fixed]
+    assert left(first) > 0.6 and left(first + heard) < 0.5
+
+
 def test_a_tower_slows_the_blade_that_stands_before_it() -> None:
     """With blade 1 up at azimuth 0 a blade is down where cos 3 azimuth = −1: thrust and torque dip there together."""
     stage = stage_of("equations")
@@ -359,17 +401,19 @@ def solve(
     error: Callable[[dict[str, float]], Array], a: Attachment, start: dict[str, float]
 ) -> tuple[dict[str, float], float]:
     """Minimise |error|² over the slots by damped Gauss–Newton within their ranges; returns values and the minimum."""
+    free = [s for s in a.slots if s.name not in a.fixed]
     values, damping, e = dict(start), 1e-6, error(start)
     for _ in range(20):
         columns = []
-        for s in a.slots:
+        for s in free:
             h = 1e-3 * max(s.size, 0.1 * abs(values[s.name]))
             h = h if values[s.name] + h <= s.high else -h
             columns.append((error({**values, s.name: values[s.name] + h}) - e) / h)
         size = np.maximum(np.linalg.norm(columns, axis=1), 1e-300)
         J = np.column_stack(columns) / size
         step = -np.linalg.solve(J.T @ J + damping * np.eye(len(size)), J.T @ e) / size
-        trial = {s.name: float(np.clip(values[s.name] + d, s.low, s.high)) for s, d in zip(a.slots, step, strict=True)}
+        moved = {s.name: float(np.clip(values[s.name] + d, s.low, s.high)) for s, d in zip(free, step, strict=True)}
+        trial = {**values, **moved}
         after = error(trial)
         if after @ after >= e @ e:
             damping = damping * 100 + 1e-9

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
 from aeolid.diagnose.modal import ModalForm
+from aeolid.diagnose.sums import factors_of, written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Output, Parameter, State
 from aeolid.models.state_space import StateSpace
@@ -78,11 +79,9 @@ def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equat
     only coloured noise on offer and would get a name. a lies between 1/(slowest_s) and one a step. Returns the model
     and the names of the added states.
     """
-    names = {s.name for s in model.states}
     parameters, states, added = list(model.parameters), list(model.states), []
-    for i, state in enumerate(model.states):
-        if isinstance(state.derivative, ast.Name) and state.derivative.id in names:
-            continue  # dq/dt = v: geometry, no force acts there
+    for i in noisy_states(model):
+        state = model.states[i]
         force, rate = f"unmeasured_{state.name}", f"unmeasured_rate_{state.name}"
         model = with_force(model, state.name, ast.Name(id=force))
         states[i] = model.states[i]
@@ -161,8 +160,16 @@ def linear_row(own: _Part, driven: _Part, row: int, named: dict[tuple[str, int, 
 
 
 def noisy_states(model: Equations) -> tuple[int, ...]:
-    """List the states that noise may drive: all but the kinematic ones, whose derivative is another state."""
+    """List the states that noise may drive: all but the kinematic ones.
+
+    Where the derivative is another state, or the difference of two bodies' velocities, it is geometry: no force acts.
+    """
     names = {s.name for s in model.states}
-    return tuple(
-        i for i, s in enumerate(model.states) if not (isinstance(s.derivative, ast.Name) and s.derivative.id in names)
-    )
+    bodies = {s.name for s in model.states if mass_of(s.derivative, model) is not None}
+
+    def kinematic(state: State) -> bool:
+        if isinstance(state.derivative, ast.Name):
+            return state.derivative.id in names
+        return len(factors_of(written_out(state.derivative, model), model, bodies - {state.name})) > 1
+
+    return tuple(i for i, s in enumerate(model.states) if not kinematic(s))

@@ -12,6 +12,7 @@ from aeolid.diagnose import modal
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
 from aeolid.diagnose.baseline import mass_of, noisy_states, shape_forces
 from aeolid.diagnose.baselines import baseline_of
+from aeolid.diagnose.between import motions_between
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES
 from aeolid.diagnose.catalogue.base import Attachment, Site
@@ -125,7 +126,8 @@ def _anatomy(
     span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
     working, added = shape_forces(declared, span, split.fit[0].step)
     forces = {f: own[f.removeprefix("unmeasured_")] * _mass(declared, f) for f in added}
-    return tuple(motions_of_equations(declared, sizes, rates)), working, forces
+    bodies = motions_of_equations(declared, sizes, rates)
+    return (*bodies, *motions_between(declared, bodies, sizes, rates)), working, forces
 
 
 def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: Case) -> tuple[Predictor, Fit]:

@@ -19,6 +19,7 @@ from aeolid.diagnose.scores import Bank, Row, score_bank
 _MOST = 3  # effects in one model
 _SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
 _BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
+_CLEAR = 20.0  # nats on the fit data that it must gain where the selection data speak for it, if only softly
 _LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, or that leaving one out must cost
 
 
@@ -89,6 +90,8 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     if added > max(_LEAST_GAIN, spread, _SHARE * fewer.select_gain):
         return True
     gained = more.fit.log_posterior - fewer.fit.log_posterior
+    if added > max(_LEAST_GAIN, _SHARE * fewer.select_gain) and gained > max(_CLEAR, _SHARE * fewer.fit_gain):
+        return True
     return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SHARE * fewer.fit_gain)
 
 

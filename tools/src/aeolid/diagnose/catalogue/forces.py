@@ -46,8 +46,8 @@ def with_parameters(model: Equations, slots: tuple[Slot, ...]) -> Equations:
 
 def place(force: str, motion: Motion) -> ast.expr:
     """Parse a force, {q} and {v} replaced by the motion's position and velocity."""
-    position = ex.to_text(motion.position) if motion.position is not None else "0"
-    return ex.parse(force.format(q=position, v=ex.to_text(motion.velocity)), "force")
+    q, v = (ex.to_text(e) if e is not None else "0" for e in (motion.position, motion.velocity))
+    return ex.parse(force.format(q=f"({q})", v=f"({v})"), "force")
 
 
 def with_spring(site: Site) -> list[tuple[int, Motion]]:

@@ -26,18 +26,22 @@ def pitch_inputs(site: Site) -> list[int]:
 def lead_lag(
     site: Site, entry: str, *, gain: tuple[str, float, float], tau: tuple[float, float], grid: tuple[float, ...],
     equation: str, says: Callable[[str, Mapping[str, float]], str], show: Callable[[float], float] = float,
-    kind: str = "lead_lag",
+    kind: str = "lead_lag", form: str = "",
 ) -> list[Attachment]:  # fmt: skip
-    """Offer u + gain (u − lag(u, tau)) on every pitch input; gain: (label, low, high), null 0; kind of input filter."""
+    """Offer u + gain (u − lag(u, tau)) on every pitch input.
+
+    gain: (label, low, high), null 0; kind of input filter; form: what tells one of several forms of an entry apart.
+    """
     result = []
     for i in pitch_inputs(site):
         name = site.input_names[i]
-        names = (f"{entry}_tau_{i + 1}", f"{entry}_gain_{i + 1}")
+        names = (f"{entry}{form}_tau_{i + 1}", f"{entry}{form}_gain_{i + 1}")
         times = Slot(names[0], "tau_s", "s", tau[0], tau[0], tau[1], 0.3 * tau[0], local=False)
         part = Slot(names[1], gain[0], "1", 0.0, gain[1], gain[2], 1e-3, show=show)
         result.append(
             Attachment(
-                entry, f"{entry} input:{name}", location(f"input:{name}", inputs=(name,)),
+                entry, " ".join(w for w in (entry, form.strip("_"), f"input:{name}") if w),
+                location(f"input:{name}", inputs=(name,)),
                 partial(_filtered, name, kind, (part, times), grid[0]), (part, times),
                 grid=tuple({names[0]: t} for t in grid), starts=({}, {names[1]: 0.3 * (gain[1] + gain[2])}),
                 equation=equation, statement=partial(says, name), stepped=True,

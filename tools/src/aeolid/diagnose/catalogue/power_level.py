@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from aeolid.diagnose.anatomy import Motion
-from aeolid.diagnose.baseline import mass_of
+from aeolid.diagnose.baseline import FELT, mass_of
 from aeolid.diagnose.catalogue import rotor
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
 from aeolid.models import expressions as ex
@@ -27,6 +27,7 @@ def scaled(
     forces = [(m, tree) for m, tree in found if tree is not None]
     if len(forces) < len(kinds):
         return []
+    loads = _loads(site, [m for m, _ in forces]) if "fore_aft" in kinds else {}
     slot = Slot(entry, label, "1", 0.0, -0.6, 0.6, 1e-3)
 
     def edit(model: Equations) -> Equations:
@@ -35,9 +36,11 @@ def scaled(
         for k, (motion, tree) in enumerate(forces):
             force = ex.combine("*", ast.Name(id=entry), _copy(tree))
             model = rotor.push(model, motion.inject, force, f"{entry}_force{k + 1}")
+        for name, tree in loads.items():
+            model = rotor.on_output(model, name, ex.combine("*", ast.Name(id=entry), _copy(tree)))
         return model
 
-    shown = tuple(site.output_names[rotor.outputs_like(site, kind)[0]] for kind in kinds)
+    shown = (*(site.output_names[rotor.outputs_like(site, kind)[0]] for kind in kinds), *loads)
     return [
         Attachment(
             entry, f"{entry} rotor", location("rotor", outputs=shown), edit, (slot,), equation=equation,
@@ -78,8 +81,29 @@ def aerodynamic(site: Site, motion: Motion, kind: str) -> ast.expr | None:
         terms.append((sign, term, bool(names & air)))
     if not any(holds for _, _, holds in terms):
         return None
+    return _total([(sign, term) for sign, term, _ in terms])
+
+
+def _loads(site: Site, motions: list[Motion]) -> dict[str, ast.expr]:
+    """Return what of each output is aerodynamic load (a blade's moment), accelerations aside: these feel the forces."""
+    own = {_id(e) for m in motions for e in (m.velocity, m.position) if e is not None}
+    rates = {ex.to_text(s.derivative) for s in site.model.states if not isinstance(s.derivative, ast.Name)}
+    states = {s.name for s in site.model.states}
+    found: dict[str, ast.expr] = {}
+    for output in site.model.outputs:
+        text, names = ex.to_text(output.equation), ex.names_in(output.equation)
+        if any(n.startswith(FELT) for n in names) or any(rate in text for rate in rates):
+            continue
+        parts = [(sign, term, _reach(site.model, term)) for sign, term in _terms(output.equation, 1)]
+        loads = [(sign, term) for sign, term, seen in parts if not (seen & states and seen & states <= own)]
+        if any(seen & _air(site) for _, _, seen in parts):
+            found[output.name] = _total(loads)
+    return found
+
+
+def _total(terms: list[tuple[int, ast.expr]]) -> ast.expr:
     total: ast.expr = ast.Constant(0.0)
-    for sign, term, _ in terms:
+    for sign, term in terms:
         total = ex.combine("+" if sign > 0 else "-", total, term)
     return total
 

@@ -6,12 +6,10 @@ import re
 from collections.abc import Mapping
 from functools import partial
 
-from aeolid.diagnose.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.catalogue.wiring import spread_of, unit_of_output, with_reading
 from aeolid.models.equations import Equations, Parameter
 
-_LOADS = {"N", "kN", "MN", "Nm", "kNm", "MNm", "N*m", "kN*m", "MN*m", "strain", "um/m", "microstrain"}
 _AXES = {"x", "y", "z", "fa", "ss", "fore", "side", "flap", "edge", "lateral", "axial", "vertical", "horizontal"}
 _MOST = 0.7  # a skew of 45 degrees: beyond, the channels are swapped rather than skewed
 
@@ -21,7 +19,7 @@ def _statement(name: str, other: str, v: Mapping[str, float]) -> str:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    """Pair outputs of one unit that are accelerations or loads, or whose names tell axes."""
+    """Pair outputs of one unit, or of none whose names tell axes."""
     result = []
     for i, name in enumerate(site.output_names):
         for j, other in enumerate(site.output_names):
@@ -31,11 +29,12 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _are_axes(site: Site, name: str, other: str) -> bool:
+    """Tell whether two outputs may be one sensor's axes: one unit, or none and names of different axes."""
     units = {unit_of_output(site, n).replace(" ", "").replace("·", "") for n in (name, other)}
     if len(units) != 1:
         return False
     words = [set(re.split(r"[^a-z]+", n.lower())) & _AXES for n in (name, other)]
-    return bool(units & (ACCELERATION_UNITS | _LOADS)) or (bool(words[0] and words[1]) and words[0] != words[1])
+    return bool(units - {"", "1"}) or (bool(words[0] and words[1]) and words[0] != words[1])
 
 
 def _between(site: Site, i: int, j: int) -> Attachment:
@@ -64,7 +63,7 @@ ENTRY = Entry(
     equation="y1_recorded = y1 + share*y2",
     source="ISO 16063-31 (transverse vibration sensitivity); IEEE Std 1293, accelerometer misalignment",
     quantities=(Quantity("share", "1", -_MOST, _MOST, 0.0, "part of the neighbour that shows"),),
-    attaches_to="pairs of outputs of one unit that are accelerations or loads, or whose names tell axes",
+    attaches_to="pairs of outputs of one unit (where none is given, whose names tell axes)",
     signature="what moves one axis shows in the other in the same proportion at every frequency",
     confused_with=(
         ("missing_coupling", "a coupling of the machine turns through its resonances, a skewed sensor does not"),

@@ -35,17 +35,17 @@ def _on(site: Site, j: int, name: str, clock: int) -> Attachment:
     rate, symbol = f"sensor_drift_{j + 1}", site.exogenous[clock].symbol
     unit = f"{unit_of_output(site, name) or '1'}/s"
     times = site.extra[:, clock]
-    middle = float(np.mean(times))
+    start = float(np.min(times))  # a sensor is right when it is set, and drifts from there
     size = spread_of(site.y[:, j]) / max(float(np.ptp(times)), site.step)
 
     def edit(model: Equations) -> Equations:
         added = Parameter(rate, 0.0, unit, -100 * size, 100 * size)
-        return with_reading(model, name, f"reading + {rate}*({symbol} - {middle!r})", (added,))
+        return with_reading(model, name, f"reading + {rate}*({symbol} - {start!r})", (added,))
 
     return Attachment(
         "sensor_drift", f"sensor_drift output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(rate, "rate_per_s", unit, 0.0, -100 * size, 100 * size, 1e-2 * size),),
-        equation=f"{name}_recorded = {name} + rate_per_s*(time - {middle:.6g} s)",
+        equation=f"{name}_recorded = {name} + rate_per_s*(time - {start:.6g} s)",
         statement=partial(_statement, name, unit),
     )  # fmt: skip
 

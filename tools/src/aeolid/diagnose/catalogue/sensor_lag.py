@@ -9,7 +9,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Sl
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
-SHORTEST = 0.5  # rows: a counter that averages over a row is that late by itself, and so is much coloured noise
+_SHORTEST = 0.02  # rows: below, the straight line between two rows errs as much
 
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
@@ -41,7 +41,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
 
     return Attachment(
         "sensor_lag", f"sensor_lag output:{name}", location(f"output:{name}", outputs=(name,)), edit,
-        (Slot(tau, "tau_s", "s", 0.0, SHORTEST * step, longest, 0.3 * step),),
+        (Slot(tau, "tau_s", "s", 0.0, _SHORTEST * step, longest, 0.3 * step),),
         stepped=True,
         starts=({}, {tau: step}, {tau: 5 * step}),
         equation=f"d({name}_measured)/dt = ({name} - {name}_measured)/tau_s",

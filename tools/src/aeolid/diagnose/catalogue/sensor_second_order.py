@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.sensor_lag import SHORTEST
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
+_SHORTEST = 1.0 / math.pi  # rows: beyond the Nyquist rate nothing tells the second order from a first
 _STARTS = tuple((period, zeta) for period in (0.7, 1.5, 3.0, 6.0, 12.0) for zeta in (0.5, 0.85))  # rows, 1
 
 
@@ -60,7 +61,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
 
     return Attachment(
         "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,
-        (Slot(inverse, "omega_rad_s", "rad/s", 0.0, SHORTEST * step, longest, 0.3 * step, show=rate_of),
+        (Slot(inverse, "omega_rad_s", "rad/s", 0.0, _SHORTEST * step, longest, 0.3 * step, show=rate_of),
          Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
         stepped=True,
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),

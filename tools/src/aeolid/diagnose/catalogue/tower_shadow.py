@@ -10,6 +10,7 @@ from aeolid.models.equations import Equations
 
 _SHARPNESS = "tower_shadow_sharpness"
 _SHARPEST = 0.95  # a blade 42 m out that passes 0.7 m before the middle of the tower
+_HIGHER = (2, 3)  # harmonics of the blades' passing by which the bank hears a narrow dip
 _FLOOR = 1e-5  # of the typical force: where there is no swing the dip has no place either
 _EQUATION = "F = F*((1 + q^2)*cos(x) + 2*q)/(1 + 2*q*cos(x) + q^2)^2, x = blades*azimuth + phase, q = sharpness"
 
@@ -26,28 +27,38 @@ def _attach(site: Site) -> list[Attachment]:
         ),
     )  # fmt: skip
     phase = rotor.angle(site, order)
-    return made if not made or phase is None or rotor.angle(site, 2 * order) is None else [_dip(made[0], places, phase)]
+    higher = [(k, a) for k in _HIGHER if (a := rotor.angle(site, k * order)) is not None]
+    return made if not made or phase is None or not higher else [_dip(made[0], places, phase, higher)]
 
 
-def _dip(made: Attachment, places: list[tuple[rotor.Place, str]], phase: rotor.Angle) -> Attachment:
+def _dip(
+    made: Attachment, places: list[tuple[rotor.Place, str]], phase: rotor.Angle, higher: list[tuple[int, rotor.Angle]]
+) -> Attachment:
     """Let all harmonics follow from the first one, A cos x with x = blades·azimuth − φ, and the sharpness q.
 
     The wind before the tower is that of a dipole: its harmonics are A k (−q)^(k−1) cos kx, q = e^(−blades·distance/arm)
-    of a blade's path, and their sum is written in closed form.
+    of a blade's path, and their sum is written in closed form. Where there is no swing yet, its slope knows of the
+    first harmonic only; so that the bank hears a narrow dip, it listens to higher ones too, which fits hold at none.
     """
-    terms = []
+    terms: list[rotor.Term] = []
+    heard: list[Slot] = []
     for k, (p, factor) in enumerate(places):
         c, s = made.slots[2 * k].name, made.slots[2 * k + 1].name
         write = _dip_in_speed if not p.is_force and rotor.looks_like("speed", p.output) else _dip_of
         held, now = (f"({write(c, s, x, _FLOOR * p.size)}){factor}" for x in (phase.held, phase.now))
+        for n, angle in higher:
+            own = [replace(made.slots[2 * k + i], name=f"{made.slots[2 * k + i].name}_{n}", label=None) for i in (0, 1)]
+            more = [f"({own[0].name}*cos({x}) + {own[1].name}*sin({x})){factor}" for x in (angle.held, angle.now)]
+            held, now, heard = f"{held} + {more[0]}", f"{now} + {more[1]}", heard + own
         terms.append(rotor.Term(p, held, now, f"tower_shadow_force{k + 1}"))
     sharpness = Slot(_SHARPNESS, "sharpness", "1", 0.0, 0.0, _SHARPEST, 0.2, local=False)
 
     def edit(model: Equations) -> Equations:
-        return rotor.add_terms(model, [*made.slots, sharpness], terms)
+        return rotor.add_terms(model, [*made.slots, *heard, sharpness], terms)
 
     return replace(
-        made, edit=edit, slots=(*made.slots, sharpness), starts=({}, {_SHARPNESS: 0.4}, {_SHARPNESS: 0.7}),
+        made, edit=edit, slots=(*made.slots, *heard, sharpness), fixed={s.name: 0.0 for s in heard},
+        starts=({}, {_SHARPNESS: 0.4}, {_SHARPNESS: 0.7}),
     )  # fmt: skip
 
 

@@ -5,24 +5,29 @@ from __future__ import annotations
 from aeolid.diagnose.catalogue import pitch_path
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site
 
+_ONE_LAG = "load ~ pitch - lagging_share*(pitch - lag(pitch, tau_s))"
 _EQUATION = "load ~ pitch - lagging_share*(pitch - (2*lag(pitch, tau_s/6.6) + lag(pitch, tau_s))/3)"
 
 
 def _attach(site: Site) -> list[Attachment]:
+    """Offer Jones' two terms, and the single lag that blades of many chords and air speeds together come near to."""
     top = 3.0
     low = 0.5 * site.step
     if low >= top:
         return []
     grid = tuple(t for t in (0.2, 0.5, 1.2) if low < t)
-    return pitch_path.lead_lag(
-        site, "unsteady_aero", gain=("lagging_share", -0.75, 0.0), tau=(low, top), grid=grid,
-        equation=_EQUATION,
-        says=lambda name, v: (
-            f"{v['lagging_share']:.0%} of the blades' response to {name} builds up over {v['tau_s']:.3g} s"
-            " (shed vorticity); the model's aerodynamics are instantaneous"
-        ),
-        show=lambda gain: -gain, kind="indicial",
-    )  # fmt: skip
+    return [
+        attachment
+        for form, kind, equation in (("", "indicial", _EQUATION), ("_one_lag", "lead_lag", _ONE_LAG))
+        for attachment in pitch_path.lead_lag(
+            site, "unsteady_aero", gain=("lagging_share", -0.75, 0.0), tau=(low, top), grid=grid, equation=equation,
+            says=lambda name, v: (
+                f"{v['lagging_share']:.0%} of the blades' response to {name} builds up over {v['tau_s']:.3g} s"
+                " (shed vorticity); the model's aerodynamics are instantaneous"
+            ),
+            show=lambda gain: -gain, kind=kind, form=form,
+        )
+    ]  # fmt: skip
 
 
 ENTRY = Entry(

@@ -20,7 +20,7 @@ def _follows(model: Equations, motion: Motion) -> bool:
     seen = ex.names_in(motion.forces)
     for a in reversed(model.auxiliaries):
         seen |= ex.names_in(a.equation) if a.name in seen else set()
-    return ex.to_text(motion.velocity) in seen
+    return ex.names_in(motion.velocity) <= seen
 
 
 def _on(motion: Motion, number: int) -> Attachment:

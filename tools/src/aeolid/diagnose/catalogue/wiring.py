@@ -19,6 +19,7 @@ from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobia
 Array = NDArray[np.float64]
 SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
 _FADING = 0.3  # a tenth of the frequency: a steady response keeps its size, a speed's falls to a tenth
+_MANY = 20  # values: fewer are a test signal's levels or a counter's
 _SMALL = 0.1  # of an output's own direction: what lies outside the reach of forces must be more to count
 
 
@@ -98,8 +99,8 @@ def spread_of(values: Array) -> float:
 
 
 def is_continuous(values: Array) -> bool:
-    """Tell whether a signal takes many values: two-level test signals and counters do not."""
-    return len(np.unique(values)) > 0.1 * len(values)
+    """Tell whether a signal takes many values, also where it holds each for a while; two-level test signals do not."""
+    return len(np.unique(values)) >= _MANY
 
 
 @lru_cache(maxsize=4)
