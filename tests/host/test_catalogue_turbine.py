@@ -348,7 +348,7 @@ def test_thin_air_thins_every_load(tmp_path: Path) -> None:
 
 
 def test_a_narrow_dip_is_heard_by_its_higher_harmonics() -> None:
-    """The slope at no swing knows of the first harmonic only: a dip of sharpness 0.5 has two thirds of its power elsewhere."""
+    """The slope at no swing knows of the first harmonic only: two thirds of this dip are in higher ones."""
     stage = stage_of("equations")
     a = stage.attachments["tower_shadow"]
     heard = [s for s in a.slots if s.local and s.name in a.fixed]

@@ -34,6 +34,7 @@ _LOST = 0.1  # nats a sample and output below the baseline, from which a start d
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
+_MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
 _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -137,7 +138,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     if fit is None:
         return None
     order = predictor.choose_var_order(fit.point)
-    if order != predictor.var_order:
+    if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
         predictor = predictor.with_order(order)
         fit = predictor.fit(fit.point, free)
     return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
@@ -277,7 +278,10 @@ def _values(attachment: Attachment, fit: Fit, prepared: Prepared) -> dict[str, t
     for slot in attachment.slots:
         if slot.label and model.index(slot.name) in fit.free.theta:
             place = fit.free.theta.index(model.index(slot.name))
-            result[slot.label] = slot.reported(float(fit.point.theta[model.index(slot.name)]), float(std[place]))
+            value = (
+                slot.null if _is_mute(slot, fit, model.index(slot.name)) else fit.point.theta[model.index(slot.name)]
+            )
+            result[slot.label] = slot.reported(float(value), float(std[place]))
     return result
 
 
@@ -288,7 +292,7 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
             if slot.label is None or model.index(slot.name) not in fit.free.theta:
                 continue
             value = float(fit.point.theta[model.index(slot.name)])
-            if at_bound(value, slot):
+            if at_bound(value, slot) and not _is_mute(slot, fit, model.index(slot.name)):
                 return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
         values = {label: value for label, (value, _) in _values(a, fit, prepared).items()}
         if reason := a.credible(values):
@@ -302,6 +306,12 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
         if alone and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
             return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return True, ""
+
+
+def _is_mute(slot: Slot, fit: Fit, index: int) -> bool:
+    """Tell whether the data say nothing of a size, wherever it ran: a force at a place that no output shows."""
+    width = slot.high - slot.low
+    return slot.local and float(fit.std[fit.free.theta.index(index)]) > _MUTE * width
 
 
 def _differs(slot: Slot, fit: Fit, index: int, times: float = 2.0) -> bool:
