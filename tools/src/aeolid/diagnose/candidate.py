@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.predictor import Fit, Predictor
 
@@ -35,6 +36,11 @@ class Candidate:
     def key(self) -> str:
         """Return a readable name of the set."""
         return " + ".join(a.key for a in self.attachments)
+
+    @property
+    def unlisted(self) -> bool:
+        """Tell whether an effect is of a form outside the catalogue, which cannot be named."""
+        return any(a.entry == unlisted.ID for a in self.attachments)
 
     @property
     def at_end(self) -> bool:

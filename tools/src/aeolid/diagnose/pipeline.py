@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.catalogue import ENTRIES, unlisted
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.forensics import Finding, examine
@@ -78,7 +78,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     winner, candidates = first_effect(prepared, candidates)
     done()
     done = step("second effect", 0.5)
-    chain, after_bank = ([], None) if winner is None else further_effects(prepared, winner, seed)
+    chain, after_bank = _further(prepared, winner, seed)
     done()
     done = step("sealed proof", 0.6)
     second, proof = _prove(prepared, chain, seed)
@@ -94,6 +94,12 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
         case, seed, findings, prepared, bank, tuple(candidates), winner, second, proof, declared_proof, top, bands,
         after_bank, (sham, hits, tuple(largest)), timing,
     )  # fmt: skip
+
+
+def _further(prepared: Prepared, winner: Candidate | None, seed: int) -> tuple[list[Candidate], Bank | None]:
+    if winner is None:
+        return [], None
+    return ([winner], None) if winner.unlisted else further_effects(prepared, winner, seed)
 
 
 def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[Candidate | None, Proof | None]:
@@ -182,10 +188,12 @@ def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candi
 def leading(candidates: list[Candidate]) -> Candidate | None:
     """Return the best; of those within a nat of it the one with the fewest parameters, then the first in the catalogue.
 
-    A dead time and a clock offset of one input are the same model: rounding must not choose.
+    A dead time and a clock offset of one input are the same model: rounding must not choose. A form outside the
+    catalogue leads where no entry is left only; one that fits far better takes the entry's name in the verdict.
     """
+    candidates = [c for c in candidates if not c.unlisted] or candidates
     best = max((c.score for c in candidates), default=0.0)
-    order = [e.id for e in ENTRIES]
+    order = [*(e.id for e in ENTRIES), unlisted.ID]
     tied = [c for c in candidates if best - c.score < _TIED]
     return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
 
@@ -214,7 +222,8 @@ def _sham(
     The threshold is that of the recording, from its own bootstrap: an imitation has the same inputs, length and noise.
     Full fits follow only where the bank speaks.
     """
-    hits, largest, tested = 0, [], [a for a in prepared.hypotheses if not a.always_fit]
+    tested = [a for a in prepared.hypotheses if not a.always_fit and a.entry != unlisted.ID]
+    hits, largest = 0, []
     prepared = prepared.only(())
     _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
     for k in range(count):

@@ -14,7 +14,7 @@ from aeolid.diagnose.baseline import mass_of, noisy_states, shape_forces
 from aeolid.diagnose.baselines import baseline_of
 from aeolid.diagnose.between import motions_between
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.catalogue import ENTRIES, unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder, with_forces_awake
@@ -103,7 +103,7 @@ def prepare(case: Case) -> Prepared:
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols[:r], exogenous, u[:, d:], case.context,
     )  # fmt: skip
-    attachments = tuple(a for e in ENTRIES for a in e.attach(site))
+    attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
     frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)

@@ -20,7 +20,7 @@ def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candid
     """List the candidates that the data do not tell from the winner: |Vuong z| below 2 on fit and selection data."""
     result = []
     for other in candidates:
-        if other is winner or not other.plausible or other.fit_gain <= 0 or other.select_gain <= 0:
+        if other is winner or other.unlisted or not other.plausible or other.fit_gain <= 0 or other.select_gain <= 0:
             continue
         difference = _difference(winner, other)
         # equal models differ by rounding, always to one side
@@ -30,7 +30,7 @@ def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candid
 
 
 def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate | None:
-    """Return who explains far more than what would be named, but with a value at the end of its physical range.
+    """Return who explains far more than what would be named, with a value at its range's end or a form without a name.
 
     Then what is missing resembles that one more than anything that has a name here: naming the second best would be
     forced (a sensor 4 ms late, less than the least lag that is believed, was called a bending mode). |Vuong z| above 2
@@ -40,7 +40,8 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
     families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
-        if c.complete and c.at_end and c.score > named.score + _OUTDONE and c.select_gain > named.select_gain
+        if c.complete and (c.at_end or (c.unlisted and c.plausible))
+        and c.score > named.score + _OUTDONE and c.select_gain > named.select_gain
         and _vuong(_difference(c, named)) > _EVEN
         and not families & {entry(a.entry).family for a in c.attachments}
     ]  # fmt: skip

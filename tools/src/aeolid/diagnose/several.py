@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.frame import carry_fit, carry_point
@@ -38,7 +38,8 @@ def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[l
 
 def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
-    rest = tuple(a for a in prepared.hypotheses if all(is_another(a, b) for b in winner.attachments))
+    named = [a for a in prepared.hypotheses if a.entry != unlisted.ID]
+    rest = tuple(a for a in named if all(is_another(a, b) for b in winner.attachments))
     stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
     predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
     full = winner.predictor.at(winner.fit.point, winner.fit.free)

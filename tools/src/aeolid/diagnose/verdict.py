@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
@@ -67,7 +67,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         kinds = {a.entry for a in study.winner.attachments}
         needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
         outdone = outdone_by(study.candidates, study.second or study.winner)
-        if recovered_fraction(study, study.proof) >= needed and outdone is None:
+        if recovered_fraction(study, study.proof) >= needed and outdone is None and not study.winner.unlisted:
             return *_named(study, study.winner), study.proof
         return "unnamed", [], None
     top = study.ceiling
@@ -247,18 +247,27 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
         (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
     )
     outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
+    form = _unlisted_form(study)
     return {
-        "entry": "unknown", "outputs": outputs, "inputs": [],
+        "entry": form.location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
         "frequency_hz": bands[0]["frequency_hz"] if bands else None, "azimuth_order": None, "region": None,
         "time_s": None, "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
     }  # fmt: skip
+
+
+def _unlisted_form(study: Study) -> Attachment | None:
+    """Return the form outside the catalogue that explains what has no name, if one does."""
+    if study.winner is None:
+        return None
+    found = study.winner if study.winner.unlisted else outdone_by(study.candidates, study.second or study.winner)
+    return found.attachments[0] if found is not None and found.unlisted else None
 
 
 def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
     """List, for each entry that was not named, the smallest effect that this recording would have shown."""
     result = []
     for row in study.bank.rows:
-        if row.attachment.entry in named:
+        if row.attachment.entry in named | {unlisted.ID}:
             continue
         location = row.attachment.location["entry"]
         least = minimum_detectable(row, study.bank.threshold) if row.testable else {}
@@ -310,6 +319,8 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
         return "A difference is there beyond doubt, but too small to show in any prediction."
     if verdict == "not_testable":
         return _untested(study)
+    if verdict == "unnamed" and (form := _unlisted_form(study)) is not None:
+        return f"Something is missing that no catalogue entry explains; {form.statement({})} comes nearest."
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
         return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."

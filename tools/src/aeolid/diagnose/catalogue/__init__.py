@@ -58,6 +58,7 @@ from aeolid.diagnose.catalogue import (
     tower_shadow,
     tower_side_side,
     transport_delay,
+    unlisted,
     unsteady_aero,
     viscous_friction_change,
     wave_load,
@@ -132,4 +133,4 @@ ENTRIES: tuple[Entry, ...] = (
 
 def entry(identifier: str) -> Entry:
     """Return the entry with this id."""
-    return next(e for e in ENTRIES if e.id == identifier)
+    return next(e for e in (*ENTRIES, unlisted.ENTRY) if e.id == identifier)

@@ -1,0 +1,86 @@
+"""Forces of a form that no entry of the catalogue has: where one fits far better, the nearest entry gets no name."""
+
+from __future__ import annotations
+
+import ast
+
+from aeolid.diagnose.anatomy import Motion
+from aeolid.diagnose.baseline import noisy_states, with_force
+from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
+from aeolid.diagnose.catalogue.forces import force_on, say, with_parameters
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, State
+
+ID = "unlisted"
+_MODES = 3  # of a linear model; one with more was identified, and each form would cost every mode a fit
+_FORMS = (
+    ("v*v", "{v}*{v}", "the square of the speed, whatever its direction"),
+    ("q*q*v", "{q}*{q}*{v}", "the speed, by an amount that changes with the square of the deflection"),
+)
+
+
+def _attach(site: Site) -> list[Attachment]:
+    if site.linear is not None:
+        motions = list(site.motions)
+        return [a for i, m in enumerate(motions) for a in _on(m, i)] if len(motions) <= _MODES else []
+    moving = {n.id for m in site.motions for n in (m.velocity, m.position) if isinstance(n, ast.Name)}
+    forces = {s.name for s in site.model.states if s.name.startswith("unmeasured_")}
+    others = [site.model.states[i] for i in noisy_states(site.model)]
+    storing = [s for s in others if s.name not in moving | forces and f"unmeasured_{s.name}" in forces]
+    found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
+    return found + [_stored(site, s) for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
+
+
+def _on(motion: Motion, number: int) -> list[Attachment]:
+    position, velocity = max(motion.position_size, 1e-60), max(motion.velocity_size, 1e-60)
+    sizes = {"v*v": motion.force_size / velocity**2, "q*q*v": motion.force_size / position**2 / velocity}
+    found = []
+    for k, (form, force, says) in enumerate(_FORMS):
+        if "{q}" in force and motion.position is None:
+            continue
+        name, size = f"unlisted_{number + 1}_{k + 1}", sizes[form]
+        found.append(
+            force_on(
+                motion, number, ID, (Slot(name, "factor", "", 0.0, -100 * size, 100 * size, 1e-4 * size),),
+                f"-{name}*{force}", kind=f"_{k + 1}", starts=({}, {name: 0.1 * size}, {name: -0.1 * size}),
+                equation=f"F = -factor*{form} at {motion.location}",
+                statement=say(f"a force at {motion.location} that follows {says}"),
+            )
+        )  # fmt: skip
+    return found
+
+
+def _alone(site: Site, state: State) -> bool:
+    """Tell whether a state's equation holds only itself, constants and its own force: a wind with memory."""
+    known = {state.name, f"unmeasured_{state.name}", *(p.name for p in site.model.parameters)}
+    return ex.names_in(state.derivative) <= known
+
+
+def _stored(site: Site, state: State) -> Attachment:
+    """Return a loss that grows with the square of what a state stores: of a level, a temperature."""
+    name, scale = f"unlisted_{state.name}", max(abs(state.initial), 1.0)
+    slots = (Slot(name, "factor", "", 0.0, -10.0 / site.step, 10.0 / site.step, 1e-6 / site.step),)
+    force = ex.parse(f"-{name}*{state.name}*abs({state.name})/{scale!r}", ID)
+
+    def edit(model: Equations) -> Equations:
+        return with_force(with_parameters(model, slots), state.name, force)
+
+    where = f"state:{state.name}"
+    return Attachment(
+        ID, f"{ID} {where}", location(where), edit, slots, equation=f"d({state.name})/dt = ... - factor*{state.name}^2",
+        statement=say(f"a loss at {where} that grows with its square"),
+    )  # fmt: skip
+
+
+ENTRY = Entry(
+    id=ID,
+    family=ID,
+    name="a form outside the catalogue",
+    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2",
+    source="of the library itself: the lowest powers that no entry has",
+    quantities=(),
+    attaches_to="motions, and what stores, of equations; modes of linear models of few",
+    signature="fits far better than any entry",
+    confused_with=(),
+    attach=_attach,
+)
