@@ -21,7 +21,7 @@ def candidate(
     return SimpleNamespace(
         fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
         attachments=(SimpleNamespace(entry=name),), select_gain=select_gain, score=fit_gain + select_gain - 1,
-        at_end=at_end, **({"plausible": not at_end, "complete": True} | more),
+        at_end=at_end, **({"plausible": not at_end, "complete": True, "unlisted": name == "unlisted"} | more),
     )  # fmt: skip
 
 
@@ -37,6 +37,10 @@ WINNER = candidate(60.0, 20.0, name="structural_mode")
         (candidate(64.0, 22.0, at_end=True), False),
         (candidate(137.0, 45.0, plausible=False), False),
         (candidate(137.0, 45.0, at_end=True, name="blade_flap"), False),
+        (candidate(137.0, 45.0, name="unlisted"), True),
+        (candidate(137.0, 45.0, name="unlisted", plausible=False), False),
+        (candidate(64.0, 22.0, name="unlisted"), False),
+        (candidate(137.0, 45.0, name="sensor_lag"), False),
     ],
     ids=[
         "far ahead, at its range's end",
@@ -45,6 +49,10 @@ WINNER = candidate(60.0, 20.0, name="structural_mode")
         "hardly ahead",
         "refused otherwise",
         "of the same family",
+        "a form outside the catalogue",
+        "such a form, refused",
+        "such a form, hardly ahead",
+        "one that may be named itself",
     ],
 )
 def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: bool) -> None:

@@ -56,10 +56,21 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
         larger = refit(both, base, [*_as_rows(winner), row], base_select)
         if larger is None:
             continue
-        better = larger.plausible and adds(winner, larger) and (best is None or larger.select_gain > best.select_gain)
+        better = (
+            larger.plausible
+            and _is_worth_it(larger, row.attachment)
+            and adds(winner, larger)
+            and (best is None or larger.select_gain > best.select_gain)
+        )
         if better and survives_control(prepared, larger):  # by what it gains beyond the smaller set: that is at stake
             best = replace(larger, fit_gain=larger.fit_gain + winner.fit_gain)  # over the bare baseline
     return best, bank
+
+
+def _is_worth_it(larger: Candidate, added: Attachment) -> bool:
+    """Tell whether what was added is as large as it must be to have a name beside another effect."""
+    model, theta = larger.predictor.compiled.model, larger.fit.point.theta
+    return all(abs(theta[model.index(name)]) >= least for name, least in added.beside.items())
 
 
 def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:

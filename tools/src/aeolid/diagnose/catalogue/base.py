@@ -92,6 +92,7 @@ class Attachment:
     noise_driven: noise alone may drive the states it brings, for their frequency band is known from elsewhere.
     essential: names of slots of which one must differ from none, or it is another effect; without any, one of all.
     credible: returns why reported values cannot be this effect, though each lies in its range; "" where they can.
+    beside: least sizes, by slot name, from which it is worth a name beside another effect.
     """
 
     entry: str
@@ -112,6 +113,7 @@ class Attachment:
     noise_driven: bool = False
     credible: Callable[[Mapping[str, float]], str] = lambda values: ""
     essential: tuple[str, ...] = ()
+    beside: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 
 _DAMPING_START = 0.03
-_MOST_DAMPING = 0.7
+MOST_DAMPING = 0.7
 _EVERYWHERE = (0.0, float("inf"))
 
 
@@ -77,7 +77,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
     first = 2 * low if kind is None else low
     slots = [
         Slot(w, "frequency_hz", "Hz", low, low, high, high / 3, local=False),
-        Slot(zeta, "damping", "1", _DAMPING_START, 1e-4, _MOST_DAMPING, 0.02, local=False),
+        Slot(zeta, "damping", "1", _DAMPING_START, 1e-4, MOST_DAMPING, 0.02, local=False),
     ]
     slots += [Slot(b, None, "", 0.0, -1e4 * s, 1e4 * s, 1e-3 * s) for b, s in drives.items()]
     slots += [Slot(n, None, "", 0.0, -1e4 * g.size, 1e4 * g.size, 1e-3 * g.size, local=False) for n, g in loads.items()]
@@ -88,7 +88,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         starts=({}, {zeta: 3 * _DAMPING_START}),
         grid=tuple({w: float(f), zeta: _DAMPING_START} for f in np.geomspace(first, high * (1 - 1e-6), count)),
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; the output sees"
-        f" {_SEEN[_order(site, j)]}",
+        f" {_SEEN[derivatives_seen(site, j)]}",
         statement=lambda p: _statement(p, name, kind),
     )  # fmt: skip
 
@@ -136,7 +136,7 @@ def _statement(p: Mapping[str, float], name: str, kind: Kind | None) -> str:
 _SEEN = ("q", "q'/w", "q''/w^2")
 
 
-def _order(site: Site, j: int) -> int:
+def derivatives_seen(site: Site, j: int) -> int:
     """Return how often an output's unit says that a deflection was differentiated."""
     unit = site.model.outputs[j].unit.replace(" ", "")
     return 1 if unit in VELOCITY_UNITS else 2 if unit in ACCELERATION_UNITS else 0
@@ -149,13 +149,13 @@ def _with_mode(
     """Add the mode's parameters and states, and what the output sees of it: q, q'/w or q''/w^2 by its unit."""
     q, v, w, zeta = (f"{tag}_{what}" for what in ("q", "v", "frequency_hz", "damping"))
     low, high = band
-    extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, _MOST_DAMPING)]
+    extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, MOST_DAMPING)]
     extra += [Parameter(b, 0.0, "", -1e4 * s, 1e4 * s) for b, s in drives.items()]
     extra += [Parameter(n, 0.0, "", -1e4 * g.size, 1e4 * g.size) for n, g in loads.items()]
     terms = [f"{b}*{u}" for b, u in zip(drives, site.symbols, strict=True)]
     terms += [f"{n}*({ex.to_text(model.outputs[g.output].equation)} - {g.mean!r})" for n, g in loads.items()]
     push = " + ".join(terms) or "0"
-    seen = (q, v, f"({push}) - {q} - 2*{zeta}*{v}")[_order(site, site.output_names.index(name))]
+    seen = (q, v, f"({push}) - {q} - 2*{zeta}*{v}")[derivatives_seen(site, site.output_names.index(name))]
     outputs = tuple(
         replace(o, equation=ex.combine("+", o.equation, ex.parse(seen, "mode"))) if o.name == name else o
         for o in model.outputs
@@ -194,7 +194,7 @@ def named_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[t
         source=source,
         quantities=(
             Quantity("frequency_hz", "Hz", *kind.band_hz, float("nan"), "natural frequency"),
-            Quantity("damping", "1", 1e-4, _MOST_DAMPING, float("nan"), f"damping ratio; {damping}"),
+            Quantity("damping", "1", 1e-4, MOST_DAMPING, float("nan"), f"damping ratio; {damping}"),
         ),
         attaches_to=f"on a wind turbine: outputs whose name says so ({kind.place})",
         signature="a narrow band in these outputs, phase turning by 180 degrees through it, at every rotor speed",

@@ -10,6 +10,7 @@ from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
 _SHORTEST = 0.02  # rows: below, the straight line between two rows errs as much
+_AVERAGED = 0.5  # rows: what counts or averages over a row is that late by itself; no further effect beside another
 
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
@@ -42,7 +43,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
     return Attachment(
         "sensor_lag", f"sensor_lag output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(tau, "tau_s", "s", 0.0, _SHORTEST * step, longest, 0.3 * step),),
-        stepped=True,
+        stepped=True, beside={tau: _AVERAGED * step},
         starts=({}, {tau: step}, {tau: 5 * step}),
         equation=f"d({name}_measured)/dt = ({name} - {name}_measured)/tau_s",
         statement=partial(_statement, name),

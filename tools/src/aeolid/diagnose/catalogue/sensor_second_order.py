@@ -27,7 +27,7 @@ def _attach(site: Site) -> list[Attachment]:
     return [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
 
 
-def _memories(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
+def memories_of(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
     """Follow T² m'' + 2 zeta T m' + m = y exactly for y straight between rows, T = 1/omega, w = T m'.
 
     The steady answer to a ramp of slope s is y − 2 zeta T s; what m and T m' lack of it turns and decays.
@@ -57,7 +57,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
     )
 
     def edit(model: Equations) -> Equations:
-        return with_reading(model, name, tag, parameters, memories=_memories(tag, inverse, zeta))
+        return with_reading(model, name, tag, parameters, memories=memories_of(tag, inverse, zeta))
 
     return Attachment(
         "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,

@@ -1,0 +1,60 @@
+"""A load on a blade that the model passes on at once, and the blade by its own bending."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+
+from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
+from aeolid.diagnose.catalogue.modes import KINDS, MOST_DAMPING, Kind, derivatives_seen, kind_of
+from aeolid.diagnose.catalogue.sensor_second_order import memories_of
+from aeolid.diagnose.catalogue.wiring import with_reading
+from aeolid.models.equations import Equations, Parameter
+
+_LEAST_DAMPING = 0.01
+_STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.1, 0.4))  # of the band, 1
+
+
+def responses(entry: str, site: Site) -> list[Attachment]:
+    """Offer that a blade's moment follows its load as the blade bends, where the model has the moment at once.
+
+    The same equations as a second-order sensor; only another sensor, or the blade's band, tells the two apart.
+    """
+    kind = next(k for k in KINDS if k.entry == entry)
+    outputs = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is kind]
+    fastest = 0.4 / site.row_step
+    if kind.place != "blade" or fastest < 1.2 * kind.band_hz[0]:
+        return []
+    return [_on(site, j, kind, min(kind.band_hz[1], fastest)) for j in outputs if not derivatives_seen(site, j)]
+
+
+def _frequency(inverse: float) -> float:
+    """Return f in Hz of 1/ω in s; a rigid blade answers at once."""
+    return 1.0 / (2 * math.pi * inverse) if inverse > 0 else math.inf
+
+
+def _statement(name: str, words: str, v: Mapping[str, float]) -> str:
+    return (
+        f"{name} answers to its load by {words} at {v['frequency_hz']:.3g} Hz with damping {v['damping']:.2g};"
+        " the model has it at once"
+    )
+
+
+def _on(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
+    name, tag = site.output_names[j], f"bending_{j + 1}"
+    inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
+    low, high = (1.0 / (2 * math.pi * f) for f in (highest_hz, kind.band_hz[0]))
+    parameters = (Parameter(inverse, 0.0, "s", 0.0, high), Parameter(zeta, 0.3, "1", _LEAST_DAMPING, MOST_DAMPING))
+
+    def edit(model: Equations) -> Equations:
+        return with_reading(model, name, tag, parameters, memories=memories_of(tag, inverse, zeta))
+
+    return Attachment(
+        kind.entry, f"{kind.entry} response output:{name}", location(kind.place, outputs=(name,)), edit,
+        (Slot(inverse, "frequency_hz", "Hz", 0.0, low, high, 0.3 * low, show=_frequency),
+         Slot(zeta, "damping", "1", 0.3, _LEAST_DAMPING, MOST_DAMPING, 0.05, local=False)),
+        stepped=True, starts=tuple({inverse: low + s * (high - low), zeta: z} for s, z in _STARTS),
+        equation=f"m'' = w^2*({name} - m) - 2*damping*w*m', w = 2*pi*frequency_hz, m is the moment in the blade",
+        statement=partial(_statement, name, kind.words),
+    )  # fmt: skip
