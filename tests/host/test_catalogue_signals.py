@@ -305,6 +305,9 @@ def test_effects_attach_where_they_make_sense() -> None:
     assert keys(site, "sensor_saturation", "sensor_quantisation") == [
         "sensor_saturation output:y_speed", "sensor_quantisation output:y_speed"]  # fmt: skip
     assert len(keys(site, "sensor_cross_axis")) == 2
+    held = table().copy()
+    held[:, 1] = np.repeat(np.linspace(-1.0, 1.0, 25), len(held) // 25)  # a test signal holds each level for a while
+    assert "input_saturation input:x_drive" in keys(site_of("equations", held), "input_saturation")
     switch = table().copy()
     switch[:, 4] = np.sign(switch[:, 4])
     assert keys(site_of("equations", switch), "sensor_saturation") == []

@@ -16,12 +16,12 @@ from study_modules import load_study
 from aeolid.cli.main import main
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
-from aeolid.diagnose.pipeline import against
+from aeolid.diagnose.pipeline import against, kin, leading
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import refit, renewed
 from aeolid.diagnose.scores import Bank, score_bank
-from aeolid.diagnose.several import adds, is_another, without_the_needless
+from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
 
 
 def lagging(folder: Path) -> tuple[Prepared, Bank]:
@@ -113,6 +113,72 @@ def test_a_second_effect_must_show_or_be_beyond_doubt(mean: float, fit_gain: flo
     noise = rng.standard_normal(500)
     pair = candidate(first.select_difference + mean + 0.05 * (noise - noise.mean()), fit_gain, 100.0 + fit_gain)
     assert adds(first, pair) is is_worth_it
+
+
+@pytest.mark.parametrize(
+    ("fit_gain", "so_far", "is_worth_it"), [(28.0, 80.0, True), (15.0, 80.0, False), (28.0, 200.0, False)],
+    ids=["clear on the fit", "not clear", "less than a tenth of what is found"],
+)  # fmt: skip
+def test_a_second_effect_clear_on_the_fit_needs_no_more_than_not_to_be_refuted(
+    fit_gain: float, so_far: float, is_worth_it: bool
+) -> None:
+    """Ten nats on the selection data that scatter by 16: a switched gain beside a rate limit was left out so."""
+    noise = 0.3 * np.random.default_rng(2).standard_normal(500)
+    first = candidate(np.full(500, so_far / 500), 0.0, 150.0)
+    pair = candidate(first.select_difference + 0.02 + noise - noise.mean(), fit_gain, 150.0 + fit_gain)
+    assert adds(first, pair) is is_worth_it
+
+
+def test_a_lag_that_averaging_makes_is_no_further_effect() -> None:
+    """A counter that is read once a row is half a row late by itself; alone it may be named, beside another not."""
+
+    def with_lag(rows: float) -> Any:
+        model = SimpleNamespace(index={"tau": 0}.__getitem__)
+        predictor = SimpleNamespace(compiled=SimpleNamespace(model=model))
+        return SimpleNamespace(
+            predictor=predictor, fit=SimpleNamespace(point=SimpleNamespace(theta=np.array([rows * 0.02])))
+        )
+
+    lag: Any = SimpleNamespace(beside={"tau": 0.5 * 0.02})
+    assert not is_worth_a_name_beside(with_lag(0.4), lag) and is_worth_a_name_beside(with_lag(0.6), lag)
+    assert is_worth_a_name_beside(with_lag(0.0), SimpleNamespace(beside={}))  # type: ignore[arg-type]
+
+
+def test_kin_of_what_leads_are_fitted_too() -> None:
+    """Same family, same place, over the threshold and not fitted yet; kin of the three best, four at most."""
+
+    def attachment(entry: str, output: str, key: str = "") -> Any:
+        return SimpleNamespace(
+            entry=entry, key=key or f"{entry} {output}", location={"entry": f"output:{output}", "outputs": [output]}
+        )
+
+    def row(entry: str, output: str, z: float) -> Any:
+        return SimpleNamespace(attachment=attachment(entry, output), z=z)
+
+    def fitted(entry: str, output: str, gain: float, plausible: bool = True) -> Any:
+        a = attachment(entry, output)
+        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=gain, score=gain, plausible=plausible)
+
+    rows = (
+        row("sensor_lag", "moment", 12.8), row("sensor_second_order", "moment", 12.0),
+        row("sensor_second_order", "speed", 9.0), row("sensor_scale", "moment", 8.0),
+        row("sensor_second_order", "roof", 2.0),
+    )  # fmt: skip
+    bank: Any = SimpleNamespace(rows=rows, threshold=5.0)
+    found = kin(bank, [fitted("sensor_lag", "moment", 148.0), fitted("sensor_lag", "roof", 20.0)])
+    assert [r.attachment.key for r in found] == ["sensor_second_order moment"]
+    assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []
+    better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
+    assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []
+
+
+def test_a_form_outside_the_catalogue_leads_only_where_nothing_else_is_left() -> None:
+    def of(entry: str, score: float) -> Any:
+        attachments = (SimpleNamespace(entry=entry),)
+        return SimpleNamespace(score=score, parameters=1, attachments=attachments, unlisted=entry == "unlisted")
+
+    drag, form = of("quadratic_damping", 20.0), of("unlisted", 90.0)
+    assert leading([form, drag]) is drag and leading([form]) is form and leading([]) is None
 
 
 def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:

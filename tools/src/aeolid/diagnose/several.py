@@ -58,7 +58,7 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
             continue
         better = (
             larger.plausible
-            and _is_worth_it(larger, row.attachment)
+            and is_worth_a_name_beside(larger, row.attachment)
             and adds(winner, larger)
             and (best is None or larger.select_gain > best.select_gain)
         )
@@ -67,7 +67,7 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
     return best, bank
 
 
-def _is_worth_it(larger: Candidate, added: Attachment) -> bool:
+def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
     """Tell whether what was added is as large as it must be to have a name beside another effect."""
     model, theta = larger.predictor.compiled.model, larger.fit.point.theta
     return all(abs(theta[model.index(name)]) >= least for name, least in added.beside.items())

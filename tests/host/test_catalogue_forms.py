@@ -1,0 +1,152 @@
+"""Forms that keep a name from being forced, and a blade's own answer to its load."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from study_modules import load_study
+from test_catalogue_turbine import everything, site_of
+
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
+from aeolid.diagnose.catalogue.base import Slot
+from aeolid.diagnose.catalogue.blade_response import responses
+from aeolid.diagnose.exogenous import with_exogenous
+from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.refit import _is_mute
+from aeolid.diagnose.verdict import diagnose
+from aeolid.models import expressions as ex
+from aeolid.models.integrate import compile_equations, simulate
+
+spring = load_study("diagnosis")
+
+
+def test_a_form_outside_the_catalogue_is_not_listed_and_cannot_be_named() -> None:
+    assert unlisted.ID not in {e.id for e in ENTRIES} and len(ENTRIES) == 60
+    assert entry(unlisted.ID).family not in {e.family for e in ENTRIES}
+
+
+def test_forms_attach_to_what_moves_and_to_what_stores(tmp_path: Path) -> None:
+    """Not to a wind with memory, nor to the unmeasured forces; factors at rest change nothing."""
+    prepared = prepare(load_case(spring.write_case(tmp_path / "case", spring.Hidden("null", "equations", {}), 1200, 5)))
+    found = [a for a in prepared.hypotheses if a.entry == unlisted.ID]
+    assert {a.location["entry"] for a in found} == {"state:v"} and len(found) == 2
+    model = prepared.declared
+    for a in found:
+        edited = a.edit(model)
+        (slot,) = a.slots
+        assert slot.null == 0.0 and slot.label == "factor" and not a.statement({"factor": 1.0}).endswith(".")
+        assert slot.name in ex.names_in(next(s.derivative for s in edited.states if s.name == "v"))
+
+
+@pytest.mark.parametrize("factor", [0.9, 0.0])
+def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor: float, tmp_path: Path) -> None:
+    """Damping that grows with the square of the stroke, c (1 + q²/q₀²): no entry has it; without it nothing is said."""
+    folder = write_swinging(tmp_path, factor)
+    found = diagnose(study(load_case(folder), sham=0, seed=1, progress=lambda *_: None))
+    assert found["verdict"] == ("unnamed" if factor else "no_mismatch"), found["statement"]
+    if factor:
+        assert found["effects"] == [] and found["location"]["entry"] == "state:v"
+        assert "square of the deflection" in found["statement"]
+
+
+MODEL = """[model]
+name = "a swing"
+[parameters]
+m = { value = 1.0, unit = "kg" }
+k = { value = 40.0, unit = "N/m", min = 4.0, max = 400.0, free = true }
+c = { value = 1.0, unit = "N s/m", min = 0.1, max = 10.0, free = true }
+[[input]]
+name = "push"
+unit = "N"
+[[state]]
+name = "q"
+unit = "m"
+derivative = "v"
+[[state]]
+name = "v"
+unit = "m/s"
+derivative = "(push - c*v - k*q)/m"
+[[output]]
+name = "position"
+unit = "m"
+equation = "q"
+[[output]]
+name = "speed"
+unit = "m/s"
+equation = "v"
+"""
+
+
+def write_swinging(folder: Path, factor: float) -> Path:
+    """Write a case: 80 s at 50 Hz of a swing pushed at random, its damping 1 + factor (q / 0.3 m)², gusts on top."""
+    rng, step, samples = np.random.default_rng(3), 0.02, 4000
+    push = np.repeat(rng.uniform(-16.0, 16.0, samples // 10), 10)
+    gust = 0.4 * rng.standard_normal(samples)
+    rows, x = np.empty((samples, 3)), np.zeros(2)
+
+    def slope(x: Any, force: float) -> Any:
+        return np.array([x[1], force - (1.0 + factor * (x[0] / 0.3) ** 2) * x[1] - 40.0 * x[0]])
+
+    for i in range(samples):
+        rows[i] = push[i], x[0], x[1]
+        for _ in range(4):
+            x = x + 0.25 * step * slope(x + 0.125 * step * slope(x, push[i] + gust[i]), push[i] + gust[i])
+    rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, 5e-3)
+    (folder / "model.toml").write_text(MODEL)
+    (folder / "case.toml").write_text(
+        '[case]\ntitle = "swing"\n[recordings]\nfiles = ["recording.csv"]\nroles = "roles.toml"\n'
+        '[baseline]\nkind = "equations"\nfile = "model.toml"\n[context]\nmachine = "test bench"\n'
+    )
+    channels = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
+    (folder / "roles.toml").write_text(
+        '[recording]\ntime = "time_s"\n'
+        + "".join(f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, u, r in channels)
+    )
+    np.savetxt(
+        folder / "recording.csv", np.column_stack([step * np.arange(samples), rows]), delimiter=",", fmt="%.9g",
+        comments="", header="time_s,push,position,speed",
+    )  # fmt: skip
+    return folder
+
+
+def test_what_no_output_shows_is_mute_not_implausible() -> None:
+    """A force at a place the data say nothing of may run to its range's end; one they know of may not."""
+
+    def fit(std: float) -> Any:
+        return SimpleNamespace(free=SimpleNamespace(theta=(4,)), std=np.array([std]))
+
+    slot = Slot("gain", "gain", "", 0.0, -1.0, 1.0, 0.1)
+    assert _is_mute(slot, fit(1e3), 4) and not _is_mute(slot, fit(0.1), 4)
+    assert not _is_mute(Slot("tau", "tau", "", 0.0, -1.0, 1.0, 0.1, local=False), fit(1e3), 4)
+
+
+def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:
+    """The attached memories against solve_ivp on m'' = w² (load − m) − 2 ζ w m', load straight between rows."""
+    site = site_of(tmp_path, everything("equations"), 600)
+    (a,) = responses("blade_flap", site)
+    assert responses("tower_fore_aft", site) == []
+    assert a.location["entry"] == "blade" and a.location["outputs"] == ["flap_moment_1"]
+    model = a.edit(with_exogenous(site.model, site.exogenous))
+    data, compiled = np.column_stack([site.u, site.extra]), compile_equations(model)
+    f, zeta, theta = 0.68, 0.25, model.theta.copy()
+    column = site.output_names.index("flap_moment_1")
+    at_once = simulate(compiled, data, theta, model.x0, site.step)[:, column]
+    inverse, damping = (s.name for s in a.slots)
+    theta[model.index(inverse)], theta[model.index(damping)] = 1 / (2 * math.pi * f), zeta
+    bent = simulate(compiled, data, theta, model.x0, site.step)[:, column]
+    t, w = site.step * np.arange(len(bent)), 2 * math.pi * f
+    solved = solve_ivp(
+        lambda s, x: [x[1], w * w * (np.interp(s, t, at_once) - x[0]) - 2 * zeta * w * x[1]], (0.0, t[-1]),
+        [at_once[0], 0.0], t_eval=t, max_step=site.step / 4, rtol=1e-8, atol=1e-8,
+    )  # fmt: skip
+    start = 100  # the memories start at rest on the first row
+    assert np.std(bent[start:] - at_once[start:]) > 0.05 * np.std(at_once[start:])
+    np.testing.assert_allclose(bent[start:], solved.y[0][start:], atol=2e-3 * float(np.std(at_once)))
