@@ -41,3 +41,43 @@ def test_eighth_value_is_the_error_of_the_parameters(tmp_path, capsys):
     assert short["true e"][0] < 2 * long["true e"][0]  # the seventh stays
     assert 1.5 < short["true e"][1] / long["true e"][1] < 6
     assert 0.4 < short["drawn"][1] / short["true e"][1] < 2.5
+
+
+def answer(verdict: str, *effects: tuple[str, str, dict[str, float]]) -> dict[str, object]:
+    return {
+        "verdict": verdict,
+        "effects": [
+            {"id": i, "location": {"entry": where}, "parameters": {k: {"value": v} for k, v in values.items()}}
+            for i, where, values in effects
+        ],
+    }
+
+
+def test_known_cases_are_judged_by_verdict_name_place_and_value():
+    study = load_study("known")
+    truth = {
+        "verdict": ["named", "multiple"], "ids": ["coulomb_friction"], "also_accepted": ["stiction"],
+        "location": {"entry": "state:v"}, "parameters": {"force_N": {"value": 20.0, "tolerance": 0.1}},
+    }  # fmt: skip
+    nothing = {"verdict": ["no_mismatch"], "ids": []}
+    friction = ("coulomb_friction", "state:v", {"force_N": 21.0})
+    for said, right in (
+        (answer("named", friction), True),
+        (answer("multiple", friction, ("sensor_lag", "output:y", {})), True),
+        (answer("named", ("stiction", "state:v", {"force_N": 19.0})), True),
+        (answer("ambiguous", friction), False),
+        (answer("named", ("backlash", "input:u", {})), False),
+        (answer("named", ("coulomb_friction", "state:w", {"force_N": 21.0})), False),
+        (answer("named", ("coulomb_friction", "state:v", {"force_N": 23.0})), False),
+        (answer("named", ("coulomb_friction", "state:v", {})), False),
+        (answer("no_mismatch"), False),
+    ):
+        assert study.is_right(study.judge(truth, said)) is right, said
+    assert study.is_right(study.judge(nothing, answer("no_mismatch")))
+    assert not study.is_right(study.judge(nothing, answer("named", friction)))
+
+
+def test_known_cases_that_are_absent_are_said(tmp_path, capsys):
+    study = load_study("known")
+    assert study.main(["--cases", str(tmp_path / "none"), "--out", str(tmp_path)]) == 2
+    assert str(tmp_path / "none") in capsys.readouterr().err
