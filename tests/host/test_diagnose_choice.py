@@ -19,8 +19,8 @@ from aeolid.diagnose.catalogue import sensor_scale
 from aeolid.diagnose.pipeline import against, kin, leading
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import refit, renewed
-from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.refit import finalists, refit, renewed
+from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
 
 
@@ -142,6 +142,27 @@ def test_a_lag_that_averaging_makes_is_no_further_effect() -> None:
     lag: Any = SimpleNamespace(beside={"tau": 0.5 * 0.02})
     assert not is_worth_a_name_beside(with_lag(0.4), lag) and is_worth_a_name_beside(with_lag(0.6), lag)
     assert is_worth_a_name_beside(with_lag(0.0), SimpleNamespace(beside={}))  # type: ignore[arg-type]
+
+
+def test_of_each_family_the_best_is_fitted() -> None:
+    """Without its tower a run scored best for drag, two springs, skewed axes and a shadow; the mode came sixth."""
+    entries = (
+        "quadratic_damping", "quadratic_stiffness", "cubic_stiffness", "bouc_wen_hysteresis", "play_hysteresis",
+        "damping_change", "end_stop", "tower_fore_aft", "sensor_lag",
+    )  # fmt: skip
+    rows = [
+        Row(
+            SimpleNamespace(entry=e, key=e, always_fit=e == "damping_change", stepped=e == "sensor_lag"),  # type: ignore[arg-type]
+            9.0 - k, 0.0, 1, 1.0, {}, {}, {}, {}, None, True,
+        )
+        for k, e in enumerate(entries)
+    ]  # fmt: skip
+    chosen = [r.attachment.entry for r in finalists(Bank(tuple(rows), 1.5))]
+    assert chosen[:5] == [
+        "damping_change", "quadratic_damping", "quadratic_stiffness", "bouc_wen_hysteresis", "tower_fore_aft",
+    ]  # fmt: skip
+    assert set(chosen[5:]) == {"cubic_stiffness", "play_hysteresis", "sensor_lag"}
+    assert finalists(Bank(tuple(rows), 99.0)) == [rows[5]]
 
 
 def test_kin_of_what_leads_are_fitted_too() -> None:

@@ -39,12 +39,23 @@ _ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score c
 
 
 def finalists(bank: Bank) -> list[Row]:
-    """Choose what to fit: rows over the threshold, their look-alikes, and those without a score to go by."""
+    """Choose what to fit: the best of each family over the threshold, look-alikes, and those without a score to go by.
+
+    Families first: the score at the null ranks poorly where much is missing (of an OpenFAST run without its tower two
+    bent springs, a drag and a shadow stood before the tower's own mode).
+    """
     over = [r for r in bank.rows if r.z > bank.threshold]
     chosen = [r for r in bank.rows if r.attachment.always_fit]
+    most = len(chosen) + MAX_FINALISTS
+    families: set[str] = set()
+    for row in over:
+        family = entry(row.attachment.entry).family
+        if family not in families and len(chosen) < most:
+            families.add(family)
+            chosen.append(row)
     for row in over:
         for peer in [row] + [r for r in bank.rows if overlap(row, r) > _ALIKE]:
-            if peer not in chosen and len(chosen) < MAX_FINALISTS:
+            if peer not in chosen and len(chosen) < most:
                 chosen.append(peer)
     stepped = [r for r in bank.rows if r.attachment.stepped and r.testable and r not in chosen] if over else []
     stepped.sort(

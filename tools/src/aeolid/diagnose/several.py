@@ -36,15 +36,19 @@ def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[l
             return [*chain, *([smaller] if smaller is not larger else [])], bank
 
 
-def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
-    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
+def what_is_left(prepared: Prepared, winner: Candidate, seed: int) -> Bank:
+    """Score what may stand beside the effects found, with these in the model."""
     named = [a for a in prepared.hypotheses if a.entry != unlisted.ID]
     rest = tuple(a for a in named if all(is_another(a, b) for b in winner.attachments))
     stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
     predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
     full = winner.predictor.at(winner.fit.point, winner.fit.free)
-    stage = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
-    bank = score_bank(stage, rest, seed)
+    return score_bank(replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended)), rest, seed)
+
+
+def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
+    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
+    bank, small = what_is_left(prepared, winner, seed), winner.predictor.compiled.model
     rows = [r for r in bank.rows if r.z > bank.threshold][:2]
     if not rows:
         return None, bank
