@@ -25,6 +25,7 @@ _TOGETHER = 10  # attachments in one model of the bank
 _LEVEL = 0.01  # family-wise false-alarm level of the bank
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
+_FELT = 1e-3  # standard deviations that all of a range must move the innovations together: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +193,7 @@ def _cell(asked: _Direction, G: Array, projected: Array) -> _Cell | None:
         return None
     size = np.linalg.norm(G, axis=0)
     keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
+    keep &= size * _reaches(asked) > _FELT
     keep[keep] = _independent(projected[:, keep] / size[keep])
     if not np.any(keep):
         return None
@@ -207,6 +209,12 @@ def _cell(asked: _Direction, G: Array, projected: Array) -> _Cell | None:
         asked.grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
         Q, R, sided,
     )  # fmt: skip
+
+
+def _reaches(asked: _Direction) -> Array:
+    """Return how far each direction's quantity can go: a size over its whole range, a noise gain without end."""
+    spans = {s.name: s.high - s.low for s in asked.attachment.slots}
+    return np.array([*(spans[n] for n in asked.names), *([np.inf] * len(asked.gains))])
 
 
 def _independent(scaled: Array) -> NDArray[np.bool_]:
