@@ -250,3 +250,12 @@ def test_a_score_does_not_hang_on_its_company(world: tuple[Case, Prepared, Bank]
         if row.basis is not None:
             alone = score_bank(prepared, [row.attachment], 1).rows[0]
             assert alone.z == pytest.approx(row.z, abs=2e-3), row.attachment.key
+
+
+def test_directions_of_rounding_are_left_out(tmp_path: Path) -> None:
+    """The excess of stiction multiplies a curve that is absent at its null: its column was 1e-12 wide, and counted."""
+    study = load_study("diagnosis")
+    prepared = prepare(load_case(study.write_case(tmp_path / "case", study.Hidden("null", "equations", {}), 1200, 5)))
+    stiction = [a for a in prepared.hypotheses if a.entry == "stiction"]
+    (row,) = score_bank(prepared, stiction, 1).rows
+    assert row.freedom == 1 and not any(name.endswith("excess") for name in row.estimate)
