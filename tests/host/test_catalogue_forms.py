@@ -55,6 +55,7 @@ def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor:
     if factor:
         assert found["effects"] == [] and found["location"]["entry"] == "state:v"
         assert "square of the deflection" in found["statement"]
+        assert found["sealed"]["interval"][0] > 0  # what comes nearest is shown on the sealed data too
 
 
 MODEL = """[model]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aeolid.diagnose import pipeline
 from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
 
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
@@ -75,3 +76,15 @@ def test_rivals_are_those_that_samples_do_not_tell_apart() -> None:
 def test_weights_are_odds() -> None:
     weights = weights_of([candidate(60.0, 20.0), candidate(60.0 - np.log(3), 20.0)])
     assert weights == pytest.approx([0.75, 0.25])
+
+
+def test_a_form_far_ahead_of_all_that_was_found_together_takes_its_place() -> None:
+    """Held against the largest set: two effects that explain as much as one form keep their names."""
+    form = candidate(137.0, 45.0, name="unlisted", survived=True, parameters=1)
+    one, two = candidate(60.0, 20.0, name="backlash"), candidate(136.0, 44.0, name="backlash")
+    anything: Any = None
+    assert pipeline._better_form(anything, [one, form], [one]) is form
+    assert pipeline._better_form(anything, [one, form], [one, two]) is None
+    assert pipeline._better_form(anything, [one, form], []) is None
+    refused = candidate(137.0, 45.0, name="unlisted", survived=True, parameters=1, plausible=False)
+    assert pipeline._better_form(anything, [one, refused], [one]) is None

@@ -23,6 +23,7 @@ from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import finalists, renewed
+from aeolid.diagnose.rivals import outdone_by
 from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
 
@@ -82,6 +83,8 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, after_bank = _further(prepared, winner, top, seed)
+    if (form := _better_form(prepared, candidates, chain)) is not None:
+        winner, chain = form, [form]
     done()
     done = step("sealed proof", 0.6)
     second, proof = _prove(prepared, chain, seed)
@@ -113,6 +116,14 @@ def _further(
     if prepared.surrogate is not None and winner.select_gain > float(top.select.sum()):
         return [winner], what_is_left(prepared, winner, seed)
     return further_effects(prepared, winner, seed)
+
+
+def _better_form(prepared: Prepared, candidates: Sequence[Candidate], chain: Sequence[Candidate]) -> Candidate | None:
+    """Return the form outside the catalogue that explains far more than all effects found together, if one does."""
+    form = outdone_by(candidates, chain[-1]) if chain else None
+    if form is None or not form.unlisted or not is_accepted(form):
+        return None
+    return form if form.survived or survives_control(prepared, form) else None
 
 
 def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[Candidate | None, Proof | None]:

@@ -64,10 +64,12 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > 0:
         if not _material(study.proof):
             return "immaterial", [], None
+        if study.winner.unlisted:
+            return "unnamed", [], study.proof
         kinds = {a.entry for a in study.winner.attachments}
         needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
         outdone = outdone_by(study.candidates, study.second or study.winner)
-        if recovered_fraction(study, study.proof) >= needed and outdone is None and not study.winner.unlisted:
+        if recovered_fraction(study, study.proof) >= needed and outdone is None:
             return *_named(study, study.winner), study.proof
         return "unnamed", [], None
     top = study.ceiling
@@ -257,10 +259,7 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
 
 def _unlisted_form(study: Study) -> Attachment | None:
     """Return the form outside the catalogue that explains what has no name, if one does."""
-    if study.winner is None:
-        return None
-    found = study.winner if study.winner.unlisted else outdone_by(study.candidates, study.second or study.winner)
-    return found.attachments[0] if found is not None and found.unlisted else None
+    return study.winner.attachments[0] if study.winner is not None and study.winner.unlisted else None
 
 
 def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
@@ -320,7 +319,7 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     if verdict == "not_testable":
         return _untested(study)
     if verdict == "unnamed" and (form := _unlisted_form(study)) is not None:
-        return f"Something is missing that no catalogue entry explains; {form.statement({})} comes nearest."
+        return f"Something is missing that no catalogue entry explains; what comes nearest is {form.statement({})}."
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
         return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."

@@ -44,13 +44,21 @@ def render_diagnosis(diagnosis: Facts, evidence: Facts, path: str | Path) -> Non
     write_page(path, title, tag("h1", title), diagnosis_parts(diagnosis, evidence))
 
 
+def _after(diagnosis: Facts) -> str:
+    """Say what the second model of the comparison has: an effect, a form without a name, or values fitted anew."""
+    if diagnosis.get("effects"):
+        return "with the effect"
+    described = (diagnosis.get("sealed") or {}).get("log_likelihood_gain")
+    return "with the form that comes nearest" if described else "parameters refitted"
+
+
 def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     """Build the parts of the page below its title."""
     effects = diagnosis.get("effects") or []
     return join(
         [
             _verdict(diagnosis, effects),
-            before_after(evidence, diagnosis.get("sealed") or {}, effect=bool(effects)),
+            before_after(evidence, diagnosis.get("sealed") or {}, after=_after(diagnosis)),
             _effects(effects),
             _rivals(effects),
             score_bank(

@@ -19,16 +19,16 @@ _MOST_BARS = 24
 _MOST_CONFUSED = 12  # the best scored come first
 
 
-def before_after(evidence: Facts, sealed: Facts, *, effect: bool) -> Html:
+def before_after(evidence: Facts, sealed: Facts, *, after: str) -> Html:
     """Show every output on sealed data: a stretch in time, its error spectrum, and the numbers.
 
-    effect: whether the second model has a named effect, or only refitted parameters.
+    after: what the second model has, in words.
     """
     series, spectra = evidence.get("series") or {}, evidence.get("spectra") or {}
     parts: list[Html] = [_numbers(sealed)]
     for name in list(dict.fromkeys([*series, *spectra]))[:_MOST_OUTPUTS]:
         if name in series:
-            parts.append(_time_figure(name, series[name], "with the effect" if effect else "parameters refitted"))
+            parts.append(_time_figure(name, series[name], after))
         if name in spectra:
             parts.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
     data = tag("p", f"Sealed data: {sealed['data']}.") if sealed.get("data") and any(parts) else None
