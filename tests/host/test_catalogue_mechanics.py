@@ -472,3 +472,14 @@ def test_on_a_mode_an_effect_is_exact_to_second_order(worlds: dict[str, World], 
         effects.append(steps[1] - exact)
     for i in range(2):
         assert np.std([e[i] for e in errors]) < 0.08 * np.std([e[i] for e in effects])
+
+
+def test_a_floor_is_looked_for_where_the_level_was_lowest(worlds: dict[str, World]) -> None:
+    """Shares of the highest level put it 589 nats below the model without it; the lowest levels seen found it."""
+    site = worlds["tanks"].site
+    (a,) = [a for a in entry("one_sided_storage").attach(site) if a.location["entry"] == "state:h2"]
+    floor = next(s.name for s in a.slots if s.label == "floor_level")
+    lowest = float(np.nanquantile(site.y[:, 0], 0.002))
+    assert lowest in [g[floor] for g in a.grid] and lowest in [start.get(floor) for start in a.starts]
+    (above,) = [a for a in entry("one_sided_storage").attach(site) if a.location["entry"] == "state:h1"]
+    assert len(above.grid) == 4  # no output reads the upper level

@@ -455,3 +455,14 @@ def test_a_hidden_fault_is_named(tmp_path: Path, name: str, kind: str, verdict: 
     row = rig.diagnose_one(fault, tmp_path / "case", 1500, 11, 0)
     assert row["outcome"] == "right" and row["verdict"] == verdict and row["recovered"] > 0.6, row
     assert row["parameter_error"] is None or abs(row["parameter_error"]) < 0.1
+
+
+def test_a_rate_limit_may_act_within_a_sample() -> None:
+    """Steps that are ramps of a third of a sample still come a sixth late: the limit lies beyond the recorded rates."""
+    site = site_of("equations")
+    (a,) = [a for a in entry("rate_limit").attach(site) if a.location["entry"] == "input:x_drive"]
+    slot = next(s for s in a.slots if s.label == "rate_per_s")
+    fastest = float(np.quantile(np.abs(np.diff(site.u[:, 0])) / STEP, 0.999))
+    assert slot.high > 10 * fastest and max(g[slot.name] for g in a.grid) > 3 * fastest
+    ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP)
+    np.testing.assert_allclose(ramp, [0.0, 1.0 - 1 / 6, 1.0])  # the mean of a ramp that takes a third of the sample

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.catalogue.forces import with_parameters
 from aeolid.diagnose.catalogue.storage import Store, stores
@@ -11,6 +13,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 
 _FLOORS = (0.05, 0.15, 0.3, 0.5)  # of the level that is seen
+_LOW = (0.002, 0.05)  # quantiles of the level itself where it is measured
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -20,7 +23,7 @@ def _attach(site: Site) -> list[Attachment]:
 def _on(site: Site, store: Store, number: int) -> Attachment:
     tag, name, unit = f"floor_{number + 1}", store.state.name, store.state.unit
     blend, floor = f"{tag}_share", f"{tag}_level"
-    top, fast = store.level, site.step
+    top, fast, lowest = store.level, site.step, _lowest(site, name)
     slots = (
         Slot(blend, None, "1", 0.0, 0.0, 1.0, 1e-2),
         Slot(floor, "floor_level", unit, 0.0, -top, top, 0.1 * top, local=False),
@@ -35,13 +38,20 @@ def _on(site: Site, store: Store, number: int) -> Attachment:
 
     return Attachment(
         "one_sided_storage", f"one_sided_storage state:{name}", location(f"state:{name}"), edit, slots,
-        fixed={blend: 1.0}, share=blend, grid=tuple({floor: f * top} for f in _FLOORS),
+        fixed={blend: 1.0}, share=blend, grid=tuple({floor: f} for f in (*(f * top for f in _FLOORS), *lowest)),
+        starts=({}, *({floor: f} for f in lowest)),
         equation=f"{name} falls no lower than floor_level",
         statement=lambda v: (
             f"{name} cannot fall below {v['floor_level']:.3g} {unit}: the store gives no more than it holds;"
             " the model lets it fall"
         ),
     )  # fmt: skip
+
+
+def _lowest(site: Site, name: str) -> tuple[float, ...]:
+    """Return the lowest levels seen, where an output reads the store itself: a floor lies nowhere else."""
+    seen = [j for j, o in enumerate(site.model.outputs) if ex.to_text(o.equation) == name]
+    return tuple(float(np.nanquantile(site.y[:, j], q)) for j in seen[:1] for q in _LOW)
 
 
 ENTRY = Entry(

@@ -11,6 +11,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Sl
 from aeolid.diagnose.catalogue.wiring import blended_filter, spread_of, unit_of_input
 
 _GRID, _STARTS = 5, 14
+_FASTEST, _WITHIN = 20.0, (6.0, 2.0)  # of the fastest recorded rate: steps are then ramps within a sample
 _SLOWEST = 200.0  # of the fastest recorded rate: below that the drive would stand still
 
 
@@ -30,9 +31,10 @@ def _on(site: Site, i: int) -> list[Attachment]:
         return []
     name, unit = site.input_names[i], f"{unit_of_input(site, i) or '1'}/s"
     rate = f"rate_limit_{i + 1}"
-    slot = Slot(rate, "rate_per_s", unit, fastest, 0.2 * slowest, 1.5 * fastest, 0.01 * fastest, local=False)
-    grid = [{rate: float(r)} for r in np.geomspace(0.9 * fastest, slowest, _GRID)]
-    starts = [{rate: float(r)} for r in np.geomspace(0.95 * fastest, slowest, _STARTS)]
+    slot = Slot(rate, "rate_per_s", unit, fastest, 0.2 * slowest, _FASTEST * fastest, 0.01 * fastest, local=False)
+    quick = [{rate: share * fastest} for share in _WITHIN]
+    grid = [*quick, *({rate: float(r)} for r in np.geomspace(0.9 * fastest, slowest, _GRID))]
+    starts = [*quick, *({rate: float(r)} for r in np.geomspace(0.95 * fastest, slowest, _STARTS))]
     return [
         blended_filter(
             site, i, "rate_limit", (slot,), entry="rate_limit", grid=grid, starts=({}, *starts),

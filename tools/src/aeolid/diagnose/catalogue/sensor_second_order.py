@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import partial
 
@@ -11,7 +10,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Sl
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
-_SHORTEST = 1.0 / math.pi  # rows: beyond the Nyquist rate nothing tells the second order from a first
+_SHORTEST, _AVERAGED = 0.02, 0.25  # rows: as a lag of first order; beyond the Nyquist rate nothing tells the two apart
 _STARTS = tuple((period, zeta) for period in (0.7, 1.5, 3.0, 6.0, 12.0) for zeta in (0.5, 0.85))  # rows, 1
 
 
@@ -63,7 +62,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
         "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(inverse, "omega_rad_s", "rad/s", 0.0, _SHORTEST * step, longest, 0.3 * step, show=rate_of),
          Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
-        stepped=True,
+        stepped=True, beside={inverse: _AVERAGED * step},
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
         equation=f"m'' = omega_rad_s^2*({name} - m) - 2*damping*omega_rad_s*m', m is measured in place of {name}",
         statement=partial(_statement, name),
