@@ -20,7 +20,7 @@ from aeolid.diagnose.catalogue.blade_response import responses
 from aeolid.diagnose.exogenous import with_exogenous
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.refit import _is_mute
+from aeolid.diagnose.refit import _is_mute, turns
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
@@ -151,3 +151,11 @@ def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:
     start = 100  # the memories start at rest on the first row
     assert np.std(bent[start:] - at_once[start:]) > 0.05 * np.std(at_once[start:])
     np.testing.assert_allclose(bent[start:], solved.y[0][start:], atol=2e-3 * float(np.std(at_once)))
+
+
+def test_what_turns_a_channel_gets_gains_of_its_own(tmp_path: Path) -> None:
+    """A blade that passes its load on later is a second-order sensor: from the fitted gain it ran to 8 Hz (0.68)."""
+    site = site_of(tmp_path, everything("state_space"), 600)
+    later, driven = (responses("blade_flap", site)[0], entry("blade_flap").attach(site)[0])
+    assert later.key != driven.key and turns(later) and not turns(driven)
+    assert turns(entry("sensor_lag").attach(site)[0]) and not turns(entry("mass_imbalance").attach(site)[0])

@@ -166,7 +166,8 @@ def test_of_each_family_the_best_is_fitted() -> None:
 
 
 def test_kin_of_what_leads_are_fitted_too() -> None:
-    """Same family, same place, over the threshold and not fitted yet; kin of the three best, four at most."""
+    """Same family and place, or one direction; over the threshold, not fitted yet; of the three best, four at most."""
+    bases = {"blade_flap": np.eye(3)[:, :1], "sensor_lag": np.eye(3)[:, :1], "sensor_scale": np.eye(3)[:, 1:2]}
 
     def attachment(entry: str, output: str, key: str = "") -> Any:
         return SimpleNamespace(
@@ -174,7 +175,7 @@ def test_kin_of_what_leads_are_fitted_too() -> None:
         )
 
     def row(entry: str, output: str, z: float) -> Any:
-        return SimpleNamespace(attachment=attachment(entry, output), z=z)
+        return SimpleNamespace(attachment=attachment(entry, output), z=z, basis=bases.get(entry))
 
     def fitted(entry: str, output: str, gain: float, plausible: bool = True) -> Any:
         a = attachment(entry, output)
@@ -183,11 +184,11 @@ def test_kin_of_what_leads_are_fitted_too() -> None:
     rows = (
         row("sensor_lag", "moment", 12.8), row("sensor_second_order", "moment", 12.0),
         row("sensor_second_order", "speed", 9.0), row("sensor_scale", "moment", 8.0),
-        row("sensor_second_order", "roof", 2.0),
+        row("blade_flap", "bending", 7.0), row("sensor_second_order", "roof", 2.0),
     )  # fmt: skip
     bank: Any = SimpleNamespace(rows=rows, threshold=5.0)
     found = kin(bank, [fitted("sensor_lag", "moment", 148.0), fitted("sensor_lag", "roof", 20.0)])
-    assert [r.attachment.key for r in found] == ["sensor_second_order moment"]
+    assert [r.attachment.key for r in found] == ["sensor_second_order moment", "blade_flap bending"]
     assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []
     better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
     assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []

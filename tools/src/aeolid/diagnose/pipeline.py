@@ -22,9 +22,9 @@ from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
-from aeolid.diagnose.refit import finalists, renewed
+from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import outdone_by
-from aeolid.diagnose.scores import Bank, Row, score_bank
+from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
 
 Array = NDArray[np.float64]
@@ -161,26 +161,28 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
 
 
 def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
-    """Return hypotheses over the threshold that share family or place with what fits best, but were not fitted yet.
+    """Return hypotheses over the threshold that are kin to what fits best, but were not fitted yet.
 
-    A lag of a sensor that leads may be the beginning of a second-order one, a mode of a drive: the score at the null
-    says little of which (a second-order one gained 805 nats, the lag that was fitted 148).
+    Kin share family and place, or their scores cannot be told apart. A lag of a sensor that leads may be the beginning
+    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names.
     """
     known = {c.key for c in fitted}
     leaders = sorted((c for c in fitted if c.plausible and c.fit_gain > 0), key=lambda c: -c.score)[:_LEADERS]
+    own = {r.attachment.key: r for r in bank.rows}
     found = [
         row for row in bank.rows
         if row.z > bank.threshold and row.attachment.key not in known
-        and any(_akin(row.attachment, c.attachments[0]) for c in leaders)
+        and any(_akin(row, c.attachments[0], own.get(c.key)) for c in leaders)
     ]  # fmt: skip
     return found[:_KIN]
 
 
-def _akin(a: Attachment, b: Attachment) -> bool:
-    at_one_place = (
-        bool(set(a.location["outputs"]) & set(b.location["outputs"])) or a.location["entry"] == b.location["entry"]
-    )
-    return entry(a.entry).family == entry(b.entry).family and at_one_place
+def _akin(row: Row, leader: Attachment, scored: Row | None) -> bool:
+    if scored is not None and overlap(row, scored) > ALIKE:
+        return True
+    a, b = row.attachment.location, leader.location
+    at_one_place = a["entry"] == b["entry"] or bool(set(a["outputs"]) & set(b["outputs"]))
+    return at_one_place and entry(row.attachment.entry).family == entry(leader.entry).family
 
 
 def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:

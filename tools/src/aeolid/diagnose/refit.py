@@ -28,6 +28,7 @@ _TURNING = {
     "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
     "sensor_second_order", "sensor_scale", "sensor_sign",
 }  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
+_BENDING = {"blade_flap", "blade_edge"}  # where they pass a load on later (stepped), not where a mode is driven
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _QUIET = 0.1
 _LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
@@ -35,7 +36,7 @@ _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
 _MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
-_ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
+ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
 def finalists(bank: Bank) -> list[Row]:
@@ -54,7 +55,7 @@ def finalists(bank: Bank) -> list[Row]:
             families.add(family)
             chosen.append(row)
     for row in over:
-        for peer in [row] + [r for r in bank.rows if overlap(row, r) > _ALIKE]:
+        for peer in [row] + [r for r in bank.rows if overlap(row, r) > ALIKE]:
             if peer not in chosen and len(chosen) < most:
                 chosen.append(peer)
     stepped = [r for r in bank.rows if r.attachment.stepped and r.testable and r not in chosen] if over else []
@@ -203,6 +204,11 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
     return judge(stage, predictor, stage.fit, fit, candidate.attachments, baseline_select)
 
 
+def turns(attachment: Attachment) -> bool:
+    """Tell whether an effect turns the phase, sign or size of what a free gain was fitted to."""
+    return attachment.entry in _TURNING or (attachment.entry in _BENDING and attachment.stepped)
+
+
 def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
     """Return groups of points where the baseline's own values start from; each group gets fits of its own.
 
@@ -225,8 +231,7 @@ def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...])
         theta[found] = base.point.theta[found]
         return [[base.point], [replace(run, theta=theta)]]
     stable = np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) < 1 - 1e-9
-    turning = any(a.entry in _TURNING for a in attachments)
-    if not stable or not turning:
+    if not stable or not any(turns(a) for a in attachments):
         return [[base.point]]
     covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
     spreads = np.sqrt(np.diag(linear.C @ covariance @ linear.C.T + linear.D @ linear.D.T))
