@@ -153,6 +153,14 @@ def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:
     np.testing.assert_allclose(bent[start:], solved.y[0][start:], atol=2e-3 * float(np.std(at_once)))
 
 
+def test_a_tower_is_a_mode_and_no_coloured_noise(tmp_path: Path) -> None:
+    """A run that lacks nothing got a tower of damping 0.66; in the wind a tower has a tenth, a blade up to 0.6."""
+    site = site_of(tmp_path, everything("state_space"), 600)
+    for name, most in (("tower_fore_aft", 0.3), ("tower_side_side", 0.3), ("blade_flap", 0.7)):
+        for a in entry(name).attach(site):
+            assert next(s.high for s in a.slots if s.label == "damping") == most, a.key
+
+
 def test_what_turns_a_channel_gets_gains_of_its_own(tmp_path: Path) -> None:
     """A blade that passes its load on later is a second-order sensor: from the fitted gain it ran to 8 Hz (0.68)."""
     site = site_of(tmp_path, everything("state_space"), 600)

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
-from aeolid.diagnose.catalogue.modes import KINDS, MOST_DAMPING, Kind, derivatives_seen, kind_of
+from aeolid.diagnose.catalogue.modes import KINDS, Kind, derivatives_seen, kind_of
 from aeolid.diagnose.catalogue.sensor_second_order import memories_of
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 
 _LEAST_DAMPING = 0.01
-_STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.1, 0.4))  # of the band, 1
+_STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.15, 0.6))  # of the band, of the highest damping
 
 
 def responses(entry: str, site: Site) -> list[Attachment]:
@@ -44,8 +44,9 @@ def _statement(name: str, words: str, v: Mapping[str, float]) -> str:
 def _on(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
     name, tag = site.output_names[j], f"bending_{j + 1}"
     inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
+    most, start = kind.most_damping, min(0.3, 0.5 * kind.most_damping)
     low, high = (1.0 / (2 * math.pi * f) for f in (highest_hz, kind.band_hz[0]))
-    parameters = (Parameter(inverse, 0.0, "s", 0.0, high), Parameter(zeta, 0.3, "1", _LEAST_DAMPING, MOST_DAMPING))
+    parameters = (Parameter(inverse, 0.0, "s", 0.0, high), Parameter(zeta, start, "1", _LEAST_DAMPING, most))
 
     def edit(model: Equations) -> Equations:
         return with_reading(model, name, tag, parameters, memories=memories_of(tag, inverse, zeta))
@@ -53,8 +54,8 @@ def _on(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
     return Attachment(
         kind.entry, f"{kind.entry} response output:{name}", location(kind.place, outputs=(name,)), edit,
         (Slot(inverse, "frequency_hz", "Hz", 0.0, low, high, 0.3 * low, show=_frequency),
-         Slot(zeta, "damping", "1", 0.3, _LEAST_DAMPING, MOST_DAMPING, 0.05, local=False)),
-        stepped=True, starts=tuple({inverse: low + s * (high - low), zeta: z} for s, z in _STARTS),
+         Slot(zeta, "damping", "1", start, _LEAST_DAMPING, most, 0.05, local=False)),
+        stepped=True, starts=tuple({inverse: low + s * (high - low), zeta: z * most} for s, z in _STARTS),
         equation=f"m'' = w^2*({name} - m) - 2*damping*w*m', w = 2*pi*frequency_hz, m is the moment in the blade",
         statement=partial(_statement, name, kind.words),
     )  # fmt: skip

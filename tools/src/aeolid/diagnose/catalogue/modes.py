@@ -27,6 +27,7 @@ class Kind:
     place: str
     band_hz: tuple[float, float]
     words: str
+    most_damping: float = 0.3  # a tower in the wind has a tenth; more is coloured noise, not a mode
 
 
 # Frequencies: from multi-megawatt machines on soft towers to 100 kW ones; see each entry's source.
@@ -36,12 +37,17 @@ KINDS = (
     Kind("tower_side_side", r"side.?(to.?)?side|(^|[\W_])ss([\W_]|$)|dspss|tayp|tay(s|p)?$|twrbsmxt|lateral", "tower",
          (0.08, 1.0), "the tower's side-side bending mode"),
     Kind("blade_flap", r"flap|out.?of.?plane|(^|[\W_])oop([\W_]|$)|rootmy[bc]", "blade", (0.3, 2.5),
-         "a flapwise blade mode"),
+         "a flapwise blade mode", MOST_DAMPING),
     Kind("blade_edge", r"edge|lead.?lag|in.?plane|rootmx[bc]", "blade", (0.5, 4.0), "an edgewise blade mode"),
     Kind("drivetrain_torsion",
          r"gen(erator)?.?(speed|torque)|rot(or)?.?(speed|torque)|shaft|drive.?train|torsion|lss|hss",
          "shaft", (0.5, 6.0), "the drive train's torsion"),
 )  # fmt: skip
+
+
+def most_damping(kind: Kind | None) -> float:
+    """Return the highest damping ratio of a mode of this kind; of one without a name where kind is None."""
+    return MOST_DAMPING if kind is None else kind.most_damping
 
 
 def kind_of(name: str, site: Site) -> Kind | None:
@@ -71,13 +77,13 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
     loads = _loads(site, j, spread) if kind is not None else {}
 
     def edit(model: Equations) -> Equations:
-        return _with_mode(model, tag, name, (low, high), drives, loads, site)
+        return _with_mode(model, tag, name, (low, high, most_damping(kind)), drives, loads, site)
 
     count = 24 if kind is None else 12
     first = 2 * low if kind is None else low
     slots = [
         Slot(w, "frequency_hz", "Hz", low, low, high, high / 3, local=False),
-        Slot(zeta, "damping", "1", _DAMPING_START, 1e-4, MOST_DAMPING, 0.02, local=False),
+        Slot(zeta, "damping", "1", _DAMPING_START, 1e-4, most_damping(kind), 0.02, local=False),
     ]
     slots += [Slot(b, None, "", 0.0, -1e4 * s, 1e4 * s, 1e-3 * s) for b, s in drives.items()]
     slots += [Slot(n, None, "", 0.0, -1e4 * g.size, 1e4 * g.size, 1e-3 * g.size, local=False) for n, g in loads.items()]
@@ -143,13 +149,16 @@ def derivatives_seen(site: Site, j: int) -> int:
 
 
 def _with_mode(
-    model: Equations, tag: str, name: str, band: tuple[float, float], drives: Mapping[str, float],
+    model: Equations, tag: str, name: str, ranges: tuple[float, float, float], drives: Mapping[str, float],
     loads: Mapping[str, _Load], site: Site,
 ) -> Equations:  # fmt: skip
-    """Add the mode's parameters and states, and what the output sees of it: q, q'/w or q''/w^2 by its unit."""
+    """Add the mode's parameters and states, and what the output sees of it: q, q'/w or q''/w^2 by its unit.
+
+    ranges: lowest and highest frequency in Hz, highest damping ratio.
+    """
     q, v, w, zeta = (f"{tag}_{what}" for what in ("q", "v", "frequency_hz", "damping"))
-    low, high = band
-    extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, MOST_DAMPING)]
+    low, high, most = ranges
+    extra = [Parameter(w, low, "Hz", low, high), Parameter(zeta, _DAMPING_START, "1", 1e-4, most)]
     extra += [Parameter(b, 0.0, "", -1e4 * s, 1e4 * s) for b, s in drives.items()]
     extra += [Parameter(n, 0.0, "", -1e4 * g.size, 1e4 * g.size) for n, g in loads.items()]
     terms = [f"{b}*{u}" for b, u in zip(drives, site.symbols, strict=True)]
@@ -194,7 +203,7 @@ def named_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[t
         source=source,
         quantities=(
             Quantity("frequency_hz", "Hz", *kind.band_hz, float("nan"), "natural frequency"),
-            Quantity("damping", "1", 1e-4, MOST_DAMPING, float("nan"), f"damping ratio; {damping}"),
+            Quantity("damping", "1", 1e-4, kind.most_damping, float("nan"), f"damping ratio; {damping}"),
         ),
         attaches_to=f"on a wind turbine: outputs whose name says so ({kind.place})",
         signature="a narrow band in these outputs, phase turning by 180 degrees through it, at every rotor speed",
