@@ -357,11 +357,13 @@ def test_the_page_of_a_log_stays_until_ctrl_c(capsys: pytest.CaptureFixture[str]
 
     running.set()
     looking = threading.Thread(target=look)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job has it ignored
     looking.start()
     try:
         code = main(["monitor", "--bus", str(flood_traffic.STREAM), "--port", str(port), "--no-browser"])
     finally:
         running.clear()
         looking.join()
+        signal.signal(signal.SIGINT, before)
     assert code == 0 and seen == 5 * ["The reception is over."]
     assert capsys.readouterr().out.startswith(f"http://127.0.0.1:{port}/\n")

@@ -193,7 +193,7 @@ def _cell(asked: _Direction, G: Array, projected: Array) -> _Cell | None:
         return None
     size = np.linalg.norm(G, axis=0)
     keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
-    keep &= size * _reaches(asked) > _FELT
+    keep &= size > _FELT / _reaches(asked)
     keep[keep] = _independent(projected[:, keep] / size[keep])
     if not np.any(keep):
         return None
