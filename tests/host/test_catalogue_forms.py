@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from small_cases import write_case
 from study_modules import load_study
 from test_catalogue_turbine import everything, site_of
 
@@ -19,8 +20,10 @@ from aeolid.diagnose.catalogue.base import Slot
 from aeolid.diagnose.catalogue.blade_response import responses
 from aeolid.diagnose.exogenous import with_exogenous
 from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.refit import _is_mute, turns
+from aeolid.diagnose.refit import _without_the_mute, turns
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
@@ -101,32 +104,25 @@ def write_swinging(folder: Path, factor: float) -> Path:
         for _ in range(4):
             x = x + 0.25 * step * slope(x + 0.125 * step * slope(x, push[i] + gust[i]), push[i] + gust[i])
     rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, 5e-3)
-    (folder / "model.toml").write_text(MODEL)
-    (folder / "case.toml").write_text(
-        '[case]\ntitle = "swing"\n[recordings]\nfiles = ["recording.csv"]\nroles = "roles.toml"\n'
-        '[baseline]\nkind = "equations"\nfile = "model.toml"\n[context]\nmachine = "test bench"\n'
-    )
     channels = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
-    (folder / "roles.toml").write_text(
-        '[recording]\ntime = "time_s"\n'
-        + "".join(f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, u, r in channels)
-    )
-    np.savetxt(
-        folder / "recording.csv", np.column_stack([step * np.arange(samples), rows]), delimiter=",", fmt="%.9g",
-        comments="", header="time_s,push,position,speed",
+    return write_case(folder, MODEL, step, channels, rows)
+
+
+def test_what_no_output_shows_is_mute_and_put_back_to_none() -> None:
+    """A size the data say nothing of may run anywhere: the model that is written has none of it; known ones stay."""
+    slots = (
+        Slot("gain", "gain", "", 0.0, -1.0, 1.0, 0.1), Slot("other", "other", "", 0.0, -1.0, 1.0, 0.1),
+        Slot("tau", "tau", "", 0.5, -1.0, 1.0, 0.1, local=False),
     )  # fmt: skip
-    return folder
-
-
-def test_what_no_output_shows_is_mute_not_implausible() -> None:
-    """A force at a place the data say nothing of may run to its range's end; one they know of may not."""
-
-    def fit(std: float) -> Any:
-        return SimpleNamespace(free=SimpleNamespace(theta=(4,)), std=np.array([std]))
-
-    slot = Slot("gain", "gain", "", 0.0, -1.0, 1.0, 0.1)
-    assert _is_mute(slot, fit(1e3), 4) and not _is_mute(slot, fit(0.1), 4)
-    assert not _is_mute(Slot("tau", "tau", "", 0.0, -1.0, 1.0, 0.1, local=False), fit(1e3), 4)
+    names = [s.name for s in slots]
+    point = Point(np.array([1.0, 1.0, 1.0]), np.zeros(0), None, ())
+    noise: Any = None
+    known = np.diag([1e-3, 10.0, 1e-3])  # deviations of 1000, 0.1 and 1000
+    nothing = np.zeros(0)
+    fit = Fit(point, Free((0, 1, 2), (), (), ()), noise, 0.0, nothing, nothing, known, nothing, np.zeros((0, 3)))
+    prepared: Any = SimpleNamespace(extended=SimpleNamespace(index=names.index))
+    attachment: Any = SimpleNamespace(slots=slots)
+    np.testing.assert_array_equal(_without_the_mute([attachment], fit, prepared).point.theta, [0.0, 1.0, 1.0])
 
 
 def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:

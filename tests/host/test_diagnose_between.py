@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from small_cases import write_case
 
 from aeolid.diagnose.anatomy import motions_of_equations
 from aeolid.diagnose.baseline import noisy_states
@@ -166,31 +167,13 @@ def with_a_gap(samples: int, half_gap: float, seed: int) -> Array:
     return rows
 
 
-def case_of(folder: Path, half_gap: float) -> Path:
-    rows = with_a_gap(4000, half_gap, 1)
-    (folder / "model.toml").write_text(GEARED)
-    (folder / "case.toml").write_text(
-        '[case]\ntitle = "gear"\n[recordings]\nfiles = ["recording.csv"]\nroles = "roles.toml"\n'
-        '[baseline]\nkind = "equations"\nfile = "model.toml"\n[context]\nmachine = "test bench"\n'
-    )
-    channels = (
-        ("torque", "N m", "input"), ("rotor_speed", "rad/s", "output"), ("generator_speed", "rad/s", "output"),
-    )  # fmt: skip
-    (folder / "roles.toml").write_text(
-        '[recording]\ntime = "time_s"\n'
-        + "".join(f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, u, r in channels)
-    )
-    times = 0.02 * np.arange(len(rows))
-    np.savetxt(
-        folder / "recording.csv", np.column_stack([times, rows]), delimiter=",", fmt="%.9g", comments="",
-        header="time_s,torque,rotor_speed,generator_speed",
-    )  # fmt: skip
-    return folder
+CHANNELS = (("torque", "N m", "input"), ("rotor_speed", "rad/s", "output"), ("generator_speed", "rad/s", "output"))
 
 
 @pytest.mark.parametrize(("half_gap", "verdict"), [(0.003, "named"), (0.0, "no_mismatch")])
 def test_a_gap_in_a_shaft_is_found_at_its_twist(half_gap: float, verdict: str, tmp_path: Path) -> None:
-    found = diagnose(study(load_case(case_of(tmp_path, half_gap)), sham=0, seed=1, progress=lambda *_: None))
+    case = write_case(tmp_path, GEARED, 0.02, CHANNELS, with_a_gap(4000, half_gap, 1))
+    found = diagnose(study(load_case(case), sham=0, seed=1, progress=lambda *_: None))
     assert found["verdict"] == verdict, found["statement"]
     if half_gap:
         (effect,) = found["effects"]

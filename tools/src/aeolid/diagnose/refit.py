@@ -249,6 +249,7 @@ def judge(
     """Score a fitted candidate on the selection data and check that its values are physical."""
     select = predictor.score_elsewhere(fit, prepared.split.select)[0]
     difference = np.where(np.isfinite(select), select, -1e6) - baseline_select
+    fit = _without_the_mute(attachments, fit, prepared)
     values = {a.key: _values(a, fit, prepared) for a in attachments}
     plausible, reason = _plausible(attachments, fit, prepared)
     light = replace(fit, jacobian=np.zeros((0, fit.jacobian.shape[1])))  # 20 to 60 MB of a run's; a view would keep it
@@ -294,10 +295,7 @@ def _values(attachment: Attachment, fit: Fit, prepared: Prepared) -> dict[str, t
     for slot in attachment.slots:
         if slot.label and model.index(slot.name) in fit.free.theta:
             place = fit.free.theta.index(model.index(slot.name))
-            value = (
-                slot.null if _is_mute(slot, fit, model.index(slot.name)) else fit.point.theta[model.index(slot.name)]
-            )
-            result[slot.label] = slot.reported(float(value), float(std[place]))
+            result[slot.label] = slot.reported(float(fit.point.theta[model.index(slot.name)]), float(std[place]))
     return result
 
 
@@ -308,7 +306,7 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
             if slot.label is None or model.index(slot.name) not in fit.free.theta:
                 continue
             value = float(fit.point.theta[model.index(slot.name)])
-            if at_bound(value, slot) and not _is_mute(slot, fit, model.index(slot.name)):
+            if at_bound(value, slot):
                 return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
         values = {label: value for label, (value, _) in _values(a, fit, prepared).items()}
         if reason := a.credible(values):
@@ -322,6 +320,16 @@ def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) 
         if alone and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
             return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return True, ""
+
+
+def _without_the_mute(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) -> Fit:
+    """Return the fit with sizes that the data say nothing of at none: where they ran to means nothing."""
+    theta = fit.point.theta.copy()
+    for slot in (s for a in attachments for s in a.slots):
+        index = prepared.extended.index(slot.name)
+        if index in fit.free.theta and _is_mute(slot, fit, index):
+            theta[index] = slot.null
+    return replace(fit, point=replace(fit.point, theta=theta))
 
 
 def _is_mute(slot: Slot, fit: Fit, index: int) -> bool:

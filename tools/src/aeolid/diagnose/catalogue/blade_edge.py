@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from aeolid.diagnose.catalogue.blade_response import blade_mode
 
-from aeolid.diagnose.catalogue.base import Attachment, Site
-from aeolid.diagnose.catalogue.blade_response import responses
-from aeolid.diagnose.catalogue.modes import attach_named, named_mode
-
-
-def _attach(site: Site) -> list[Attachment]:
-    return attach_named("blade_edge", site) + responses("blade_edge", site)
-
-
-ENTRY = replace(
-    named_mode(
-        "blade_edge",
-        "edgewise blade mode",
-        "Jonkman, Butterfield, Musial, Scott 2009 (NREL 5 MW), first edgewise 1.08 Hz; Hansen 2007, Wind Energy 10(6)",
-        "1-3 %, little from the air",
-        (
-            ("gravity_1p", "gravity stands at once per revolution, a mode does not move with the speed"),
-            ("drivetrain_torsion", "torsion shows in the generator speed, edgewise bending in the blade roots"),
-        ),
+ENTRY = blade_mode(
+    "blade_edge",
+    "edgewise blade mode",
+    "Jonkman, Butterfield, Musial, Scott 2009 (NREL 5 MW), first edgewise 1.08 Hz; Hansen 2007, Wind Energy 10(6)",
+    "1-3 %, little from the air",
+    (
+        ("gravity_1p", "gravity stands at once per revolution, a mode does not move with the speed"),
+        ("drivetrain_torsion", "torsion shows in the generator speed, edgewise bending in the blade roots"),
     ),
-    attach=_attach,
 )

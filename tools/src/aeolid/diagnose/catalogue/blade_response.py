@@ -4,16 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
-from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
-from aeolid.diagnose.catalogue.modes import KINDS, Kind, derivatives_seen, kind_of
+from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
+from aeolid.diagnose.catalogue.modes import KINDS, Kind, attach_named, derivatives_seen, kind_of, named_mode
 from aeolid.diagnose.catalogue.sensor_second_order import memories_of
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 
 _LEAST_DAMPING = 0.01
 _STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.15, 0.6))  # of the band, of the highest damping
+
+
+def blade_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[tuple[str, str], ...]) -> Entry:
+    """Return the entry of a blade's mode: driven by the inputs, or by the load that the model passes on at once."""
+    made = named_mode(entry, name, source, damping, rivals)
+    return replace(made, attach=lambda site: attach_named(entry, site) + responses(entry, site))
 
 
 def responses(entry: str, site: Site) -> list[Attachment]:

@@ -79,7 +79,7 @@ ENTRY = Entry(
     equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2",
     source="of the library itself: the lowest powers that no entry has",
     quantities=(),
-    attaches_to="motions, and what stores, of equations; modes of linear models of few",
+    attaches_to="motions, and what stores, of equations; modes of linear models that have no more than three",
     signature="fits far better than any entry",
     confused_with=(),
     attach=_attach,
