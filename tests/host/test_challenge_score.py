@@ -86,14 +86,6 @@ def test_nulls_allow_no_physics_and_wrong_values_only_their_own_name() -> None:
         assert (j.false_name, j.wrong_but_confident, good(j)) == (false, false, not false), (sort, verdict)
 
 
-def test_a_set_that_holds_the_wrong_value_is_no_false_name() -> None:
-    """A mass and the factor of the accelerometer that shows it are one model: nothing but more data can tell."""
-    both = one(hidden("parameter"), said("ambiguous", "sensor_scale", "parameter_error"))
-    other = one(hidden("parameter"), said("ambiguous", "sensor_scale", "backlash"))
-    nothing = one(hidden("null"), said("ambiguous", "sensor_scale", "parameter_error"))
-    assert [j.false_name for j in (both, other, nothing)] == [False, True, True]
-
-
 def test_outside_impossible_undecidable_and_faults() -> None:
     assert good(one(hidden("outside", ()), said("unnamed"))) and not good(one(hidden("outside", ()), said("parameter")))
     forced = one(hidden("outside", ()), said("named", "backlash"))

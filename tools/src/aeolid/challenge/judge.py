@@ -80,13 +80,7 @@ class Judged:
 
     @property
     def false_name(self) -> bool:
-        """Tell whether a name was given where nothing is hidden.
-
-        A wrong declared value may be called one, or be among the names that an answer leaves open: a mass and the
-        factor of the accelerometer that shows it are one model.
-        """
-        if self.sort == "parameter" and self.verdict == "ambiguous" and "parameter_error" in self.offered:
-            return False
+        """Tell whether a name was given where nothing is hidden; a wrong declared value may be called one."""
         allowed = {"parameter_error"} if self.sort == "parameter" else set()
         return self.outcome == "done" and (bool(set(self.said) - allowed) or self._false_verdict)
 
