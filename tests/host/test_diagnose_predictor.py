@@ -324,6 +324,21 @@ def test_other_data_are_scored_from_a_start_of_their_own() -> None:
     assert held.x0[0][0] != fit.point.x0[0][0]
 
 
+@pytest.mark.parametrize("order", [0, 2])
+def test_a_model_that_runs_away_on_other_data_is_worth_nothing(order: int) -> None:
+    """Its rows once counted as gaps, predicted without error: 33,000 nats for a spring that had lost its tower."""
+    p = predictor((recording(10),), order)
+    fit = p.fit(point(1, gain=False), Free((0, 1, 2), (1, 3), (), (0, 1)), iterations=30)
+    assert fit is not None
+    y = recording(11).y.copy()
+    y[120] = np.nan
+    gap = replace(recording(11), y=y, burn=30)
+    free_run = np.array([0.0, 0.0, 1.0, 0.7])  # no process noise, so no gain that could hold it
+    lost = replace(fit, point=replace(fit.point, theta=np.array([3.0, -60.0, 2.0]), noise=free_run))
+    there, gone = (np.delete(p.score_elsewhere(f, (gap,))[0], range(90, 91 + order)) for f in (fit, lost))
+    assert np.all(np.isfinite(there)) and np.all(gone < there - 10) and np.all(np.isneginf(gone[-100:]))
+
+
 def test_a_sensor_without_noise_is_no_crash() -> None:
     """A fit drove one sensor's noise to 6e-17 of the process noise: the doubling met a matrix singular to rounding."""
     A = np.zeros((7, 7))

@@ -57,6 +57,15 @@ def filter_var(e: Array, var: Array) -> Array:
     return result
 
 
+def touched(y: Array, order: int) -> NDArray[np.bool_]:
+    """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it."""
+    missing = ~np.all(np.isfinite(y), axis=1)
+    result = missing.copy()
+    for i in range(1, order + 1):
+        result[i:] |= missing[:-i]
+    return result
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, out: Array) -> None:
     """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.gains import forgets, kalman_gain
-from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density
+from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density, touched
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.diagnose.steps import LEAST_VARIANCE, expected_gain, limited_step, limits_of, next_damping
@@ -27,6 +27,7 @@ _VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
 _STEPS = 6  # with one set of sensitivities
 _TRIES = 8  # dampings of one step
+_LOST = 1e100  # deviations: squares still have a value
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +171,15 @@ class Predictor:
         return 0.5 * float(np.sum(self.scales.prior.residual(point.theta) ** 2))
 
     def whitened(self, innovations: Sequence[Array], noise: Noise) -> Array:
-        """Return the scored, whitened, normalised innovations of all segments as one vector (M,), gaps as 0."""
+        """Return the scored, whitened, normalised innovations of all segments as one vector (M,).
+
+        Rows that a missing measurement touches are 0, those of a model that ran away infinite.
+        """
         parts = []
         for e, segment in zip(innovations, self.segments, strict=True):
             white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
-            white[~np.all(np.isfinite(white), axis=1)] = 0.0
+            gone = ~np.all(np.abs(white) < _LOST, axis=1)
+            white[gone] = np.where(touched(segment.y, len(noise.var))[segment.burn :][gone], 0.0, np.inf)[:, None]
             parts.append(white)
         return np.concatenate(parts).ravel()
 
