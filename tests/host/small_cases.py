@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 
 def write_case(
-    folder: Path, model: str, step: float, channels: Sequence[tuple[str, str, str]], rows: NDArray[np.float64]
-) -> Path:
-    """Write model (TOML) and rows (N, c), sampled every step s, c channels of (name, unit, role); returns folder."""
-    (folder / "model.toml").write_text(model)
+    folder: Path, model: str, step: float, channels: Sequence[tuple[str, str, str]], rows: NDArray[np.float64],
+    *, kind: str = "equations",
+) -> Path:  # fmt: skip
+    """Write model (text) and rows (N, c), sampled every step s, c channels of (name, unit, role); returns folder."""
+    file = "model.toml" if kind == "equations" else "model.json"
+    (folder / file).write_text(model)
     (folder / "case.toml").write_text(
         '[case]\ntitle = "bench"\n[recordings]\nfiles = ["recording.csv"]\nroles = "roles.toml"\n'
-        '[baseline]\nkind = "equations"\nfile = "model.toml"\n[context]\nmachine = "test bench"\n'
+        f'[baseline]\nkind = "{kind}"\nfile = "{file}"\n[context]\nmachine = "test bench"\n'
     )
     (folder / "roles.toml").write_text(
         '[recording]\ntime = "time_s"\n'

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,11 @@ from test_catalogue_turbine import everything, site_of
 
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
-from aeolid.diagnose.catalogue.base import Slot
 from aeolid.diagnose.catalogue.blade_response import responses
 from aeolid.diagnose.exogenous import with_exogenous
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.refit import _without_the_mute, turns
+from aeolid.diagnose.refit import turns
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
@@ -106,23 +102,6 @@ def write_swinging(folder: Path, factor: float) -> Path:
     rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, 5e-3)
     channels = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
     return write_case(folder, MODEL, step, channels, rows)
-
-
-def test_what_no_output_shows_is_mute_and_put_back_to_none() -> None:
-    """A size the data say nothing of may run anywhere: the model that is written has none of it; known ones stay."""
-    slots = (
-        Slot("gain", "gain", "", 0.0, -1.0, 1.0, 0.1), Slot("other", "other", "", 0.0, -1.0, 1.0, 0.1),
-        Slot("tau", "tau", "", 0.5, -1.0, 1.0, 0.1, local=False),
-    )  # fmt: skip
-    names = [s.name for s in slots]
-    point = Point(np.array([1.0, 1.0, 1.0]), np.zeros(0), None, ())
-    noise: Any = None
-    known = np.diag([1e-3, 10.0, 1e-3])  # deviations of 1000, 0.1 and 1000
-    nothing = np.zeros(0)
-    fit = Fit(point, Free((0, 1, 2), (), (), ()), noise, 0.0, nothing, nothing, known, nothing, np.zeros((0, 3)))
-    prepared: Any = SimpleNamespace(extended=SimpleNamespace(index=names.index))
-    attachment: Any = SimpleNamespace(slots=slots)
-    np.testing.assert_array_equal(_without_the_mute([attachment], fit, prepared).point.theta, [0.0, 1.0, 1.0])
 
 
 def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import pipeline
-from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
+from aeolid.diagnose.rivals import are_kin, leads, outdone_by, rivals_of, tells_apart, weights_of
 
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
 
@@ -19,10 +19,11 @@ def candidate(
 ) -> Any:
     """A candidate whose gains come evenly from its samples, up to noise that all share."""
     parts = {"fit": NOISE[0] + fit_gain / 400, "select": select_gain / 400 + np.zeros(400)}
+    usual = {"plausible": not at_end, "complete": True, "unlisted": name == "unlisted", "handicap": 0.0}
     return SimpleNamespace(
         fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
         attachments=(SimpleNamespace(entry=name),), select_gain=select_gain, score=fit_gain + select_gain - 1,
-        at_end=at_end, **({"plausible": not at_end, "complete": True, "unlisted": name == "unlisted"} | more),
+        at_end=at_end, **(usual | more),
     )  # fmt: skip
 
 
@@ -71,6 +72,48 @@ def test_where_the_lead_is_scattered_nobody_is_outdone() -> None:
 def test_rivals_are_those_that_samples_do_not_tell_apart() -> None:
     equal, behind, refused = candidate(60.2, 20.1), candidate(20.0, 5.0), candidate(60.1, 20.0, at_end=True)
     assert rivals_of([WINNER, equal, behind, refused], WINNER) == [equal]
+
+
+def scattered(gain: float, **more: Any) -> Any:
+    """A candidate ahead by turns: by `gain` nats in sum, with a deviation of 8."""
+    other = candidate(60.0 + gain, 20.0, **more)
+    turns = np.repeat(NOISE[1, :20] - NOISE[1, :20].mean(), 20)
+    other.fit.per_sample = other.fit.per_sample + 8 * turns / np.sqrt(
+        np.sum(np.add.reduceat(turns, range(0, 400, 20)) ** 2)
+    )
+    return other
+
+
+def test_more_parameters_must_gain_what_they_cost() -> None:
+    """A mode of six values stood beside one wrong declared value, 5 nats behind it with five values more."""
+    behind = scattered(-5.0)
+    assert not tells_apart(WINNER, behind)
+    behind.handicap = 20.0
+    assert tells_apart(WINNER, behind)
+    costly = candidate(60.0, 20.0, handicap=20.0)
+    assert not tells_apart(costly, scattered(-5.0))  # nor does one that costs more lose its simpler rival
+
+
+def test_equal_models_are_not_told_apart_whatever_they_cost() -> None:
+    """A lag, and a second-order filter of which the data leave the damping open."""
+    assert not tells_apart(WINNER, candidate(60.3, 20.0, handicap=4.0))
+    assert tells_apart(WINNER, candidate(57.0, 20.0, handicap=4.0))
+
+
+def test_leading_takes_ten_nats_and_some_on_the_selection_data() -> None:
+    assert leads(candidate(80.0, 25.0), WINNER) and not leads(candidate(66.0, 21.0), WINNER)
+    assert not leads(candidate(90.0, 15.0), WINNER)
+
+
+def test_kin_share_family_and_place() -> None:
+    def at(name: str, place: str, *outputs: str) -> Any:
+        return SimpleNamespace(entry=name, location={"entry": place, "outputs": list(outputs)})
+
+    lag = at("sensor_lag", "output:speed", "speed")
+    assert are_kin(lag, at("sensor_second_order", "output:speed", "speed"))
+    assert are_kin(at("mass_imbalance", "rotor", "x", "y"), at("aero_imbalance", "output:y", "y"))
+    assert not are_kin(lag, at("sensor_lag", "output:level", "level"))
+    assert not are_kin(lag, at("sensor_scale", "output:speed", "speed"))
 
 
 def test_weights_are_odds() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """Hold a fully fitted set of effects: fit (without its sensitivities), gains over the baseline, reported values."""
+    """Hold a fully fitted set of effects: fit (without its sensitivities), gains over the baseline, reported values.
+
+    parameters: what it has free beyond the baseline; undetermined: those of them that are shapes the data leave open.
+    undriven: refused for one thing only, no input drives it.
+    """
 
     attachments: tuple[Attachment, ...]
     fit: Fit
@@ -31,11 +35,17 @@ class Candidate:
     reason: str
     survived: bool = False  # the control on the simulation itself
     complete: bool = True  # fitted to the end, not left behind
+    undriven: bool = False
+    undetermined: int = 0
 
     @property
     def key(self) -> str:
         """Return a readable name of the set."""
         return " + ".join(a.key for a in self.attachments)
+
+    def beyond(self, other: Candidate) -> Candidate:
+        """Return what was fitted and counted from another candidate's fit as it counts from the bare baseline."""
+        return replace(self, fit_gain=self.fit_gain + other.fit_gain, parameters=self.parameters + other.parameters)
 
     @property
     def unlisted(self) -> bool:
@@ -55,9 +65,17 @@ class Candidate:
         )
 
     @property
+    def handicap(self) -> float:
+        """Return what its parameters must gain on the fit data to be needed: half the log of the samples each.
+
+        Schwarz 1978, for those that the data determine; the others cost nothing, as they choose among nothing.
+        """
+        return (self.parameters - self.undetermined) * 0.5 * float(np.log(max(len(self.fit.per_sample), 1)))
+
+    @property
     def score(self) -> float:
-        """Return what candidates are ranked by: gain on the fit data less a nat a parameter, plus that on selection."""
-        return self.fit_gain - self.parameters + self.select_gain
+        """Return what candidates are ranked by: gain on the fit data less the handicap, plus gain on selection."""
+        return self.fit_gain - self.handicap + self.select_gain
 
 
 def at_bound(value: float, slot: Slot) -> bool:
@@ -66,3 +84,8 @@ def at_bound(value: float, slot: Slot) -> bool:
     if not np.isfinite(width):
         return False
     return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width
+
+
+def finite(value: float) -> float | None:
+    """Return a number as JSON can hold it: None where it is not finite."""
+    return float(value) if np.isfinite(value) else None

@@ -60,7 +60,7 @@ def filter_var(e: Array, var: Array) -> Array:
 def touched(y: Array, order: int) -> NDArray[np.bool_]:
     """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it."""
     missing = ~np.all(np.isfinite(y), axis=1)
-    result = missing.copy()
+    result: NDArray[np.bool_] = missing.copy()
     for i in range(1, order + 1):
         result[i:] |= missing[:-i]
     return result

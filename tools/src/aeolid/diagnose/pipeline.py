@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
-from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.catalogue import ENTRIES, unlisted
+from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
+from aeolid.diagnose.exchange import Alternative, exchanged
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
@@ -23,7 +24,7 @@ from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
-from aeolid.diagnose.rivals import outdone_by
+from aeolid.diagnose.rivals import are_kin, outdone_by
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
 
@@ -49,6 +50,7 @@ class Study:
     candidates: tuple[Candidate, ...]
     winner: Candidate | None
     second: Candidate | None
+    alternatives: tuple[Alternative, ...]
     proof: Proof | None
     declared_proof: Proof | None
     ceiling: Ceiling
@@ -83,6 +85,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, after_bank = _further(prepared, winner, top, seed)
+    chain, others = _exchanged(prepared, chain, candidates)
     if (form := _better_form(prepared, candidates, chain)) is not None:
         winner, chain = form, [form]
     done()
@@ -96,8 +99,8 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     progress("done", 1.0)
     return Study(
-        case, seed, findings, prepared, bank, tuple(candidates), winner, second, proof, declared_proof, top, bands,
-        after_bank, (sham, hits, tuple(largest)), timing,
+        case, seed, findings, prepared, bank, tuple(candidates), winner, second, others if second in chain[-1:] else (),
+        proof, declared_proof, top, bands, after_bank, (sham, hits, tuple(largest)), timing,
     )  # fmt: skip
 
 
@@ -116,6 +119,16 @@ def _further(
     if prepared.surrogate is not None and winner.select_gain > float(top.select.sum()):
         return [winner], what_is_left(prepared, winner, seed)
     return further_effects(prepared, winner, seed)
+
+
+def _exchanged(
+    prepared: Prepared, chain: list[Candidate], candidates: Sequence[Candidate]
+) -> tuple[list[Candidate], tuple[Alternative, ...]]:
+    """Let each effect of the largest set give way to a better one; returns also what the data do not tell from it."""
+    if not chain:
+        return [], ()
+    best, alternatives = exchanged(prepared, chain[-1], candidates)
+    return [*chain[:-1], best], alternatives
 
 
 def _better_form(prepared: Prepared, candidates: Sequence[Candidate], chain: Sequence[Candidate]) -> Candidate | None:
@@ -172,17 +185,13 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     found = [
         row for row in bank.rows
         if row.z > bank.threshold and row.attachment.key not in known
-        and any(_akin(row, c.attachments[0], own.get(c.key)) for c in leaders)
+        and any(are_kin(row.attachment, c.attachments[0]) or _alike(row, own.get(c.key)) for c in leaders)
     ]  # fmt: skip
     return found[:_KIN]
 
 
-def _akin(row: Row, leader: Attachment, scored: Row | None) -> bool:
-    if scored is not None and overlap(row, scored) > ALIKE:
-        return True
-    a, b = row.attachment.location, leader.location
-    at_one_place = a["entry"] == b["entry"] or bool(set(a["outputs"]) & set(b["outputs"]))
-    return at_one_place and entry(row.attachment.entry).family == entry(leader.entry).family
+def _alike(row: Row, other: Row | None) -> bool:
+    return other is not None and overlap(row, other) > ALIKE
 
 
 def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:
@@ -228,9 +237,13 @@ def _without_effects(point: Point, bare: Prepared) -> Point:
 def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candidate | None, list[Candidate]]:
     """Return the leading accepted candidate that is a finding, and all with those that are none marked so."""
     while (winner := leading([c for c in candidates if is_accepted(c)])) is not None:
-        if winner.survived or survives_control(prepared, winner):
+        if not (winner.survived or survives_control(prepared, winner)):
+            reason = f"{winner.key} gains as much on the simulation itself"
+        elif not survives_colour(prepared, winner, candidates):
+            reason = f"{winner.key} gains nothing beside noise in a band that the model lacks"
+        else:
             break
-        refused = replace(winner, plausible=False, reason=f"{winner.key} gains as much on the simulation itself")
+        refused = replace(winner, plausible=False, reason=reason)
         candidates = [refused if c is winner else c for c in candidates]
     return winner, candidates
 

@@ -52,7 +52,7 @@ class Fit:
         """Return what the fit maximises: the log-likelihood less what leaving the priors costs."""
         return self.log_likelihood - 0.5 * float(self.prior_residual @ self.prior_residual)
 
-    @property
+    @cached_property
     def std(self) -> Array:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
         gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.diagnose.baseline import noisy_states
-from aeolid.diagnose.candidate import Candidate, at_bound
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully
 from aeolid.diagnose.frame import carry_point
+from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
@@ -35,7 +36,6 @@ _LOST = 0.1  # nats a sample and output below the baseline, from which a start d
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
-_MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
 ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -249,13 +249,16 @@ def judge(
     """Score a fitted candidate on the selection data and check that its values are physical."""
     select = predictor.score_elsewhere(fit, prepared.split.select)[0]
     difference = np.where(np.isfinite(select), select, -1e6) - baseline_select
-    fit = _without_the_mute(attachments, fit, prepared)
-    values = {a.key: _values(a, fit, prepared) for a in attachments}
-    plausible, reason = _plausible(attachments, fit, prepared)
+    model, gain = prepared.extended, fit.log_posterior - base.log_posterior
+    parameters = len(fit.jacobian.T) - len(base.jacobian.T)
+    fit = without_the_mute(attachments, fit, model)
+    values = {a.key: values_of(a, fit, model) for a in attachments}
+    reason, alone = objection(attachments, fit, model, gain, parameters), undriven(attachments, fit, model)
     light = replace(fit, jacobian=np.zeros((0, fit.jacobian.shape[1])))  # 20 to 60 MB of a run's; a view would keep it
     return Candidate(
-        attachments, light, predictor, fit.log_posterior - base.log_posterior, float(difference.sum()),
-        len(fit.jacobian.T) - len(base.jacobian.T), difference, values, plausible, reason,
+        attachments, light, predictor, gain, float(difference.sum()), parameters, difference, values,
+        not (reason or alone), reason or alone, undriven=bool(alone and not reason),
+        undetermined=undetermined(attachments, fit, model),
     )  # fmt: skip
 
 
@@ -289,55 +292,11 @@ def _with_gains(point: Point, rows: Sequence[Row], prepared: Prepared) -> Point:
     return replace(point, K=K, noise=noise)
 
 
-def _values(attachment: Attachment, fit: Fit, prepared: Prepared) -> dict[str, tuple[float, float]]:
-    model, std = prepared.extended, fit.std
-    result = {}
-    for slot in attachment.slots:
-        if slot.label and model.index(slot.name) in fit.free.theta:
-            place = fit.free.theta.index(model.index(slot.name))
-            result[slot.label] = slot.reported(float(fit.point.theta[model.index(slot.name)]), float(std[place]))
-    return result
-
-
-def _plausible(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) -> tuple[bool, str]:
-    model = prepared.extended
-    for a in attachments:
-        for slot in a.slots:
-            if slot.label is None or model.index(slot.name) not in fit.free.theta:
-                continue
-            value = float(fit.point.theta[model.index(slot.name)])
-            if at_bound(value, slot):
-                return False, f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
-        values = {label: value for label, (value, _) in _values(a, fit, prepared).items()}
-        if reason := a.credible(values):
-            return False, f"{a.key}: {reason}"
-        sizes = [s for s in a.slots if s.local and s.label and model.index(s.name) in fit.free.theta]
-        sizes = [s for s in sizes if not a.essential or s.name in a.essential]
-        if sizes and not any(_differs(s, fit, model.index(s.name)) for s in sizes):
-            return False, f"{sizes[0].label} of {a.key} does not differ from none by two standard deviations"
-        drives = [s for s in a.slots if s.name != a.share and not s.label and model.index(s.name) in fit.free.theta]
-        alone = a.gain_states and not a.noise_driven
-        if alone and not any(_differs(s, fit, model.index(s.name), 3.0) for s in drives):
-            return False, f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
-    return True, ""
-
-
-def _without_the_mute(attachments: Sequence[Attachment], fit: Fit, prepared: Prepared) -> Fit:
-    """Return the fit with sizes that the data say nothing of at none: where they ran to means nothing."""
-    theta = fit.point.theta.copy()
-    for slot in (s for a in attachments for s in a.slots):
-        index = prepared.extended.index(slot.name)
-        if index in fit.free.theta and _is_mute(slot, fit, index):
-            theta[index] = slot.null
-    return replace(fit, point=replace(fit.point, theta=theta))
-
-
-def _is_mute(slot: Slot, fit: Fit, index: int) -> bool:
-    """Tell whether the data say nothing of a size, wherever it ran: a force at a place that no output shows."""
-    width = slot.high - slot.low
-    return slot.local and float(fit.std[fit.free.theta.index(index)]) > _MUTE * width
-
-
-def _differs(slot: Slot, fit: Fit, index: int, times: float = 2.0) -> bool:
-    std = float(fit.std[fit.free.theta.index(index)])
-    return bool(abs(float(fit.point.theta[index]) - slot.null) >= times * std)
+def as_rows(found: Candidate) -> list[Row]:
+    """Present fitted effects as rows whose start values are the fitted ones."""
+    model, rows = found.predictor.compiled.model, []
+    for attachment in found.attachments:
+        values = {s.name: float(found.fit.point.theta[model.index(s.name)]) for s in attachment.slots}
+        single = replace(attachment, starts=({},), always_fit=False)
+        rows.append(Row(single, 0.0, 0.0, 0, 1.0, {}, values, {}, {}, None, True))
+    return rows

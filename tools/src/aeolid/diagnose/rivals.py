@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import Attachment
 
 Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
@@ -22,11 +23,26 @@ def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candid
     for other in candidates:
         if other is winner or other.unlisted or not other.plausible or other.fit_gain <= 0 or other.select_gain <= 0:
             continue
-        difference = _difference(winner, other)
-        # equal models differ by rounding, always to one side
-        if _vuong(difference) < _EVEN or abs(difference.sum()) < _TIED:
+        if not tells_apart(winner, other):
             result.append(other)
     return result
+
+
+def tells_apart(winner: Candidate, other: Candidate) -> bool:
+    """Tell whether the data prefer a candidate to another one that has no more than its share of parameters.
+
+    What more parameters gain by chance is taken off (Vuong 1989, section 5, with the penalty of Schwarz). Equal models
+    differ by rounding, always to one side, and a value more of which the data say nothing does not part them.
+    """
+    difference = _difference(winner, other)
+    fairly = _vuong(difference, other.handicap - winner.handicap)
+    return fairly >= _EVEN and abs(difference.sum()) >= _TIED
+
+
+def are_kin(a: Attachment, b: Attachment) -> bool:
+    """Tell whether two effects are of one family at one place: the same entry, or an output that both move."""
+    at_one_place = a.location["entry"] == b.location["entry"] or set(a.location["outputs"]) & set(b.location["outputs"])
+    return bool(at_one_place) and entry(a.entry).family == entry(b.entry).family
 
 
 def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate | None:
@@ -40,12 +56,19 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
     families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
-        if c.complete and (c.at_end or (c.unlisted and c.plausible))
-        and c.score > named.score + _OUTDONE and c.select_gain > named.select_gain
-        and _vuong(_difference(c, named)) > _EVEN
+        if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible)) and leads(c, named)
         and not families & {entry(a.entry).family for a in c.attachments}
     ]  # fmt: skip
     return max(ahead, key=lambda c: c.score, default=None)
+
+
+def leads(ahead: Candidate, other: Candidate) -> bool:
+    """Tell whether a candidate explains far more than another: 10 nats, some on the selection data, Vuong z > 2."""
+    return (
+        ahead.score > other.score + _OUTDONE
+        and ahead.select_gain > other.select_gain
+        and _vuong(_difference(ahead, other), other.handicap - ahead.handicap) > _EVEN
+    )
 
 
 def weights_of(candidates: Sequence[Candidate]) -> list[float]:
@@ -60,8 +83,8 @@ def _difference(a: Candidate, b: Candidate) -> Array:
     return np.concatenate([a.fit.per_sample - b.fit.per_sample, a.select_difference - b.select_difference])
 
 
-def _vuong(difference: Array) -> float:
-    """Return the sum over its own deviation, from blocks of N^(1/2) samples (Vuong 1989)."""
+def _vuong(difference: Array, head_start: float = 0.0) -> float:
+    """Return the sum and a head start over the sum's deviation, from blocks of N^(1/2) samples (Vuong 1989)."""
     length = max(1, int(np.sqrt(len(difference))))
     blocks = np.add.reduceat(difference, np.arange(0, len(difference), length))
-    return float(blocks.sum() / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12))
+    return float((blocks.sum() + head_start) / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12))

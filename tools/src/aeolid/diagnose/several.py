@@ -13,8 +13,8 @@ from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.frame import carry_fit, carry_point
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.race import select_density
-from aeolid.diagnose.refit import refit
-from aeolid.diagnose.scores import Bank, Row, score_bank
+from aeolid.diagnose.refit import as_rows, refit
+from aeolid.diagnose.scores import Bank, score_bank
 
 _MOST = 3  # effects in one model
 _SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
@@ -57,7 +57,7 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
     for row in rows:
         both = prepared.only((*winner.attachments, row.attachment))
         base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
-        larger = refit(both, base, [*_as_rows(winner), row], base_select)
+        larger = refit(both, base, [*as_rows(winner), row], base_select)
         if larger is None:
             continue
         better = (
@@ -67,7 +67,7 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
             and (best is None or larger.select_gain > best.select_gain)
         )
         if better and survives_control(prepared, larger):  # by what it gains beyond the smaller set: that is at stake
-            best = replace(larger, fit_gain=larger.fit_gain + winner.fit_gain)  # over the bare baseline
+            best = larger.beyond(winner)
     return best, bank
 
 
@@ -84,13 +84,13 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
         rest = tuple(a for a in full.attachments if a is not left_out)
         stage = prepared.only(rest)
         point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
-        rows = [r for r in _as_rows(full) if r.attachment.key != left_out.key]
+        rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
         smaller = refit(stage, replace(full.fit, point=point, free=stage.free), rows, base_select)
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
         if max(lost) < _LEAST_GAIN:
-            return replace(smaller, fit_gain=full.fit_gain - lost[0])
+            return smaller.beyond(full)
     return full
 
 
@@ -118,13 +118,3 @@ def is_another(a: Attachment, b: Attachment) -> bool:
     """
     same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
     return same_elsewhere or entry(a.entry).family != entry(b.entry).family
-
-
-def _as_rows(found: Candidate) -> list[Row]:
-    """Present fitted effects as rows whose start values are the fitted ones."""
-    model, rows = found.predictor.compiled.model, []
-    for attachment in found.attachments:
-        values = {s.name: float(found.fit.point.theta[model.index(s.name)]) for s in attachment.slots}
-        single = replace(attachment, starts=({},), always_fit=False)
-        rows.append(Row(single, 0.0, 0.0, 0, 1.0, {}, values, {}, {}, None, True))
-    return rows

@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effect
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.proof import Proof, block_interval
 from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
-from aeolid.models.equations import Parameter
 
 Array = NDArray[np.float64]
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
@@ -27,7 +25,6 @@ _RECOVERED = 0.3  # below this share of what the data would allow, the name is n
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
-_SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
 
 
 def diagnose(study: Study) -> dict[str, Any]:
@@ -44,7 +41,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "false_alarm": {
             "sham_runs": study.sham[0],
             "false_names": study.sham[1],
-            "threshold": _finite(study.bank.threshold),
+            "threshold": finite(study.bank.threshold),
         },
         "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
         "next_experiment": _next_experiment(study, verdict, effects),
@@ -82,17 +79,19 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if (
-        declared is not None
-        and declared.interval[0] > 0
-        and _material(declared)
-        and _moved(study)[0].deviations > _SURE
-        and not any(m.at_end for m in _moved(study) if m.deviations > _SURE)
-    ):
-        return "parameter", [_parameter_effect(study)], declared
+    if declared is not None and declared.interval[0] > 0 and _material(declared) and contradicted(study):
+        return *_declared(study), declared
     if _untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
+    """Accuse declared values; beside them the best effect that speaks, too, where one does."""
+    effect, others = parameter_effect(study), also_speaking(study)[:1]
+    return "ambiguous" if others else "parameter", [
+        effect, *(_effect(study, c, c.attachments[0], [], 0.5) for c in others)
+    ]  # fmt: skip
 
 
 def _untested(study: Study) -> str:
@@ -115,7 +114,7 @@ def _untested(study: Study) -> str:
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if study.second is not None:
-        return "multiple", [_effect(study, study.second, a, []) for a in study.second.attachments]
+        return _several(study, study.second)
     rivals = rivals_of(study.candidates, winner)
     weights = weights_of([winner, *rivals])
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
@@ -125,6 +124,20 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in zip(rivals, weights[1:], strict=True)]
         return "ambiguous", effects
     return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
+
+
+def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]]:
+    """Name a set of effects; where another may stand in the place of one, both are said and nothing is decided."""
+    weights = weights_of([chosen, *(a.candidate for a in study.alternatives)])
+    others = list(zip(study.alternatives, weights[1:], strict=True))
+    effects = []
+    for attachment in chosen.attachments:
+        rivals = [{"id": a.attachment.entry, "weight": w} for a, w in others if a.replaces == attachment.key]
+        effects.append(_effect(study, chosen, attachment, rivals, weights[0]))
+    effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
+    ids = {a.key: a.entry for a in chosen.attachments}
+    open_ = any(a.attachment.entry != ids[a.replaces] for a in study.alternatives)
+    return "ambiguous" if open_ else "multiple", effects if open_ else effects[: len(chosen.attachments)]
 
 
 def _effect(
@@ -147,62 +160,11 @@ def _effect(
         "statement": attachment.statement({k: v for k, (v, _) in values.items()}),
         "location": location,
         "equation": attachment.equation or kind.equation,
-        "parameters": {k: {"value": v, "std": _finite(s), "unit": units[k]} for k, (v, s) in values.items()},
+        "parameters": {k: {"value": v, "std": finite(s), "unit": units[k]} for k, (v, s) in values.items()},
         "rivals": rivals,
         "weight": weight,
         "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
     }
-
-
-@dataclass(frozen=True)
-class _Moved:
-    """Hold one declared value that was re-fitted, and by how many of its standard deviations it moved."""
-
-    parameter: Parameter
-    value: float
-    std: float
-
-    @property
-    def at_end(self) -> bool:
-        """Tell whether the data drive the value to the end of its declared range: then the structure is not right."""
-        p = self.parameter
-        near = 1e-6 * (p.maximum - p.minimum)
-        return bool(np.isfinite(near)) and min(self.value - p.minimum, p.maximum - self.value) <= near
-
-    @property
-    def deviations(self) -> float:
-        """Return by how many standard deviations the value moved."""
-        return abs(self.value - self.parameter.value) / max(self.std, 1e-300)
-
-
-def _moved(study: Study) -> list[_Moved]:
-    """Return the re-fitted declared values, the surest move first; at least one."""
-    prepared = study.prepared
-    found = [
-        _Moved(prepared.extended.parameters[i], float(prepared.fit.point.theta[i]), float(prepared.fit.std[k]))
-        for k, i in enumerate(prepared.free.theta)
-    ]
-    return sorted((m for m in found if not m.parameter.name.startswith(NUISANCE)), key=lambda m: -m.deviations)
-
-
-def _parameter_effect(study: Study) -> dict[str, Any]:
-    moved = _moved(study)
-    sure = [m for m in moved if m.deviations > _SURE][:3]
-    words = ", ".join(
-        f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
-    )
-    kind = entry("parameter_error")
-    return {
-        "id": kind.id, "family": kind.family,
-        "statement": f"the structure is right, declared values are not: {words}",
-        "location": {"entry": f"parameter:{moved[0].parameter.name}", "outputs": [], "inputs": [], "frequency_hz": None,
-                     "azimuth_order": None, "region": None, "time_s": None},
-        "equation": kind.equation,
-        "parameters": {
-            m.parameter.name: {"value": m.value, "std": _finite(m.std), "unit": m.parameter.unit} for m in moved
-        },
-        "rivals": [], "weight": 1.0,
-    }  # fmt: skip
 
 
 def recovered_fraction(study: Study, proof: Proof) -> float:
@@ -224,7 +186,7 @@ def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
     if proof is None:
         return {
             "data": split.sealed_text, "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
-            "nrmse_after": {}, "recovered_fraction": 0.0, "ceiling_gain": _finite(float(study.ceiling.sealed.sum())),
+            "nrmse_after": {}, "recovered_fraction": 0.0, "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
         }  # fmt: skip
     return {
         "data": split.sealed_text,
@@ -234,7 +196,7 @@ def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
         "nrmse_after": proof.nrmse_after,
         "horizon_s": proof.horizon_s,
         "recovered_fraction": recovered_fraction(study, proof),
-        "ceiling_gain": _finite(float(study.ceiling.sealed.sum())),
+        "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
     }
 
 
@@ -274,21 +236,21 @@ def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
             note = "not testable with these data" if not row.testable else "size depends on where it acts"
             result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": None, "note": note})
         for label, value in least.items():
-            value = {"value": _finite(value["value"]), "unit": value["unit"], "parameter": label}
+            value = {"value": finite(value["value"]), "unit": value["unit"], "parameter": label}
             result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": value})
     return result
 
 
 def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     inputs = study.case.records[0].of("input")
-    if verdict == "ambiguous" and study.winner is not None:
-        first = study.winner.attachments[0].entry
-        other = next(c for c in rivals_of(study.candidates, study.winner) if c.attachments[0].entry != first)
-        ids = (first, other.attachments[0].entry)
+    pair = _undecided(study) if verdict == "ambiguous" else None
+    if pair is not None:
+        ids, candidates = pair
+        first = ids[0]
         hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
         hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
-        return describe(advise(study.prepared, inputs, (study.winner, other), study.seed), ids, hint)
-    if verdict in ("unnamed", "not_testable"):
+        return describe(advise(study.prepared, inputs, candidates, study.seed), ids, hint)
+    if verdict in ("unnamed", "not_testable", "ambiguous"):
         moved = " and ".join(c.name for c in inputs) or "every input"
         where = effects[0]["location"] if effects else _where(study, verdict)
         band = (where or {}).get("frequency_hz")
@@ -304,12 +266,28 @@ def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, 
     return None
 
 
+def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:
+    """Return two names that the data do not tell apart, and the candidates that bear them."""
+    if study.second is not None:
+        ids = {a.key: a.entry for a in study.second.attachments}
+        other = next(a for a in study.alternatives if a.attachment.entry != ids[a.replaces])
+        return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
+    if study.winner is None or not study.winner.plausible:
+        return None
+    first = study.winner.attachments[0].entry
+    rivals = (c for c in rivals_of(study.candidates, study.winner) if c.attachments[0].entry != first)
+    rival = next(rivals, None)
+    return None if rival is None else ((first, rival.attachments[0].entry), (study.winner, rival))
+
+
 def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     """Write the verdict as one sentence for the top of the page."""
     if verdict in ("named", "parameter"):
         return str(effects[0]["statement"])
     if verdict == "multiple":
         return "; and ".join(str(e["statement"]) for e in effects)
+    if verdict == "ambiguous" and study.second is not None:
+        return _sentence_of_sets(effects, study, study.second)
     if verdict == "ambiguous":
         return " — or: ".join(str(e["statement"]) for e in effects)
     if verdict == "data_fault":
@@ -326,5 +304,11 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     return "Nothing is missing that this recording could show."
 
 
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
+    """Say each effect of a set, followed by what may stand in its place."""
+    parts, count = [], len(chosen.attachments)
+    for attachment, effect in zip(chosen.attachments, effects, strict=False):
+        others = zip(study.alternatives, effects[count:], strict=True)
+        said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
+        parts.append(" — or: ".join([str(effect["statement"]), *said]))
+    return "; and ".join(parts)

@@ -17,8 +17,9 @@ _COARSE = 0.05  # of the spread: a finer spacing is far below what any model pre
 _TERMS = 6  # of the Fourier series of the rounding error; the staircase is rounded over a tenth of a step
 
 
-def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
-    return f"the {name} sensor shows values {v['spacing']:.4g} {unit} apart only".replace("  ", " ")
+def _statement(name: str, unit: str, truncated: bool, v: Mapping[str, float]) -> str:
+    how = ", always the next lower one" if truncated else ""
+    return f"the {name} sensor shows values {v['spacing']:.4g} {unit} apart only{how}".replace("  ", " ")
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -28,32 +29,44 @@ def _attach(site: Site) -> list[Attachment]:
         y = site.y[:, j][np.isfinite(site.y[:, j])]
         step = spacing_of(y)
         if step is not None and step > _COARSE * float(np.std(y)):
-            result.append(_on(site, j, name, step, float(y[0])))
+            result += [_on(site, j, name, step, float(y[0]), truncated) for truncated in (False, True)]
     return result
 
 
-def _on(site: Site, j: int, name: str, step: float, level: float) -> Attachment:
-    """Round by y − Σ (−1)^(n+1) a_n spacing/(π n) sin(2π n (y − level)/spacing), a_n Lanczos' factors."""
-    share, spacing, unit = f"sensor_steps_share_{j + 1}", f"sensor_steps_{j + 1}", unit_of_output(site, name)
+def _on(site: Site, j: int, name: str, step: float, level: float, truncated: bool) -> Attachment:
+    """Round by y − Σ (−1)^(n+1) a_n spacing/(π n) sin(2π n (y − level)/spacing), a_n Lanczos' factors.
+
+    What is predicted has an error of its own, which blurs the stairs: blur is its deviation in spacings, a_n falls as a
+    normal distribution's characteristic function. A converter that truncates rounds what lies half a step lower; where
+    all stairs are blurred, a bias of just that is left.
+    """
+    tag, way = f"sensor_{'floors' if truncated else 'steps'}_{j + 1}", "down " if truncated else ""
+    share, spacing, blur, unit = f"{tag}_share", f"{tag}_spacing", f"{tag}_blur", unit_of_output(site, name)
+    lower = f"{spacing}/2" if truncated else "0"
     terms = []
     for n in range(1, _TERMS + 1):
         ratio = math.pi * n / (_TERMS + 1)
         weight = (-1) ** (n + 1) * math.sin(ratio) / ratio / (math.pi * n)
-        terms.append(f"({weight!r})*sin({2 * n}*pi*(reading - ({level!r}))/{spacing})")
+        terms.append(
+            f"({weight!r})*exp(-2*({n}*pi*{blur})**2)*sin({2 * n}*pi*(reading - {lower} - ({level!r}))/{spacing})"
+        )
     parameters = (
-        Parameter(spacing, step, unit, 0.98 * step, 1.02 * step), Parameter(share, 0.0, "", 0.0, 1.0),
+        Parameter(spacing, step, unit, 0.98 * step, 1.02 * step), Parameter(blur, 0.1, "1", 0.0, 1.0),
+        Parameter(share, 0.0, "", 0.0, 1.0),
     )  # fmt: skip
 
     def edit(model: Equations) -> Equations:
-        return with_reading(model, name, f"reading - {share}*{spacing}*({' + '.join(terms)})", parameters)
+        return with_reading(model, name, f"reading - {share}*({lower} + {spacing}*({' + '.join(terms)}))", parameters)
 
     return Attachment(
-        "sensor_quantisation", f"sensor_quantisation output:{name}", location(f"output:{name}", outputs=(name,)), edit,
+        "sensor_quantisation", f"sensor_quantisation {way}output:{name}", location(f"output:{name}", outputs=(name,)),
+        edit,
         (Slot(spacing, "spacing", unit, step, 0.98 * step, 1.02 * step, 1e-3 * step, local=False),
+         Slot(blur, None, "1", 0.1, 0.0, 1.0, 0.05, local=False),
          Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
-        fixed={share: 1.0}, grid=({spacing: step},), share=share,
-        equation=f"{name}_recorded = spacing*round({name}/spacing)",
-        statement=partial(_statement, name, unit),
+        fixed={share: 1.0}, grid=tuple({spacing: step, blur: b} for b in (0.05, 0.2, 0.5)), share=share,
+        equation=f"{name}_recorded = spacing*{'floor' if truncated else 'round'}({name}/spacing)",
+        statement=partial(_statement, name, unit, truncated),
     )  # fmt: skip
 
 
@@ -66,6 +79,9 @@ ENTRY = Entry(
     quantities=(Quantity("spacing", "unit of the output", 0.0, 1e12, 0.0, "distance of two values"),),
     attaches_to="every output whose recorded values lie on a coarse grid",
     signature="few distinct values, equally spaced",
-    confused_with=(("deadband", "a held value stays whatever it is, a quantised one returns to the same levels"),),
+    confused_with=(
+        ("sensor_bias", "a bias of just half a step, recorded values on a grid: the converter truncates"),
+        ("deadband", "a held value stays whatever it is, a quantised one returns to the same levels"),
+    ),
     attach=_attach,
 )

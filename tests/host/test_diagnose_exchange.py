@@ -1,0 +1,212 @@
+"""Sets of effects, each held against what may stand in its place; and effects beside noise that has a colour."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete
+from small_cases import write_case
+
+from aeolid.diagnose import verdict
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.colour import survives_colour
+from aeolid.diagnose.declared import also_speaking
+from aeolid.diagnose.exchange import exchanged
+from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.race import fit_rows, select_density
+from aeolid.diagnose.refit import refit
+from aeolid.diagnose.rivals import leads
+from aeolid.diagnose.scores import Row, score_bank
+
+Array = NDArray[np.float64]
+STEP, SAMPLES = 0.02, 3000
+CHANNELS = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
+MODEL = """[model]
+name = "a swing"
+[parameters]
+m = { value = 1.0, unit = "kg" }
+k = { value = 40.0, unit = "N/m", min = 4.0, max = 400.0, free = true }
+c = { value = 1.0, unit = "N s/m", min = 0.1, max = 10.0, free = true }
+[[input]]
+name = "push"
+unit = "N"
+[[state]]
+name = "q"
+unit = "m"
+derivative = "v"
+[[state]]
+name = "v"
+unit = "m/s"
+derivative = "(push - c*v - k*q)/m"
+[[output]]
+name = "position"
+unit = "m"
+equation = "q"
+[[output]]
+name = "speed"
+unit = "m/s"
+equation = "v"
+"""
+
+
+def swing(
+    friction: float, filtered: Callable[[Array], Array], added: Array | float = 0.0, noise: float = 5e-3
+) -> Array:
+    """Simulate push, position, speed (N, 3): dry friction in N, a filter on the fine speed, something on both."""
+    rng, fine = np.random.default_rng(3), 8
+    push = np.repeat(rng.uniform(-16.0, 16.0, SAMPLES // 10), 10)
+    gust = 0.4 * rng.standard_normal(SAMPLES)
+    x, seen, h = (0.0, 0.0), np.empty((SAMPLES * fine, 2)), STEP / fine
+
+    def force(q: float, v: float, load: float) -> float:
+        return load - v - 40.0 * q - friction * math.tanh(v / 0.01)
+
+    for i in range(SAMPLES * fine):
+        seen[i], (q, v), load = x, x, float(push[i // fine] + gust[i // fine])
+        middle = q + 0.5 * h * v, v + 0.5 * h * force(q, v, load)
+        x = q + h * middle[1], v + h * force(*middle, load)
+    rows = np.column_stack([push, seen[::fine, 0], filtered(seen[:, 1])[::fine]])
+    rows[:, 1:] += rng.standard_normal((SAMPLES, 2)) * (1e-3, noise)
+    rows[:, 1:] += added
+    return rows
+
+
+def second_order(omega: float, zeta: float) -> Callable[[Array], Array]:
+    def run(v: Array) -> Array:
+        out, m, w, h = np.empty_like(v), v[0], 0.0, STEP / 8
+        for i, y in enumerate(v):
+            w += h * (omega**2 * (y - m) - 2 * zeta * omega * w)
+            m += h * w
+            out[i] = m
+        return out
+
+    return run
+
+
+def plain(v: Array) -> Array:
+    return v
+
+
+def rows_of(prepared: Prepared, *keys: str) -> list[Row]:
+    wanted = [a for a in prepared.hypotheses if a.key in keys]
+    assert len(wanted) == len(keys), [a.key for a in prepared.hypotheses]
+    rows = score_bank(prepared, wanted, 1).rows
+    return [next(r for r in rows if r.attachment.key == k) for k in keys]
+
+
+LAG, FILTER, DRY = "sensor_lag output:speed", "sensor_second_order output:speed", "coulomb_friction state:v"
+
+
+def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(tmp_path: Path) -> None:
+    """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first."""
+    case = write_case(tmp_path, MODEL, STEP, CHANNELS, swing(1.0, second_order(20.0, 0.4)))
+    prepared = prepare(load_case(case))
+    lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
+    density = select_density(prepared)
+    both = prepared.only([lag.attachment, dry.attachment])
+    chosen = refit(both, both.fit, [lag, dry], density)
+    assert chosen is not None and chosen.plausible
+    singles = fit_rows(prepared, [lag, resonant, dry])
+    best, alternatives = exchanged(prepared, chosen, singles)
+    assert [a.key for a in best.attachments] == [FILTER, DRY] and alternatives == ()
+    assert best.score > chosen.score + 50
+    values = best.values[FILTER]
+    assert values["omega_rad_s"][0] == pytest.approx(20.0, rel=0.05)
+    assert values["damping"][0] == pytest.approx(0.4, abs=0.05)
+    assert best.parameters == 3  # against the bare baseline, as are its gains
+    assert best.fit_gain == pytest.approx(best.fit.log_posterior - prepared.fit.log_posterior, abs=0.5)
+    alone = next(c for c in singles if c.key == LAG)
+    assert exchanged(prepared, alone, singles) == (alone, ())
+    assert exchanged(prepared, best, singles)[0] is best
+
+
+def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
+    case = write_case(tmp_path, MODEL, STEP, CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4))
+    prepared = prepare(load_case(case))
+    lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
+    both = prepared.only([lag.attachment, dry.attachment])
+    chosen = refit(both, both.fit, [lag, dry], select_density(prepared))
+    assert chosen is not None
+    best, alternatives = exchanged(prepared, chosen, fit_rows(prepared, [lag, resonant, dry]))
+    (other,) = alternatives
+    names = {best.attachments[0].key, other.attachment.key}
+    assert names == {LAG, FILTER} and other.replaces == best.attachments[0].key
+    study: Any = SimpleNamespace(alternatives=alternatives, second=best, proof=None)
+    said, effects = verdict._several(study, best)
+    assert said == "ambiguous" and [e["id"] for e in effects][1] == "coulomb_friction" and len(effects) == 3
+    assert effects[0]["rivals"][0]["id"] == effects[2]["id"] and effects[1]["rivals"] == []
+    assert effects[0]["weight"] + effects[2]["weight"] == pytest.approx(1.0)
+    sentence = verdict._sentence(said, effects, study)
+    assert sentence.count("— or:") == 1 and sentence.count("; and ") == 1
+    assert sentence.index("— or:") < sentence.index("; and ")
+
+
+def eddies(seed: int) -> Array:
+    """Noise in a narrow band at 4 Hz, (N,): what a resonance of 1 % damping makes of white noise."""
+    rng, y = np.random.default_rng(seed), np.zeros(SAMPLES)
+    r, turn = np.exp(-0.01 * 8 * np.pi * STEP), 2 * np.cos(8 * np.pi * STEP)
+    for i in range(2, SAMPLES):
+        y[i] = r * turn * y[i - 1] - r * r * y[i - 2] + 0.02 * rng.standard_normal()
+    return y
+
+
+def linear_model() -> str:
+    """The swing as a discrete state-space model, push held over a sample: a model file's text."""
+    A, B, C, D, _ = cont2discrete((np.array([[0, 1], [-40, -1]]), np.eye(2)[:, 1:], np.eye(2), np.zeros((2, 1))), STEP)
+    inputs, *outputs = ({"name": n, "unit": u, "offset": 0.0} for n, u, _ in CHANNELS)
+    states = [{"name": n, "unit": u} for n, u in (("q", "m"), ("v", "m/s"))]
+    facts = {
+        "kind": "state_space", "sample_time_s": STEP, "inputs": [inputs], "outputs": outputs, "states": states,
+        "A": A.tolist(), "B": B.tolist(), "C": C.tolist(), "D": D.tolist(), "K": None, "x0": [0.0, 0.0],
+        "innovation_covariance": None, "scheduling": None,
+    }  # fmt: skip
+    return json.dumps(facts)
+
+
+@pytest.mark.parametrize(
+    ("shaken", "filtered", "real"), [("position", second_order(300.0, 0.9), True), ("speed", plain, False)],
+    ids=["a filter that is there", "nothing"],
+)  # fmt: skip
+def test_beside_coloured_noise_only_what_is_there_still_gains(
+    shaken: str, filtered: Callable[[Array], Array], real: bool, tmp_path: Path
+) -> None:
+    """Eddies shake one sensor: a lag of it gains as it resonates with them, nothing once a mode does so."""
+    share = np.array([0.2, 0.0]) if shaken == "position" else np.array([0.0, 1.0])
+    rows = swing(0.0, filtered, np.outer(eddies(5), share))
+    prepared = prepare(load_case(write_case(tmp_path, linear_model(), STEP, CHANNELS, rows, kind="state_space")))
+    mode = f"structural_mode output:{shaken}"
+    found = {c.key: c for c in fit_rows(prepared, rows_of(prepared, LAG, mode))}
+    assert found[mode].undriven and not found[mode].plausible
+    assert leads(found[mode], found[LAG]) and found[LAG].fit_gain > 0
+    assert survives_colour(prepared, found[LAG], list(found.values())) is real
+    assert survives_colour(prepared, found[LAG], [found[LAG]])
+
+
+def test_what_speaks_forbids_that_only_values_are_wrong() -> None:
+    """Over the threshold, plausible, with a name, and worth more than chance; the best of these first."""
+
+    def row(key: str, z: float) -> Any:
+        return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z)
+
+    def candidate(name: str, score: float, **more: Any) -> Any:
+        usual = {"plausible": True, "unlisted": False, "fit_gain": score + 1}
+        attachments = (SimpleNamespace(entry=name),)
+        return SimpleNamespace(key=name, score=score, attachments=attachments, **(usual | more))
+
+    candidates = [
+        candidate("drag", 7.0), candidate("lag", 9.0), candidate("delay", 9.0, plausible=False),
+        candidate("quiet", 9.0), candidate("unlisted", 9.0, unlisted=True), candidate("little", 2.0),
+        candidate("parameter_error", 9.0),
+    ]  # fmt: skip
+    names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error"]
+    bank = SimpleNamespace(rows=[*(row(n, 6.0) for n in names), row("quiet", 3.0)], threshold=4.0)
+    study: Any = SimpleNamespace(candidates=candidates, bank=bank)
+    assert [c.key for c in also_speaking(study)] == ["lag", "drag"]

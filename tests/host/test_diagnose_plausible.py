@@ -1,0 +1,88 @@
+"""Whether fitted values can be what they stand for, and which of them the data know at all."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.diagnose.catalogue.base import Slot
+from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Fit
+
+SIZE = Slot("inverse", "period_s", "s", 0.0, 0.02, 5.0, 0.1)
+SHAPE = Slot("zeta", "damping", "1", 0.7, 0.2, 0.98, 0.05, local=False)
+
+
+def fitted(slots: tuple[Slot, ...], values: tuple[float, ...], stds: tuple[float, ...]) -> tuple[Fit, Any]:
+    """A fit with these values and deviations, and the model that knows their places."""
+    noise: Any = None
+    none = np.zeros(0)
+    point = Point(np.array(values), np.zeros(0), None, ())
+    free = Free(tuple(range(len(slots))), (), (), ())
+    names = [s.name for s in slots]
+    jacobian = np.diag(1 / np.array(stds))
+    fit = Fit(point, free, noise, 0.0, none, none, jacobian, none, np.zeros((0, len(slots))))
+    return fit, SimpleNamespace(index=names.index)
+
+
+def effect(*slots: Slot, **more: Any) -> Any:
+    usual = {"essential": (), "credible": lambda values: "", "gain_states": (), "noise_driven": False, "share": None}
+    return SimpleNamespace(key="filter", slots=slots, **(usual | more))
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "word"), [(0.98, 0.5, ""), (0.98, 0.05, "damping of filter ran to the end"), (0.7, 0.05, "")],
+    ids=["open: an end like any other", "known, at its end", "known, inside"],
+)  # fmt: skip
+def test_a_shape_that_the_data_leave_open_is_no_objection(value: float, std: float, word: str) -> None:
+    """A second-order filter that fitted as well as a lag was refused so, and the lag named alone."""
+    fit, model = fitted((SIZE, SHAPE), (1.0, value), (0.1, std))
+    assert objection([effect(SIZE, SHAPE)], fit, model, 90.0, 2).startswith(word) if word else True
+    assert bool(objection([effect(SIZE, SHAPE)], fit, model, 90.0, 2)) is bool(word)
+    assert undetermined([effect(SIZE, SHAPE)], fit, model) == (std > 0.3)
+
+
+def test_a_size_at_its_end_is_refused_however_uncertain() -> None:
+    fit, model = fitted((SIZE,), (5.0,), (9.0,))
+    assert "ran to the end" in objection([effect(SIZE)], fit, model, 90.0, 1)
+
+
+@pytest.mark.parametrize(("gain", "refused"), [(92.0, False), (15.0, True)])
+def test_values_that_trade_are_judged_together(gain: float, refused: bool) -> None:
+    """Period 1 ± 0.8 and damping 0.77 ± 0.15 are each uncertain, and worth 92 nats: there is a filter."""
+    fit, model = fitted((SIZE, SHAPE), (1.0, 0.77), (0.8, 0.15))
+    assert bool(objection([effect(SIZE, SHAPE)], fit, model, gain, 2)) is refused
+    alone, lag = fitted((SIZE,), (1.0,), (0.8,))
+    assert "does not differ from none" in objection([effect(SIZE)], alone, lag, gain, 1)
+    essential = effect(SIZE, SHAPE, essential=("inverse",))
+    assert "does not differ from none" in objection([essential], fit, model, gain, 2)
+
+
+def test_an_entry_may_object_to_its_own_values() -> None:
+    fit, model = fitted((SIZE,), (1.0,), (0.1,))
+    own = effect(SIZE, credible=lambda values: f"period {values['period_s']:.0f} s")
+    assert objection([own], fit, model, 90.0, 1) == "filter: period 1 s"
+    assert values_of(own, fit, model) == {"period_s": (1.0, pytest.approx(0.1))}
+
+
+def test_what_no_input_drives_is_the_colour_of_noise() -> None:
+    drive = Slot("drive", None, "", 0.0, -9.0, 9.0, 1.0)
+    fit, model = fitted((drive,), (0.5,), (0.3,))
+    assert "no input drives it" in undriven([effect(drive, gain_states=("m",))], fit, model)
+    assert not undriven([effect(drive, gain_states=("m",), noise_driven=True)], fit, model)
+    clear, _ = fitted((drive,), (0.5,), (0.1,))
+    assert not undriven([effect(drive, gain_states=("m",))], clear, model)
+
+
+def test_what_no_output_shows_is_mute_and_put_back_to_none() -> None:
+    """A size the data say nothing of may run anywhere: the model that is written has none of it; known ones stay."""
+    slots = (
+        Slot("gain", "gain", "", 0.0, -1.0, 1.0, 0.1), Slot("other", "other", "", 0.0, -1.0, 1.0, 0.1),
+        Slot("tau", "tau", "", 0.5, -1.0, 1.0, 0.1, local=False),
+    )  # fmt: skip
+    fit, model = fitted(slots, (1.0, 1.0, 1.0), (1000.0, 0.1, 1000.0))
+    np.testing.assert_array_equal(without_the_mute([effect(*slots)], fit, model).point.theta, [0.0, 1.0, 1.0])

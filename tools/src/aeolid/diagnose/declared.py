@@ -1,0 +1,89 @@
+"""Say which declared values the recording contradicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.candidate import Candidate, finite
+from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import location
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.prepare import NUISANCE
+from aeolid.models.equations import Parameter
+
+SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
+_SPEAKS = 4.0  # nats of score from which an effect that was not proven still forbids "the structure is right"
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Hold one declared value that was re-fitted, and by how many of its standard deviations it moved."""
+
+    parameter: Parameter
+    value: float
+    std: float
+
+    @property
+    def at_end(self) -> bool:
+        """Tell whether the data drive the value to the end of its declared range: then the structure is not right."""
+        p = self.parameter
+        near = 1e-6 * (p.maximum - p.minimum)
+        return bool(np.isfinite(near)) and min(self.value - p.minimum, p.maximum - self.value) <= near
+
+    @property
+    def deviations(self) -> float:
+        """Return by how many standard deviations the value moved."""
+        return abs(self.value - self.parameter.value) / max(self.std, 1e-300)
+
+
+def moved(study: Study) -> list[Moved]:
+    """Return the re-fitted declared values, the surest move first; at least one."""
+    prepared = study.prepared
+    found = [
+        Moved(prepared.extended.parameters[i], float(prepared.fit.point.theta[i]), float(prepared.fit.std[k]))
+        for k, i in enumerate(prepared.free.theta)
+    ]
+    return sorted((m for m in found if not m.parameter.name.startswith(NUISANCE)), key=lambda m: -m.deviations)
+
+
+def contradicted(study: Study) -> bool:
+    """Tell whether declared values moved surely, and none of them to the end of its range."""
+    values = moved(study)
+    return values[0].deviations > SURE and not any(m.at_end for m in values if m.deviations > SURE)
+
+
+def also_speaking(study: Study) -> list[Candidate]:
+    """Return effects over the threshold that fit better though they were not proven, best first.
+
+    Where one is, values that move may be stand-ins for it: a drag of 10 nats bent two stiffnesses and a friction.
+    """
+    loud = {r.attachment.key for r in study.bank.rows if r.z > study.bank.threshold}
+    found = [
+        c for c in study.candidates
+        if c.plausible and not c.unlisted and c.key in loud and c.fit_gain > 0 and c.score > _SPEAKS
+        and c.attachments[0].entry != "parameter_error"
+    ]  # fmt: skip
+    return sorted(found, key=lambda c: -c.score)
+
+
+def parameter_effect(study: Study) -> dict[str, Any]:
+    """Return the effect "declared values are wrong" with what they were fitted to."""
+    values = moved(study)
+    sure = [m for m in values if m.deviations > SURE][:3]
+    words = ", ".join(
+        f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
+    )
+    kind = entry("parameter_error")
+    return {
+        "id": kind.id, "family": kind.family,
+        "statement": f"the structure is right, declared values are not: {words}",
+        "location": location(f"parameter:{values[0].parameter.name}"),
+        "equation": kind.equation,
+        "parameters": {
+            m.parameter.name: {"value": m.value, "std": finite(m.std), "unit": m.parameter.unit} for m in values
+        },
+        "rivals": [], "weight": 1.0,
+    }  # fmt: skip

@@ -1,0 +1,92 @@
+"""Say whether fitted values can be the effect they stand for, and which of them the data know at all (S5)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from aeolid.diagnose.candidate import at_bound
+from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.predictor import Fit
+from aeolid.models.equations import Equations
+
+_MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
+_UNDETERMINED = 0.3  # of a shape's range (an even spread over all of it has 0.29): it may be anywhere
+_CLEAR = 20.0  # nats beyond one a parameter: no chance, though two values that trade may each be uncertain
+
+
+def values_of(attachment: Attachment, fit: Fit, model: Equations) -> dict[str, tuple[float, float]]:
+    """Return the reported values that were free, each with its deviation, by label."""
+    return {
+        slot.label: slot.reported(float(fit.point.theta[model.index(slot.name)]), float(fit.std[place]))
+        for slot, place in _free_slots([attachment], fit, model)
+        if slot.label
+    }
+
+
+def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gain: float, parameters: int) -> str:
+    """Say why the fitted values cannot be these effects; empty where they can. gain: nats, for so many parameters.
+
+    Shapes (the damping of a filter) that the data leave open are no objection wherever they ran: the size is known all
+    the same. Sizes that trade with each other may each lie within two deviations of none though all of them together
+    are clearly there.
+    """
+    for a in attachments:
+        free = _free_slots([a], fit, model)
+        for slot, place in free:
+            value = float(fit.point.theta[model.index(slot.name)])
+            if slot.label and at_bound(value, slot) and not _is_undetermined(slot, fit, place):
+                return f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+        if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
+            return f"{a.key}: {reason}"
+        sizes = [(s, p) for s, p in free if s.local and s.label and (not a.essential or s.name in a.essential)]
+        trading = len(free) > 1 and not a.essential and gain - parameters > _CLEAR
+        if sizes and not trading and not any(_differs(s, p, fit, model, 2.0) for s, p in sizes):
+            return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
+    return ""
+
+
+def undriven(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> str:
+    """Say which effect no input drives; empty where each is driven.
+
+    What no input drives cannot be told from the colour of the noise, unless its frequency is known from elsewhere.
+    """
+    for a in attachments:
+        drives = [(s, p) for s, p in _free_slots([a], fit, model) if s.name != a.share and not s.label]
+        if a.gain_states and not a.noise_driven and not any(_differs(s, p, fit, model, 3.0) for s, p in drives):
+            return f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
+    return ""
+
+
+def undetermined(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> int:
+    """Count the shapes that the data leave open."""
+    return sum(_is_undetermined(s, fit, place) for s, place in _free_slots(attachments, fit, model))
+
+
+def without_the_mute(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> Fit:
+    """Return the fit with sizes that the data say nothing of at none: where they ran to means nothing."""
+    theta = fit.point.theta.copy()
+    for slot, place in _free_slots(attachments, fit, model):
+        if slot.local and float(fit.std[place]) > _MUTE * (slot.high - slot.low):
+            theta[model.index(slot.name)] = slot.null
+    return replace(fit, point=replace(fit.point, theta=theta))
+
+
+def _free_slots(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> list[tuple[Slot, int]]:
+    """Return the slots that were free, each with its place among what was."""
+    found = ((s, _place(s, fit, model)) for a in attachments for s in a.slots)
+    return [(s, place) for s, place in found if place is not None]
+
+
+def _place(slot: Slot, fit: Fit, model: Equations) -> int | None:
+    """Return the slot's place among what was free; None where it was held."""
+    index = model.index(slot.name)
+    return fit.free.theta.index(index) if index in fit.free.theta else None
+
+
+def _is_undetermined(slot: Slot, fit: Fit, place: int) -> bool:
+    return not slot.local and float(fit.std[place]) > _UNDETERMINED * (slot.high - slot.low)
+
+
+def _differs(slot: Slot, place: int, fit: Fit, model: Equations, times: float) -> bool:
+    return bool(abs(float(fit.point.theta[model.index(slot.name)]) - slot.null) >= times * float(fit.std[place]))
