@@ -19,6 +19,7 @@ from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 
 Array = NDArray[np.float64]
+_PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
@@ -58,7 +59,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     fault = [f for f in study.findings if f.severity == "fault"]
     if fault:
         return "data_fault", [], None
-    if study.winner is not None and study.proof is not None and study.proof.interval[0] > 0:
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > _PROVEN:
         if not _material(study.proof):
             return "immaterial", [], None
         if study.winner.unlisted:
@@ -79,7 +80,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if declared is not None and declared.interval[0] > 0 and _material(declared) and contradicted(study):
+    if declared is not None and declared.interval[0] > _PROVEN and _material(declared) and contradicted(study):
         return *_declared(study), declared
     if _untested(study):
         return "not_testable", [], None

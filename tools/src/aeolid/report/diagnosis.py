@@ -150,7 +150,11 @@ def _rivals(effects: list[Facts]) -> Html:
     if not effects or not any(e.get("rivals") for e in effects):
         return Html("")
     rows = [(effects[0].get("id"), number(effects[0].get("weight"), 2))]
-    rows += [(r.get("id"), number(r.get("weight"), 2)) for e in effects for r in e.get("rivals") or []]
+    rows += [
+        (r.get("id") if e is effects[0] else f"{r.get('id')} in place of {e.get('id')}", number(r.get("weight"), 2))
+        for e in effects
+        for r in e.get("rivals") or []
+    ]
     return section(
         "Rivals",
         tag("p", "How the evidence is shared among the effects that could explain this recording (1 in all)."),

@@ -1,0 +1,48 @@
+"""What the sealed data must show before something has a name."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.diagnose import verdict
+
+
+def decided(low: float, *, visible: bool = True) -> tuple[str, list[str]]:
+    """The verdict and the names on one drag worth 10 nats, with this lower end of its interval."""
+    slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
+    attachment = SimpleNamespace(
+        entry="quadratic_damping", key="quadratic_damping state:v", location={"entry": "state:v"}, slots=(slot,),
+        equation="F = -c2*v*|v|", statement=lambda values: f"drag of {values['c2']}",
+    )  # fmt: skip
+    drag = SimpleNamespace(
+        attachments=(attachment,), values={attachment.key: {"c2": (0.4, 0.1)}}, unlisted=False, score=20.0
+    )
+    after = 0.9 if visible else 0.9999
+    proof = SimpleNamespace(
+        gain=10.0, interval=(low, 18.0), nrmse_before={"speed": 1.0}, nrmse_after={"speed": after}, profile={}
+    )
+    ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
+    study: Any = SimpleNamespace(
+        findings=(), winner=drag, second=None, alternatives=(), proof=proof, candidates=(), ceiling=ceiling, seed=1,
+        declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
+        prepared=SimpleNamespace(declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1),
+        case=SimpleNamespace(records=()),
+    )  # fmt: skip
+    said, effects, _ = verdict._decide(study)
+    return said, [e["id"] for e in effects]
+
+
+@pytest.mark.parametrize(
+    ("low", "said"), [(2.1, "named"), (1.9, "no_mismatch"), (0.1, "no_mismatch"), (-3.0, "no_mismatch")]
+)
+def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
+    """A switched gain had a name on a recording that lacks nothing, proven by 7 nats [0.7, 14]."""
+    assert decided(low) == (said, ["quadratic_damping"] if said == "named" else [])
+
+
+def test_what_no_prediction_shows_is_immaterial() -> None:
+    assert decided(5.0, visible=False) == ("immaterial", [])
