@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import pipeline
-from aeolid.diagnose.rivals import are_kin, leads, outdone_by, rivals_of, tells_apart, weights_of
+from aeolid.diagnose.rivals import are_kin, leads, leaves_open, outdone_by, rivals_of, tells_apart, weights_of
 
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
 
@@ -19,7 +19,13 @@ def candidate(
 ) -> Any:
     """A candidate whose gains come evenly from its samples, up to noise that all share."""
     parts = {"fit": NOISE[0] + fit_gain / 400, "select": select_gain / 400 + np.zeros(400)}
-    usual = {"plausible": not at_end, "complete": True, "unlisted": name == "unlisted", "handicap": 0.0}
+    usual = {
+        "plausible": not at_end,
+        "complete": True,
+        "unlisted": name == "unlisted",
+        "handicap": 0.0,
+        "parameters": 1,
+    }
     return SimpleNamespace(
         fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
         attachments=(SimpleNamespace(entry=name),), select_gain=select_gain, score=fit_gain + select_gain - 1,
@@ -119,6 +125,19 @@ def test_kin_share_family_and_place() -> None:
 def test_weights_are_odds() -> None:
     weights = weights_of([candidate(60.0, 20.0), candidate(60.0 - np.log(3), 20.0)])
     assert weights == pytest.approx([0.75, 0.25])
+
+
+def test_a_constant_is_more_often_wrong_than_a_calibrated_sensor() -> None:
+    """A mass and the factor of the accelerometer that alone shows it are one model; ten to one for the mass."""
+    mass, factor = candidate(60.0, 20.0, name="parameter_error"), candidate(60.0, 20.0, name="sensor_scale")
+    other = candidate(60.0, 20.0, name="backlash")
+    assert weights_of([factor, mass]) == pytest.approx([1 / 11, 10 / 11])
+    assert weights_of([factor, other]) == pytest.approx([0.5, 0.5])
+    assert pipeline.leading([factor, mass]) is mass and pipeline.leading([factor, other]) is other
+    far = candidate(64.0, 20.0, name="sensor_scale")
+    assert pipeline.leading([far, mass]) is far
+    assert not leaves_open(mass, factor, 1 / 11) and leaves_open(mass, factor, 0.2)
+    assert leaves_open(mass, other, 1 / 11) and leaves_open(other, factor, 1 / 11)
 
 
 def test_a_form_far_ahead_of_all_that_was_found_together_takes_its_place() -> None:

@@ -24,7 +24,7 @@ from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
-from aeolid.diagnose.rivals import are_kin, outdone_by
+from aeolid.diagnose.rivals import are_kin, outdone_by, standings
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
 
@@ -255,9 +255,9 @@ def leading(candidates: list[Candidate]) -> Candidate | None:
     catalogue leads where no entry is left only; one that fits far better takes the entry's name in the verdict.
     """
     candidates = [c for c in candidates if not c.unlisted] or candidates
-    best = max((c.score for c in candidates), default=0.0)
+    scores = standings(candidates)
     order = [*(e.id for e in ENTRIES), unlisted.ID]
-    tied = [c for c in candidates if best - c.score < _TIED]
+    tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
     return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
 
 

@@ -14,6 +14,7 @@ from aeolid.diagnose.catalogue.base import Attachment
 Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
 _TIED = 1.0  # … and nats over all data
+_RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
@@ -72,10 +73,27 @@ def leads(ahead: Candidate, other: Candidate) -> bool:
 
 
 def weights_of(candidates: Sequence[Candidate]) -> list[float]:
-    """Return weights that sum to one, by the odds of the candidates' scores."""
-    scores = np.array([c.score for c in candidates])
+    """Return weights that sum to one, by the odds of the candidates' scores and of what is more often wrong."""
+    scores = np.array(standings(candidates))
     odds = np.exp(np.clip(scores - scores.max(), -50, 0))
     return [float(w) for w in odds / odds.sum()]
+
+
+def standings(candidates: Sequence[Candidate]) -> list[float]:
+    """Return the scores, a sensor's factor behind by the log of 10 where a wrong declared value is among the others.
+
+    A tower's mass and the factor of the accelerometer that alone shows it are one model. Of the two a model's constant
+    is the more often wrong, for a sensor has been calibrated and a constant was assumed.
+    """
+    first = [c.attachments[0].entry for c in candidates]
+    behind = np.log(_RARER) if "parameter_error" in first else 0.0
+    return [c.score - (behind if e == "sensor_scale" else 0.0) for c, e in zip(candidates, first, strict=True)]
+
+
+def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
+    """Tell whether one that was not told apart is said as well: a sensor's factor beside a value by weight only."""
+    pair = winner.attachments[0].entry, other.attachments[0].entry
+    return pair != ("parameter_error", "sensor_scale") or weight >= 1 / _RARER
 
 
 def _difference(a: Candidate, b: Candidate) -> Array:

@@ -15,7 +15,7 @@ from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effe
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof, block_interval
-from aeolid.diagnose.rivals import outdone_by, rivals_of, weights_of
+from aeolid.diagnose.rivals import leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 
 Array = NDArray[np.float64]
@@ -120,9 +120,9 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     weights = weights_of([winner, *rivals])
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
     effects = [_effect(study, winner, winner.attachments[0], listed, weights[0])]
-    others = [c for c in rivals if c.attachments[0].entry != winner.attachments[0].entry]
-    if others:
-        effects += [_effect(study, c, c.attachments[0], [], w) for c, w in zip(rivals, weights[1:], strict=True)]
+    said = [(c, w) for c, w in zip(rivals, weights[1:], strict=True) if leaves_open(winner, c, w)]
+    if any(c.attachments[0].entry != winner.attachments[0].entry for c, _ in said):
+        effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
     return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
 
