@@ -44,5 +44,19 @@ def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
     assert decided(low) == (said, ["quadratic_damping"] if said == "named" else [])
 
 
+@pytest.mark.parametrize(("score", "driven", "said"), [(300.0, False, True), (9.0, False, False), (300.0, True, False)])
+def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: bool, said: bool) -> None:
+    """Eddies at 0.6 Hz, 440 nats that no input explains: no physics that the catalogue could name, but worth a word."""
+    key = "tower_side_side output:acceleration"
+    mode = SimpleNamespace(
+        undriven=not driven, score=score, select_gain=50.0, values={key: {"frequency_hz": (0.607, 0.003)}},
+        attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
+    )  # fmt: skip
+    study: Any = SimpleNamespace(candidates=(mode,))
+    text = verdict._sentence("no_mismatch", [], study)
+    assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
+    assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")
+
+
 def test_what_no_prediction_shows_is_immaterial() -> None:
     assert decided(5.0, visible=False) == ("immaterial", [])

@@ -24,6 +24,7 @@ _MATERIAL = 0.005  # relative improvement of the prediction error at some horizo
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
+_BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 
@@ -116,15 +117,20 @@ def _untested(study: Study) -> str:
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if study.second is not None:
         return _several(study, study.second)
-    rivals = rivals_of(study.candidates, winner)
-    weights = weights_of([winner, *rivals])
-    listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in zip(rivals, weights[1:], strict=True)]
-    effects = [_effect(study, winner, winner.attachments[0], listed, weights[0])]
-    said = [(c, w) for c, w in zip(rivals, weights[1:], strict=True) if leaves_open(winner, c, w)]
+    rivals = _weighed(study, winner)
+    listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in rivals]
+    effects = [_effect(study, winner, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
+    said = [(c, w) for c, w in rivals if leaves_open(winner, c, w)]
     if any(c.attachments[0].entry != winner.attachments[0].entry for c, _ in said):
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
     return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
+
+
+def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:
+    """Return who is not told apart from the winner, each with its weight."""
+    rivals = rivals_of(study.candidates, winner)
+    return list(zip(rivals, weights_of([winner, *rivals])[1:], strict=True))
 
 
 def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]]:
@@ -276,8 +282,8 @@ def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidat
     if study.winner is None or not study.winner.plausible:
         return None
     first = study.winner.attachments[0].entry
-    rivals = (c for c in rivals_of(study.candidates, study.winner) if c.attachments[0].entry != first)
-    rival = next(rivals, None)
+    said = (c for c, w in _weighed(study, study.winner) if leaves_open(study.winner, c, w))
+    rival = next((c for c in said if c.attachments[0].entry != first), None)
     return None if rival is None else ((first, rival.attachments[0].entry), (study.winner, rival))
 
 
@@ -302,7 +308,7 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
         return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."
-    return "Nothing is missing that this recording could show."
+    return f"Nothing is missing that this recording could show{_coloured(study)}."
 
 
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
@@ -313,3 +319,18 @@ def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen
         said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
         parts.append(" — or: ".join([str(effect["statement"]), *said]))
     return "; and ".join(parts)
+
+
+def _coloured(study: Study) -> str:
+    """Say where the noise has a band that the model does not have; empty where it has none."""
+    found = [c for c in study.candidates if c.undriven and c.score > _BAND and c.select_gain > 0]
+    if not found:
+        return ""
+    band = max(found, key=lambda c: c.score)
+    (attachment,) = band.attachments
+    frequency = band.values[attachment.key]["frequency_hz"][0]
+    where = " and ".join(attachment.location["outputs"])
+    return (
+        f"; but {where} has a band of noise around {frequency:.3g} Hz that the model lacks and no input drives:"
+        " a force that nobody measured, or the sensor's own"
+    )
