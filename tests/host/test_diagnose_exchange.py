@@ -109,12 +109,12 @@ def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(
     """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first."""
     case = write_case(tmp_path, MODEL, STEP, CHANNELS, swing(1.0, second_order(20.0, 0.4)))
     prepared = prepare(load_case(case))
-    lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
+    lag, resonant, dry, stick = rows_of(prepared, LAG, FILTER, DRY, "stiction state:v")
     density = select_density(prepared)
     both = prepared.only([lag.attachment, dry.attachment])
     chosen = refit(both, both.fit, [lag, dry], density)
     assert chosen is not None and chosen.plausible
-    singles = fit_rows(prepared, [lag, resonant, dry])
+    singles = fit_rows(prepared, [lag, resonant, dry, stick])  # after the filter took its place, stiction is tried too
     best, alternatives = exchanged(prepared, chosen, singles)
     assert [a.key for a in best.attachments] == [FILTER, DRY] and alternatives == ()
     assert best.score > chosen.score + 50
@@ -139,14 +139,16 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     (other,) = alternatives
     names = {best.attachments[0].key, other.attachment.key}
     assert names == {LAG, FILTER} and other.replaces == best.attachments[0].key
-    study: Any = SimpleNamespace(alternatives=alternatives, second=best, proof=None)
+    study: Any = SimpleNamespace(alternatives=alternatives, second=best, winner=best, proof=None)
     said, effects = verdict._several(study, best)
     assert said == "ambiguous" and [e["id"] for e in effects][1] == "coulomb_friction" and len(effects) == 3
     assert effects[0]["rivals"][0]["id"] == effects[2]["id"] and effects[1]["rivals"] == []
     assert effects[0]["weight"] + effects[2]["weight"] == pytest.approx(1.0)
-    sentence = verdict._sentence(said, effects, study)
+    sentence = verdict._sentence(said, effects, study, study.proof)
     assert sentence.count("— or:") == 1 and sentence.count("; and ") == 1
     assert sentence.index("— or:") < sentence.index("; and ")
+    pair = verdict._undecided(study)
+    assert pair is not None and set(pair[0]) == {"sensor_lag", "sensor_second_order"}
 
 
 def eddies(seed: int) -> Array:

@@ -53,9 +53,24 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
         attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
     )  # fmt: skip
     study: Any = SimpleNamespace(candidates=(mode,))
-    text = verdict._sentence("no_mismatch", [], study)
+    text = verdict._sentence("no_mismatch", [], study, None)
     assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
     assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")
+
+
+def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:
+    """Two effects, not proven; values that moved, proven, with one of the two beside them: neither is the set's."""
+    own, declared = SimpleNamespace(interval=(0.5, 9.0)), SimpleNamespace(interval=(8.0, 20.0))
+    study: Any = SimpleNamespace(second=SimpleNamespace(attachments=()), alternatives=(), proof=own)
+    effects = [{"statement": "k is wrong"}, {"statement": "it drags"}]
+    declared_proof: Any = declared
+    assert verdict._sentence("ambiguous", effects, study, declared_proof) == "k is wrong — or: it drags"
+    segment = SimpleNamespace(y=np.zeros((60, 1)), step=1.0)
+    study.case = SimpleNamespace(records=[SimpleNamespace(of=lambda role: [SimpleNamespace(name="push")])])
+    study.prepared = SimpleNamespace(split=SimpleNamespace(sealed=[segment]))
+    effects = [dict(e, location={"frequency_hz": None}) for e in effects]
+    told = verdict._next_experiment(study, "ambiguous", effects, declared_proof)
+    assert told is not None and "push" in told["text"] and told["separates"] == []
 
 
 def test_what_no_prediction_shows_is_immaterial() -> None:

@@ -72,7 +72,7 @@ def _others(attachment: Attachment, chosen: Candidate, singles: Sequence[Candida
 
 def _with(prepared: Prepared, chosen: Candidate, gone: Attachment, single: Candidate) -> Candidate | None:
     """Fit the set with one effect in another's place; gains over the bare baseline."""
-    stage = prepared.only(tuple(single.attachments[0] if a is gone else a for a in chosen.attachments))
+    stage = prepared.only(tuple(single.attachments[0] if a.key == gone.key else a for a in chosen.attachments))
     point = carry_point(chosen.fit.point, chosen.predictor.compiled.model, stage.extended)
     (new,) = as_rows(single)
     rows = [new if r.attachment.key == gone.key else r for r in as_rows(chosen)]

@@ -36,7 +36,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "schema": 1,
         "title": study.case.title,
         "verdict": verdict,
-        "statement": _sentence(verdict, effects, study),
+        "statement": _sentence(verdict, effects, study, proof),
         "effects": effects,
         "location": effects[0]["location"] if effects else _where(study, verdict),
         "sealed": _sealed(study, proof),
@@ -46,7 +46,7 @@ def diagnose(study: Study) -> dict[str, Any]:
             "threshold": finite(study.bank.threshold),
         },
         "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
-        "next_experiment": _next_experiment(study, verdict, effects),
+        "next_experiment": _next_experiment(study, verdict, effects, proof),
     }
 
 
@@ -248,9 +248,11 @@ def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
     return result
 
 
-def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+def _next_experiment(
+    study: Study, verdict: str, effects: Sequence[Mapping[str, Any]], proof: Proof | None
+) -> dict[str, Any] | None:
     inputs = study.case.records[0].of("input")
-    pair = _undecided(study) if verdict == "ambiguous" else None
+    pair = _undecided(study) if verdict == "ambiguous" and proof is study.proof else None
     if pair is not None:
         ids, candidates = pair
         first = ids[0]
@@ -274,12 +276,12 @@ def _next_experiment(study: Study, verdict: str, effects: Sequence[Mapping[str, 
 
 
 def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:
-    """Return two names that the data do not tell apart, and the candidates that bear them."""
+    """Return two names of a proven effect that the data do not tell apart, and the candidates that bear them."""
     if study.second is not None:
         ids = {a.key: a.entry for a in study.second.attachments}
         other = next(a for a in study.alternatives if a.attachment.entry != ids[a.replaces])
         return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
-    if study.winner is None or not study.winner.plausible:
+    if study.winner is None:
         return None
     first = study.winner.attachments[0].entry
     said = (c for c, w in _weighed(study, study.winner) if leaves_open(study.winner, c, w))
@@ -287,13 +289,13 @@ def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidat
     return None if rival is None else ((first, rival.attachments[0].entry), (study.winner, rival))
 
 
-def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study) -> str:
+def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
     """Write the verdict as one sentence for the top of the page."""
     if verdict in ("named", "parameter"):
         return str(effects[0]["statement"])
     if verdict == "multiple":
         return "; and ".join(str(e["statement"]) for e in effects)
-    if verdict == "ambiguous" and study.second is not None:
+    if verdict == "ambiguous" and study.second is not None and proof is study.proof:
         return _sentence_of_sets(effects, study, study.second)
     if verdict == "ambiguous":
         return " — or: ".join(str(e["statement"]) for e in effects)
