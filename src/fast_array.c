@@ -214,18 +214,23 @@ int aeo_fast_array_step(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
            step_backward(self, array);
 }
 
+/* The gain kappa, too, for A moves by gamma kappa before anything of the new sample is judged. */
 int aeo_fast_array_is_sound(const aeo_fast_rls_t *self, const aeo_real_t *words)
 {
     const size_t n = self->length, m = self->config.block;
-    const aeo_real_t *factor = words + n * (2 * m + 1) + m;
+    const aeo_real_t *const kappa = words + 2 * m * n, *factor = kappa + n + m;
     const aeo_real_t *const scalar = factor + m * (m + 1) / 2 + m * m;
+    if (!(scalar[INVERSE_GAMMA] >= AEO_REAL(1) && scalar[INVERSE_GAMMA] <= AEO_REAL(2) * NEWS_MAX)) {
+        return 0;
+    }
     for (size_t c = 0; c < m; c++) {
         if (!(*factor > AEO_REAL(0))) {
             return 0;
         }
         factor += m - c;
     }
-    return aeo_linalg_all_within(words, 2 * m * n, WEIGHT_MAX) && scalar[INVERSE_GAMMA] >= AEO_REAL(1) &&
+    return aeo_linalg_all_within(words, 2 * m * n, WEIGHT_MAX) &&
+           aeo_linalg_all_within(kappa, n, AEO_REAL(2) * GAIN_MAX * scalar[INVERSE_GAMMA]) &&
            scalar[DISAGREEMENT] >= AEO_REAL(0) && scalar[ERROR_SIZE] >= AEO_REAL(0);
 }
 /* SPDX-License-Identifier: MIT */

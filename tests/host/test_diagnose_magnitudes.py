@@ -14,11 +14,11 @@ from study_modules import load_study
 
 from aeolid.diagnose import pipeline, scores
 from aeolid.diagnose.case import load_case
+from aeolid.diagnose.declared import Moved
 from aeolid.diagnose.gains import kalman_gain
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.verdict import _Moved
 from aeolid.models import equations_file
 from aeolid.models.equations import Parameter
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, simulate
@@ -135,8 +135,8 @@ def test_a_faultless_sensor_counts_as_one_that_errs_by_a_hundredth(noise: float,
 @pytest.mark.parametrize(("value", "at_end"), [(0.5, True), (2.0, True), (1.2, False)])
 def test_a_declared_value_at_the_end_of_its_range_accuses_the_structure(value: float, at_end: bool) -> None:
     parameter = Parameter("k", 1.0, "", 0.5, 2.0, True)
-    assert _Moved(parameter, value, 0.01).at_end is at_end
-    assert not _Moved(Parameter("k", 1.0, ""), value, 0.01).at_end
+    assert Moved(parameter, value, 0.01).at_end is at_end
+    assert not Moved(Parameter("k", 1.0, ""), value, 0.01).at_end
 
 
 def test_a_baseline_that_lacks_nothing_is_fitted_as_well_from_any_noise(tmp_path: Path) -> None:

@@ -104,10 +104,12 @@ static void restore_names_what_is_wrong(void)
     const struct {
         size_t at;
         double value;
-    } damage[] = {{13, P + 2},                             /* more samples than the window holds */
-                  {15, 2},                                 /* a third array */
-                  {factor, 0},                             /* a diagonal entry of the factor */
-                  {factor + M * (M + 1) / 2 + M * M, 0.5}, /* 1 / gamma below 1 */
+    } damage[] = {{13, P + 2},                                 /* more samples than the window holds */
+                  {15, 2},                                     /* a third array */
+                  {factor, 0},                                 /* a diagonal entry of the factor */
+                  {factor + M * (M + 1) / 2 + M * M, 0.5},     /* 1 / gamma below 1 */
+                  {factor + M * (M + 1) / 2 + M * M, 1e21},    /* 1 / gamma that no array goes on with */
+                  {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30}, /* a gain that could move A out of bounds */
                   {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
                   {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}}; /* the window */
     for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
