@@ -1,6 +1,6 @@
 """Gate: no bytes given as saved state, configuration, sample or frame make filters, regressor or streamer misbehave.
 
-python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, mostly the same ones;
+python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, mostly the same;
 with it so many seconds for each fuzzer and precision, from a seed of its own, on inputs kept in the folder CORPUS.
 libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer; exit code 77 where clang has none. An input that fails
 is left in the present folder; the program named in the message replays it.
