@@ -8,6 +8,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+SWING_CHANNELS = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
+SWING = """[model]
+name = "a swing"
+[parameters]
+m = { value = 1.0, unit = "kg" }
+k = { value = 40.0, unit = "N/m", min = 4.0, max = 400.0, free = true }
+c = { value = 1.0, unit = "N s/m", min = 0.1, max = 10.0, free = true }
+[[input]]
+name = "push"
+unit = "N"
+[[state]]
+name = "q"
+unit = "m"
+derivative = "v"
+[[state]]
+name = "v"
+unit = "m/s"
+derivative = "(push - c*v - k*q)/m"
+[[output]]
+name = "position"
+unit = "m"
+equation = "q"
+[[output]]
+name = "speed"
+unit = "m/s"
+equation = "v"
+"""
+
 
 def write_case(
     folder: Path, model: str, step: float, channels: Sequence[tuple[str, str, str]], rows: NDArray[np.float64],

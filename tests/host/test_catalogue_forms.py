@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from small_cases import write_case
+from small_cases import SWING, SWING_CHANNELS, write_case
 from study_modules import load_study
 from test_catalogue_turbine import everything, site_of
 
@@ -57,34 +57,6 @@ def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor:
         assert found["sealed"]["interval"][0] > 0  # what comes nearest is shown on the sealed data too
 
 
-MODEL = """[model]
-name = "a swing"
-[parameters]
-m = { value = 1.0, unit = "kg" }
-k = { value = 40.0, unit = "N/m", min = 4.0, max = 400.0, free = true }
-c = { value = 1.0, unit = "N s/m", min = 0.1, max = 10.0, free = true }
-[[input]]
-name = "push"
-unit = "N"
-[[state]]
-name = "q"
-unit = "m"
-derivative = "v"
-[[state]]
-name = "v"
-unit = "m/s"
-derivative = "(push - c*v - k*q)/m"
-[[output]]
-name = "position"
-unit = "m"
-equation = "q"
-[[output]]
-name = "speed"
-unit = "m/s"
-equation = "v"
-"""
-
-
 def write_swinging(folder: Path, factor: float) -> Path:
     """Write a case: 80 s at 50 Hz of a swing pushed at random, its damping 1 + factor (q / 0.3 m)², gusts on top."""
     rng, step, samples = np.random.default_rng(3), 0.02, 4000
@@ -100,8 +72,7 @@ def write_swinging(folder: Path, factor: float) -> Path:
         for _ in range(4):
             x = x + 0.25 * step * slope(x + 0.125 * step * slope(x, push[i] + gust[i]), push[i] + gust[i])
     rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, 5e-3)
-    channels = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
-    return write_case(folder, MODEL, step, channels, rows)
+    return write_case(folder, SWING, step, SWING_CHANNELS, rows)
 
 
 def test_a_blade_answers_as_its_equation_says(tmp_path: Path) -> None:

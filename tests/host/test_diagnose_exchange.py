@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,10 +14,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
-from small_cases import write_case
+from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.diagnose import verdict
 from aeolid.diagnose.case import load_case
+from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.declared import also_speaking
 from aeolid.diagnose.exchange import exchanged
@@ -28,33 +30,6 @@ from aeolid.diagnose.scores import Row, score_bank
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 0.02, 3000
-CHANNELS = (("push", "N", "input"), ("position", "m", "output"), ("speed", "m/s", "output"))
-MODEL = """[model]
-name = "a swing"
-[parameters]
-m = { value = 1.0, unit = "kg" }
-k = { value = 40.0, unit = "N/m", min = 4.0, max = 400.0, free = true }
-c = { value = 1.0, unit = "N s/m", min = 0.1, max = 10.0, free = true }
-[[input]]
-name = "push"
-unit = "N"
-[[state]]
-name = "q"
-unit = "m"
-derivative = "v"
-[[state]]
-name = "v"
-unit = "m/s"
-derivative = "(push - c*v - k*q)/m"
-[[output]]
-name = "position"
-unit = "m"
-equation = "q"
-[[output]]
-name = "speed"
-unit = "m/s"
-equation = "v"
-"""
 
 
 def swing(
@@ -107,7 +82,7 @@ LAG, FILTER, DRY = "sensor_lag output:speed", "sensor_second_order output:speed"
 
 def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(tmp_path: Path) -> None:
     """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first."""
-    case = write_case(tmp_path, MODEL, STEP, CHANNELS, swing(1.0, second_order(20.0, 0.4)))
+    case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(20.0, 0.4)))
     prepared = prepare(load_case(case))
     lag, resonant, dry, stick = rows_of(prepared, LAG, FILTER, DRY, "stiction state:v")
     density = select_density(prepared)
@@ -128,14 +103,20 @@ def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(
     assert exchanged(prepared, best, singles)[0] is best
 
 
+def least(attachment: Attachment, size: float) -> Attachment:
+    """The same hypothesis, worth a name beside another only from this size on."""
+    return replace(attachment, beside={attachment.slots[0].name: size})
+
+
 def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
-    case = write_case(tmp_path, MODEL, STEP, CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4))
+    case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4))
     prepared = prepare(load_case(case))
     lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
     both = prepared.only([lag.attachment, dry.attachment])
     chosen = refit(both, both.fit, [lag, dry], select_density(prepared))
     assert chosen is not None
-    best, alternatives = exchanged(prepared, chosen, fit_rows(prepared, [lag, resonant, dry]))
+    singles = fit_rows(prepared, [lag, resonant, dry])
+    best, alternatives = exchanged(prepared, chosen, singles)
     (other,) = alternatives
     names = {best.attachments[0].key, other.attachment.key}
     assert names == {LAG, FILTER} and other.replaces == best.attachments[0].key
@@ -149,6 +130,8 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     assert sentence.index("— or:") < sentence.index("; and ")
     pair = verdict._undecided(study)
     assert pair is not None and set(pair[0]) == {"sensor_lag", "sensor_second_order"}
+    small = [replace(c, attachments=(least(c.attachments[0], 1.0),)) for c in singles]
+    assert exchanged(prepared, chosen, small) == (chosen, ())  # too small to have a name beside another effect
 
 
 def eddies(seed: int) -> Array:
@@ -163,7 +146,7 @@ def eddies(seed: int) -> Array:
 def linear_model() -> str:
     """The swing as a discrete state-space model, push held over a sample: a model file's text."""
     A, B, C, D, _ = cont2discrete((np.array([[0, 1], [-40, -1]]), np.eye(2)[:, 1:], np.eye(2), np.zeros((2, 1))), STEP)
-    inputs, *outputs = ({"name": n, "unit": u, "offset": 0.0} for n, u, _ in CHANNELS)
+    inputs, *outputs = ({"name": n, "unit": u, "offset": 0.0} for n, u, _ in SWING_CHANNELS)
     states = [{"name": n, "unit": u} for n, u in (("q", "m"), ("v", "m/s"))]
     facts = {
         "kind": "state_space", "sample_time_s": STEP, "inputs": [inputs], "outputs": outputs, "states": states,
@@ -183,7 +166,7 @@ def test_beside_coloured_noise_only_what_is_there_still_gains(
     """Eddies shake one sensor: a lag of it gains as it resonates with them, nothing once a mode does so."""
     share = np.array([0.2, 0.0]) if shaken == "position" else np.array([0.0, 1.0])
     rows = swing(0.0, filtered, np.outer(eddies(5), share))
-    prepared = prepare(load_case(write_case(tmp_path, linear_model(), STEP, CHANNELS, rows, kind="state_space")))
+    prepared = prepare(load_case(write_case(tmp_path, linear_model(), STEP, SWING_CHANNELS, rows, kind="state_space")))
     mode = f"structural_mode output:{shaken}"
     found = {c.key: c for c in fit_rows(prepared, rows_of(prepared, LAG, mode))}
     assert found[mode].undriven and not found[mode].plausible

@@ -41,8 +41,8 @@ def effect(*slots: Slot, **more: Any) -> Any:
 def test_a_shape_that_the_data_leave_open_is_no_objection(value: float, std: float, word: str) -> None:
     """A second-order filter that fitted as well as a lag was refused so, and the lag named alone."""
     fit, model = fitted((SIZE, SHAPE), (1.0, value), (0.1, std))
-    assert objection([effect(SIZE, SHAPE)], fit, model, 90.0, 2).startswith(word) if word else True
-    assert bool(objection([effect(SIZE, SHAPE)], fit, model, 90.0, 2)) is bool(word)
+    told = objection([effect(SIZE, SHAPE)], fit, model, 90.0, 2)
+    assert told.startswith(word) and bool(told) is bool(word)
     assert undetermined([effect(SIZE, SHAPE)], fit, model) == (std > 0.3)
 
 

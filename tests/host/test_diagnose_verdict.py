@@ -73,5 +73,19 @@ def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:
     assert told is not None and "push" in told["text"] and told["separates"] == []
 
 
+@pytest.mark.parametrize("speaks", [True, False])
+def test_what_speaks_beside_declared_values_weighs_as_much(speaks: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    own = {"id": "parameter_error", "weight": 1.0, "rivals": []}
+    drag = {"id": "quadratic_damping", "weight": 0.5, "rivals": []}
+    monkeypatch.setattr(verdict, "parameter_effect", lambda study: own)
+    monkeypatch.setattr(verdict, "_effect", lambda *rest: drag)
+    found = [SimpleNamespace(attachments=(None,))] if speaks else []
+    monkeypatch.setattr(verdict, "also_speaking", lambda study: found)
+    anything: Any = None
+    said, effects = verdict._declared(anything)
+    assert said == ("ambiguous" if speaks else "parameter") and sum(e["weight"] for e in effects) == 1.0
+    assert [r["id"] for r in effects[0]["rivals"]] == [e["id"] for e in effects[1:]]
+
+
 def test_what_no_prediction_shows_is_immaterial() -> None:
     assert decided(5.0, visible=False) == ("immaterial", [])

@@ -12,6 +12,7 @@ from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.race import is_accepted, select_density
 from aeolid.diagnose.refit import as_rows, refit
 from aeolid.diagnose.rivals import are_kin, tells_apart
+from aeolid.diagnose.several import is_worth_a_name_beside
 
 _TRIED = 2  # others tried in the place of each effect
 _BETTER = 1.0  # nats of score by which another must be ahead to take the place
@@ -42,7 +43,7 @@ def exchanged(
     for attachment in chosen.attachments:
         for single in _others(attachment, best, singles)[:_TRIED]:
             found = _with(prepared, best, attachment, single)
-            if found is None or not found.plausible or not is_accepted(found):
+            if found is None or not is_accepted(found) or not is_worth_a_name_beside(found, single.attachments[0]):
                 continue
             if found.score > best.score + _BETTER:
                 tried[attachment.key] = Alternative(single.attachments[0].key, best, attachment)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.exogenous import with_exogenous, without_unused
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor import Fit
@@ -100,7 +100,7 @@ def evidence(study: Study) -> dict[str, Any]:
         spread = np.hypot(std, p.prior_std or 0.0)
         parameters.append(
             {"name": p.name, "unit": p.unit, "prior": p.value, "fitted": fitted,
-             "std": std if np.isfinite(std) else None,
+             "std": finite(std),
              "pull": float((fitted - p.value) / spread) if np.isfinite(spread) and spread > 0 else None}
         )  # fmt: skip
     facts: dict[str, Any] = {

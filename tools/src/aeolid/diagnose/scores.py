@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.point import Point
@@ -330,15 +331,11 @@ def _row_json(row: Row, threshold: float) -> dict[str, Any]:
         "entry": row.attachment.location["entry"],
         "key": row.attachment.key,
         "testable": row.testable,
-        "statistic": row.z if np.isfinite(row.z) else None,
-        "threshold": threshold if np.isfinite(threshold) else None,
+        "statistic": finite(row.z),
+        "threshold": finite(threshold),
         "p_value": row.p_value,
-        "estimate": _finite(shown.show(row.estimate[shown.name])) if shown else None,
+        "estimate": finite(shown.show(row.estimate[shown.name])) if shown else None,
         "unit": shown.unit if shown else "",
         "minimum_detectable": value["value"] if value else None,
         "frequency_hz": next((v for k, v in row.grid.items() if k.endswith("_frequency_hz")), None),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -89,11 +89,15 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
 
 
 def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
-    """Accuse declared values; beside them the best effect that speaks, too, where one does."""
+    """Accuse declared values; beside them the best effect that speaks, where one does, and then neither weighs more.
+
+    The fit speaks for the effect and the sealed data for the values: no odds are to be had from that.
+    """
     effect, others = parameter_effect(study), also_speaking(study)[:1]
-    return "ambiguous" if others else "parameter", [
-        effect, *(_effect(study, c, c.attachments[0], [], 0.5) for c in others)
-    ]  # fmt: skip
+    if not others:
+        return "parameter", [effect]
+    other = _effect(study, others[0], others[0].attachments[0], [], 0.5)
+    return "ambiguous", [effect | {"weight": 0.5, "rivals": [{"id": other["id"], "weight": 0.5}]}, other]
 
 
 def _untested(study: Study) -> str:
