@@ -131,7 +131,11 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     pair = verdict._undecided(study)
     assert pair is not None and set(pair[0]) == {"sensor_lag", "sensor_second_order"}
     small = [replace(c, attachments=(least(c.attachments[0], 1.0),)) for c in singles]
-    assert exchanged(prepared, chosen, small) == (chosen, ())  # too small to have a name beside another effect
+    assert len(exchanged(prepared, chosen, small)[1]) == 1
+    both = prepared.only([dry.attachment, lag.attachment])
+    later = refit(both, both.fit, [dry, lag], select_density(prepared))
+    assert later is not None and len(exchanged(prepared, later, singles)[1]) == 1
+    assert exchanged(prepared, later, small) == (later, ())  # too small to have a name beside what was found first
 
 
 def eddies(seed: int) -> Array:

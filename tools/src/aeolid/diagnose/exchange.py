@@ -40,10 +40,12 @@ def exchanged(
         return chosen, ()
     tried: dict[str, Alternative] = {}
     best = chosen
-    for attachment in chosen.attachments:
+    for place, attachment in enumerate(chosen.attachments):
         for single in _others(attachment, best, singles)[:_TRIED]:
             found = _with(prepared, best, attachment, single)
-            if found is None or not is_accepted(found) or not is_worth_a_name_beside(found, single.attachments[0]):
+            if found is None or not is_accepted(found):
+                continue
+            if place > 0 and not is_worth_a_name_beside(found, single.attachments[0]):  # the first stood alone once
                 continue
             if found.score > best.score + _BETTER:
                 tried[attachment.key] = Alternative(single.attachments[0].key, best, attachment)
