@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 OWN = (
     "actuator_second_order", "data_time_offset", "rate_limit", "input_saturation", "deadband", "backlash",
     "input_quantisation", "sensor_lag", "sensor_second_order", "sensor_saturation", "sensor_quantisation",
-    "sensor_scale", "sensor_sign", "sensor_bias", "sensor_drift", "sensor_cross_axis",
+    "sensor_scale", "sensor_sign", "data_channel_swap", "sensor_bias", "sensor_drift", "sensor_cross_axis",
 )  # fmt: skip
 rig = load_study("rigs/signals")
 STEP = rig.STEP_S
@@ -221,6 +221,21 @@ def test_a_drive_acts_on_its_own_channel(world: World, key: str) -> None:
     u[:, 1] = KINDS[kind].rule(np.ascontiguousarray(u[:, 1]), np.array(arguments), STEP)
     assert np.max(np.abs(u[:, 1] - world.u[:, 1])) > 0.1
     np.testing.assert_allclose(world.run(values), world.plain(u), rtol=1e-10, atol=1e-12)
+
+
+def test_swapped_channels_trade_places(world: World) -> None:
+    """Two outputs of one unit show each other's columns; two inputs act as each other. Half a swap is the mean."""
+    free = world.plain(world.u)
+    np.testing.assert_array_equal(world.run({"swapped_outputs_1_2": 1.0}), free[:, ::-1])
+    mean = np.repeat(free.mean(axis=1, keepdims=True), 2, axis=1)
+    np.testing.assert_allclose(world.run({"swapped_outputs_1_2": 0.5}), mean, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(world.run({"swapped_inputs_1_2": 1.0}), world.plain(world.u[:, [1, 0, 2]]), rtol=1e-12)
+    assert [k for k in world.found if k.startswith("data_channel_swap")] == [
+        "data_channel_swap outputs:x_speed and y_speed", "data_channel_swap inputs:x_drive and y_drive",
+    ]  # fmt: skip
+    units = [replace(o, unit=u) for o, u in zip(world.site.model.outputs, ("m/s", "rpm"), strict=True)]
+    other = replace(world.site, model=replace(world.site.model, outputs=tuple(units)))
+    assert [a.location["outputs"] for a in entry("data_channel_swap").attach(other)] == [[]]
 
 
 @pytest.mark.parametrize("shift", [-3, 2])

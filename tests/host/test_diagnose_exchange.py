@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 from small_cases import SWING, SWING_CHANNELS, write_case
 
-from aeolid.diagnose import verdict
+from aeolid.diagnose import declared, verdict
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.colour import survives_colour
@@ -179,8 +179,9 @@ def test_beside_coloured_noise_only_what_is_there_still_gains(
     assert survives_colour(prepared, found[LAG], [found[LAG]])
 
 
-def test_what_speaks_forbids_that_only_values_are_wrong() -> None:
-    """Over the threshold, plausible, with a name, and worth more than chance; the best of these first."""
+def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Over the threshold, plausible, with a name, worth more than chance, and no value moves beside it; best first."""
+    monkeypatch.setattr(declared, "explains_away", lambda prepared, c: c.key != "beside")
 
     def row(key: str, z: float) -> Any:
         return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z)
@@ -193,9 +194,9 @@ def test_what_speaks_forbids_that_only_values_are_wrong() -> None:
     candidates = [
         candidate("drag", 7.0), candidate("lag", 9.0), candidate("delay", 9.0, plausible=False),
         candidate("quiet", 9.0), candidate("unlisted", 9.0, unlisted=True), candidate("little", 2.0),
-        candidate("parameter_error", 9.0),
+        candidate("parameter_error", 9.0), candidate("beside", 9.0),
     ]  # fmt: skip
-    names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error"]
+    names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error", "beside"]
     bank = SimpleNamespace(rows=[*(row(n, 6.0) for n in names), row("quiet", 3.0)], threshold=4.0)
-    study: Any = SimpleNamespace(candidates=candidates, bank=bank)
+    study: Any = SimpleNamespace(candidates=candidates, bank=bank, prepared=None)
     assert [c.key for c in also_speaking(study)] == ["lag", "drag"]

@@ -8,7 +8,7 @@ FAMILIES: dict[str, tuple[str, ...]] = {
     "input_nonlinearity": ("rate_limit", "input_saturation", "deadband", "backlash", "input_quantisation"),
     "friction": ("coulomb_friction", "stiction", "viscous_friction_change"),
     "sensor_nonlinearity": ("sensor_rectified", "sensor_saturation", "sensor_quantisation", "sensor_scale",
-                            "sensor_sign", "sensor_bias", "sensor_drift", "sensor_cross_axis"),
+                            "sensor_sign", "sensor_bias", "sensor_drift", "sensor_cross_axis", "data_channel_swap"),
     "structural_mode": ("drivetrain_torsion", "tower_fore_aft", "tower_side_side", "blade_flap", "blade_edge",
                         "structural_mode"),
     "stiffness_change": ("stiffness_change", "added_mass", "temperature_dependence"),

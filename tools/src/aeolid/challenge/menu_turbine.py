@@ -118,7 +118,8 @@ def faults() -> list[Item]:
         found.append(Item(p, ("data_fault",), twin, (20,), "one channel twice", kinds, fixed=True, forms=1))
         if p != "heater":
             continue
-        found.append(Item(p, ("data_fault",), swap, (20,), "channels swapped", kinds, fixed=True, forms=1))
+        names = ("data_channel_swap", "data_fault")
+        found.append(Item(p, names, swap, (20,), "channels swapped", kinds, fixed=True, forms=1))
     return found
 
 

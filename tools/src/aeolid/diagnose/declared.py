@@ -11,8 +11,9 @@ from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.prepare import NUISANCE
-from aeolid.models.equations import Parameter
+from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.prepare import NUISANCE, Prepared
+from aeolid.models.equations import Equations, Parameter
 
 SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
 _SPEAKS = 4.0  # nats of score from which an effect that was not proven still forbids "the structure is right"
@@ -41,12 +42,19 @@ class Moved:
 
 def moved(study: Study) -> list[Moved]:
     """Return the re-fitted declared values, the surest move first; at least one."""
-    prepared = study.prepared
+    return _moved(study.prepared, study.prepared.extended, study.prepared.fit)
+
+
+def _moved(prepared: Prepared, model: Equations, fit: Fit) -> list[Moved]:
+    """Return the declared values as a fit in some model has them, the surest move first."""
+    declared = {p.name: p for p in prepared.declared.parameters if not p.name.startswith(NUISANCE)}
+    names = [model.parameters[i].name for i in fit.free.theta]
     found = [
-        Moved(prepared.extended.parameters[i], float(prepared.fit.point.theta[i]), float(prepared.fit.std[k]))
-        for k, i in enumerate(prepared.free.theta)
+        Moved(declared[name], float(fit.point.theta[i]), float(std))
+        for name, i, std in zip(names, fit.free.theta, fit.std, strict=False)
+        if name in declared
     ]
-    return sorted((m for m in found if not m.parameter.name.startswith(NUISANCE)), key=lambda m: -m.deviations)
+    return sorted(found, key=lambda m: -m.deviations)
 
 
 def contradicted(study: Study) -> bool:
@@ -58,15 +66,23 @@ def contradicted(study: Study) -> bool:
 def also_speaking(study: Study) -> list[Candidate]:
     """Return effects over the threshold that fit better though they were not proven, best first.
 
-    Where one is, values that move may be stand-ins for it: a drag of 10 nats bent two stiffnesses and a friction.
+    Only those that make the declared values right again: values that move may be stand-ins for an effect (a drag of
+    10 nats bent two stiffnesses and a friction; beside it, all were as declared). Where a stiffness stays 50 deviations
+    off beside the effect, it is wrong whatever else there is.
     """
     loud = {r.attachment.key for r in study.bank.rows if r.z > study.bank.threshold}
     found = [
         c for c in study.candidates
         if c.plausible and not c.unlisted and c.key in loud and c.fit_gain > 0 and c.score > _SPEAKS
-        and c.attachments[0].entry != "parameter_error"
+        and c.attachments[0].entry != "parameter_error" and explains_away(study.prepared, c)
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.score)
+
+
+def explains_away(prepared: Prepared, candidate: Candidate) -> bool:
+    """Tell whether beside the effect no declared value is surely another than declared. Costs one prediction."""
+    fit = candidate.predictor.at(candidate.fit.point, candidate.fit.free)
+    return all(m.deviations <= SURE for m in _moved(prepared, candidate.predictor.compiled.model, fit))
 
 
 def parameter_effect(study: Study) -> dict[str, Any]:

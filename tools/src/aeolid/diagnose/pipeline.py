@@ -27,6 +27,7 @@ from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import are_kin, outdone_by, standings
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
+from aeolid.diagnose.switches import paying
 
 Array = NDArray[np.float64]
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
@@ -160,7 +161,8 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
     """
     fitted: dict[str, Candidate] = {}
     for _ in range(_AGAIN + 1):
-        fresh = [r for r in finalists(bank) if r.attachment.key not in fitted]
+        rows = {r.attachment.key: r for r in [*finalists(bank), *paying(prepared, bank)]}
+        fresh = [r for key, r in rows.items() if key not in fitted]
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
         fitted |= {c.key: c for c in fit_rows(prepared, kin(bank, list(fitted.values())))}
         better = better_baseline(prepared, list(fitted.values()))

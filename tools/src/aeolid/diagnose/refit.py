@@ -21,14 +21,16 @@ from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
 from aeolid.diagnose.scores import Bank, Row, overlap, shifted
+from aeolid.models.integrate import output_jacobian
+from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
 _TURNING = {
     "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
-    "sensor_second_order", "sensor_scale", "sensor_sign",
-}  # effects that turn what the gain was fitted to, in phase, sign or size  # fmt: skip
+    "sensor_second_order", "sensor_scale", "sensor_sign", "data_channel_swap",
+}  # effects that turn what the gain was fitted to, in phase, sign, size or place  # fmt: skip
 _BENDING = {"blade_flap", "blade_edge"}  # where they pass a load on later (stepped), not where a mode is driven
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _QUIET = 0.1
@@ -108,18 +110,11 @@ def begin(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> Begun | None:
     attachments = tuple(r.attachment for r in rows)
     free = free_with(base.free, attachments, prepared)
     found: list[tuple[float, Point]] = []
-    for group in _origins(prepared, base, attachments):
-        starts: list[Point] = []
-        for origin, options in itertools.product(group, itertools.product(*(_starts(r) for r in rows))):
-            merged = {k: v for o in options for k, v in o.items()}
-            start = shifted(origin, model, _clip(merged, predictor, prepared))
-            starts.append(_with_gains(start, rows, prepared))
-            if start.K is not None and any(r.gain_estimate for r in rows):
-                starts.append(start)  # the score's one step in the gain may leave the stable region
+    for starts in starts_of(prepared, base, rows):
         if any(a.always_fit for a in attachments):  # the measurement itself changes: search anew
             effects = [model.index(s.name) for a in attachments for s in a.slots]
             starts += explore(predictor, starts[0], free, effects)
-        if base.point.K is None and np.any(group[0].noise < base.point.noise):
+        if base.point.K is None and np.any(starts[0].noise < base.point.noise):
             starts = _with_noise_held(predictor, starts, free)
         tried = TRIED if prepared.surrogate is None else _TRIED_ON_RUN
         best = fit_briefly(predictor, starts, free, tried)
@@ -205,41 +200,85 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
 
 
 def turns(attachment: Attachment) -> bool:
-    """Tell whether an effect turns the phase, sign or size of what a free gain was fitted to."""
+    """Tell whether an effect turns the phase, sign, size or place of what a free gain was fitted to."""
     return attachment.entry in _TURNING or (attachment.entry in _BENDING and attachment.stepped)
 
 
-def _origins(prepared: Prepared, base: Fit, attachments: tuple[Attachment, ...]) -> list[list[Point]]:
-    """Return groups of points where the baseline's own values start from; each group gets fits of its own.
+def starts_of(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> list[list[Point]]:
+    """Return groups of points to start from, the effects' values in them; each group gets fits of its own.
+
+    Where an effect turns the phase, sign or size of a channel, or its place, one group has gains chosen anew for the
+    outputs as the effect leaves them: a free gain that was fitted to such a channel believes the model nothing and ends
+    where the predictor just forgets; no small step leads from there, and it looks better at first than all that do (a
+    unit of 57.3 ended at 10.4, 2200 nats short; a drive of 8 rad/s stayed at the start it was given; of two swapped
+    channels, z 48, no start held).
+    """
+    options = list(itertools.product(*(_starts(r) for r in rows)))
+    groups: list[list[Point]] = []
+    for group in _origins(prepared, base, [r.attachment for r in rows]):
+        starts: list[Point] = []
+        for origin, option in itertools.product(group, options):
+            start = _with_values(prepared, origin, option)
+            starts.append(_with_gains(start, rows, prepared))
+            if start.K is not None and any(r.gain_estimate for r in rows):
+                starts.append(start)  # the score's one step in the gain may leave the stable region
+        groups.append(starts)
+    linear = prepared.linear
+    if linear is None or base.point.K is None or prepared.surrogate is not None:
+        return groups
+    if any(turns(r.attachment) for r in rows):
+        declared = replace(base.point, theta=prepared.extended.theta)
+        turned = [_with_values(prepared, declared, option) for option in options]
+        anew = [s for start in turned for s in with_gains_anew(prepared, linear, start)]
+        groups += [anew] if anew else []
+    return groups
+
+
+def _with_values(prepared: Prepared, origin: Point, option: Sequence[dict[str, float]]) -> Point:
+    merged = {k: v for o in option for k, v in o.items()}
+    return shifted(origin, prepared.extended, _clip(merged, prepared.predictor, prepared))
+
+
+def with_gains_anew(prepared: Prepared, linear: StateSpace, start: Point) -> list[Point]:
+    """Return the start with Kalman gains for its own outputs, over a ladder of noise ratios; nothing where none move.
+
+    An output that a filter delays moves with none of the states at once: it counts as it is without the effect. Nothing
+    for a model that is not stable: how far its outputs move is not known.
+    """
+    if np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) >= 1 - 1e-9:
+        return []
+    at_rest = np.zeros(len(prepared.extended.inputs))
+    C = output_jacobian(prepared.predictor.compiled, start.x0[0], at_rest, start.theta)[:, : linear.order]
+    seen = np.all(np.isfinite(C), axis=1) & np.any(C != 0, axis=1)
+    turned = replace(linear, C=np.where(seen[:, None], C, linear.C))
+    covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
+    spreads = np.sqrt(np.diag(turned.C @ covariance @ turned.C.T + linear.D @ linear.D.T))
+    if not np.all(spreads > 0):
+        return []
+    assert start.K is not None
+    rest = np.zeros((len(start.K) - linear.order, len(spreads)))
+    return [replace(start, K=np.vstack([K, rest])) for K in riccati_gains(turned, spreads)]
+
+
+def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -> list[list[Point]]:
+    """Return groups of points where the baseline's own values start from.
 
     As fitted and as declared, once more without the process noise that took the effect's place (two overflowing tanks
-    gained 68 nats under it, 205 from a quiet start); or as on a simulator's own run; where the effect turns the phase,
-    sign or size of a channel, with gains chosen anew: a free gain that was fitted to such a channel believes the model
-    nothing and ends where the predictor just forgets; no small step leads from there, and it looks better at first than
-    all that do (a unit of 57.3 ended at 10.4, 2200 nats short; a drive of 8 rad/s stayed at the start it was given).
+    gained 68 nats under it, 205 from a quiet start); or as on a simulator's own run.
     """
-    linear, declared = prepared.linear, replace(base.point, theta=prepared.extended.theta)
-    if linear is None or base.point.K is None:
+    declared = replace(base.point, theta=prepared.extended.theta)
+    if prepared.linear is None or base.point.K is None:
         loud = [i for i in noisy_states(prepared.declared) if base.point.noise[i] > _LOUD]
         noise = base.point.noise.copy()
         noise[loud] = _QUIET
         return [[base.point, declared], *([[replace(declared, noise=noise)]] if loud else [])]
     run = prepared.frame.as_run(prepared.extended, base.point.x0)
-    if run is not None:
-        found = [prepared.extended.index(s.name) for a in attachments for s in a.slots]
-        theta = run.theta.copy()
-        theta[found] = base.point.theta[found]
-        return [[base.point], [replace(run, theta=theta)]]
-    stable = np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) < 1 - 1e-9
-    if not stable or not any(turns(a) for a in attachments):
+    if run is None:
         return [[base.point]]
-    covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
-    spreads = np.sqrt(np.diag(linear.C @ covariance @ linear.C.T + linear.D @ linear.D.T))
-    if not np.all(spreads > 0):
-        return [[base.point]]
-    rest = np.zeros((len(base.point.K) - linear.order, len(spreads)))
-    gains = riccati_gains(linear, spreads)
-    return [[base.point], [replace(declared, K=np.vstack([K, rest])) for K in gains]]
+    found = [prepared.extended.index(s.name) for a in attachments for s in a.slots]
+    theta = run.theta.copy()
+    theta[found] = base.point.theta[found]
+    return [[base.point], [replace(run, theta=theta)]]
 
 
 def judge(

@@ -25,6 +25,7 @@ _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
 _BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
+_VERDICTS = {"parameter_error": "parameter", "data_channel_swap": "data_fault"}  # of entries that miss no physics
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 
@@ -128,7 +129,7 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if any(c.attachments[0].entry != winner.attachments[0].entry for c, _ in said):
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
-    return "parameter" if winner.attachments[0].entry == "parameter_error" else "named", effects
+    return _VERDICTS.get(winner.attachments[0].entry, "named"), effects
 
 
 def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:
@@ -295,9 +296,7 @@ def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidat
 
 def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
     """Write the verdict as one sentence for the top of the page."""
-    if verdict in ("named", "parameter"):
-        return str(effects[0]["statement"])
-    if verdict == "multiple":
+    if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
         return "; and ".join(str(e["statement"]) for e in effects)
     if verdict == "ambiguous" and study.second is not None and proof is study.proof:
         return _sentence_of_sets(effects, study, study.second)

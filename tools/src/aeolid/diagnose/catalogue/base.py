@@ -115,6 +115,11 @@ class Attachment:
     essential: tuple[str, ...] = ()
     beside: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def is_switch(self) -> bool:
+        """Tell whether the effect has no size, only is or is not: a reversed sign, swapped channels."""
+        return bool(self.slots) and all(s.name in self.fixed for s in self.slots)
+
 
 @dataclass(frozen=True, eq=False)
 class Entry:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from aeolid.models.equations import Equations, Parameter, State
 
 _DAMPING_START = 0.03
 MOST_DAMPING = 0.7
+_SAME_HZ, _SAME = 0.01, 0.1  # of frequency and damping: nearer to a mode of the model than that is no other mode
 _EVERYWHERE = (0.0, float("inf"))
 
 
@@ -96,6 +98,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; the output sees"
         f" {_SEEN[derivatives_seen(site, j)]}",
         statement=lambda p: _statement(p, name, kind),
+        credible=partial(_not_had, own_modes(site, j)),
     )  # fmt: skip
 
 
@@ -129,6 +132,30 @@ def _band(site: Site, kind: Kind | None) -> tuple[float, float]:
     slowest, fastest = 4.0 / (len(site.u) * site.step), 0.4 / site.row_step
     least, most = kind.band_hz if kind is not None else _EVERYWHERE
     return max(slowest, least), min(fastest, most)
+
+
+def own_modes(site: Site, j: int) -> list[tuple[float, float]]:
+    """Return frequency in Hz and damping of the modes of a linear model that show in output j."""
+    if site.linear is None:
+        return []
+    poles, shapes = np.linalg.eig(site.linear.A)
+    found = []
+    for pole, shape in zip(poles, (site.linear.C @ shapes)[j], strict=True):
+        if pole.imag > 0 and abs(shape) > 0:
+            s = np.log(pole) / site.linear.sample_time_s if site.linear.sample_time_s else pole
+            found.append((float(abs(s) / (2 * np.pi)), float(-s.real / abs(s))))
+    return found
+
+
+def _not_had(own: Sequence[tuple[float, float]], p: Mapping[str, float]) -> str:
+    """Object to a mode that the model has: a second one on top of it stands for another size of the first.
+
+    With its eight values more it took the name from a channel in another unit, by 23 nats of 6,900.
+    """
+    for frequency, damping in own:
+        if abs(p["frequency_hz"] - frequency) < _SAME_HZ * frequency and abs(p["damping"] - damping) < _SAME * damping:
+            return f"the model has this mode, at {frequency:.4g} Hz with damping {damping:.2g}"
+    return ""
 
 
 def _statement(p: Mapping[str, float], name: str, kind: Kind | None) -> str:

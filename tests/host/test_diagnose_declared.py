@@ -1,0 +1,53 @@
+"""Declared values that move: because they are wrong, or because they stand in for an effect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from small_cases import SWING, SWING_CHANNELS, write_case
+
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.declared import SURE, explains_away
+from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.race import fit_rows
+from aeolid.diagnose.scores import score_bank
+
+Array = NDArray[np.float64]
+STEP, SAMPLES = 0.02, 2000
+
+
+def swing(stiffness: float, drag: float) -> Array:
+    """Simulate push, position, speed (N, 3): a spring in N/m, a drag in N/(m/s)^2; scipy's RK45, noise on both."""
+    rng = np.random.default_rng(4)
+    push = np.repeat(rng.uniform(-16.0, 16.0, SAMPLES // 20), 20)
+    x, rows = np.zeros(2), np.empty((SAMPLES, 2))
+    for i, load in enumerate(push):
+        rows[i] = x
+
+        def rate(_: float, x: Array, load: float = float(load)) -> list[float]:
+            return [x[1], load - x[1] - stiffness * x[0] - drag * x[1] * abs(x[1])]
+
+        x = solve_ivp(rate, (0.0, STEP), x, rtol=1e-8).y[:, -1]
+    return np.column_stack([push, rows + rng.standard_normal((SAMPLES, 2)) * (1e-3, 5e-3)])
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "drag", "moving", "explained"), [(40.0, 0.3, "c", True), (42.0, 0.0, "k", False)],
+    ids=["a drag bends the damping", "the stiffness is wrong"],
+)  # fmt: skip
+def test_an_effect_is_an_answer_only_where_the_declared_values_hold_beside_it(
+    stiffness: float, drag: float, moving: str, explained: bool, tmp_path: Path
+) -> None:
+    prepared = prepare(load_case(write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(stiffness, drag))))
+    names = [prepared.extended.parameters[i].name for i in prepared.free.theta]
+    place = names.index(moving)
+    value = prepared.fit.point.theta[prepared.free.theta[place]]
+    assert abs(value - {"c": 1.0, "k": 40.0}[moving]) > SURE * prepared.fit.std[place]
+    bank = score_bank(prepared, prepared.hypotheses, 0)
+    rows = [r for r in bank.rows if r.attachment.key == "quadratic_damping state:v"]
+    (found,) = fit_rows(prepared, rows)
+    assert explains_away(prepared, found) is explained
