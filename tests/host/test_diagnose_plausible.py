@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -66,7 +68,22 @@ def test_an_entry_may_object_to_its_own_values() -> None:
     fit, model = fitted((SIZE,), (1.0,), (0.1,))
     own = effect(SIZE, credible=lambda values: f"period {values['period_s']:.0f} s")
     assert objection([own], fit, model, 90.0, 1) == "filter: period 1 s"
-    assert values_of(own, fit, model) == {"period_s": (1.0, pytest.approx(0.1))}
+    assert values_of(own, fit, model) == {"period_s": (1.0, pytest.approx(math.hypot(0.1, 0.01)))}
+
+
+@pytest.mark.parametrize(
+    ("slot", "value", "share"),
+    [
+        (SIZE, 4.0, 0.04), (replace(SIZE, label="time_s", local=False), 4.0, 0.0), (replace(SIZE, null=1.0), 4.0, 0.03),
+        (replace(SIZE, show=lambda v: 1 / v if v else math.inf), 4.0, 0.0025),
+    ],
+    ids=["a size", "a moment", "a factor", "a frequency"],
+)  # fmt: skip
+def test_a_value_is_known_to_a_hundredth_at_best(slot: Slot, value: float, share: float) -> None:
+    """Of the distance from none; of all of it where none is at infinity; a moment in time has no size."""
+    fit, model = fitted((slot,), (value,), (1e-9,))
+    ((_, std),) = values_of(effect(slot), fit, model).values()
+    assert std == pytest.approx(share, rel=1e-3, abs=1e-8)
 
 
 def test_what_no_input_drives_is_the_colour_of_noise() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import verdict
+from aeolid.diagnose.rivals import is_other
 
 
 def decided(low: float, *, visible: bool = True) -> tuple[str, list[str]]:
@@ -89,3 +90,22 @@ def test_what_speaks_beside_declared_values_weighs_as_much(speaks: bool, monkeyp
 
 def test_what_no_prediction_shows_is_immaterial() -> None:
     assert decided(5.0, visible=False) == ("immaterial", [])
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "open_"),
+    [
+        (("sensor_scale", "output:block"), ("sensor_scale", "output:shell"), True),
+        (("sensor_scale", "output:block"), ("sensor_lag", "output:block"), True),
+        (("operating_region_switch", "input:pitch"), ("operating_region_switch", "input:pitch"), False),
+        (("parameter_error", "parameter:M"), ("parameter_error", "parameter:g"), False),
+    ],
+    ids=["another place", "another effect", "another form", "another constant"],
+)
+def test_the_same_effect_elsewhere_is_another_answer(own: tuple[str, str], other: tuple[str, str], open_: bool) -> None:
+    """A sensor that reads 1.24 times too much was told, without a doubt, as its neighbour reading 0.82 times."""
+    winner, rival = (
+        SimpleNamespace(attachments=(SimpleNamespace(entry=e, location={"entry": place}),)) for e, place in (own, other)
+    )
+    anything: Any = rival
+    assert is_other(anything, winner) is open_  # type: ignore[arg-type]

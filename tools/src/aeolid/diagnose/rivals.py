@@ -96,6 +96,16 @@ def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
     return pair != ("parameter_error", "sensor_scale") or weight >= 1 / _RARER
 
 
+def is_other(rival: Candidate, winner: Candidate) -> bool:
+    """Tell whether a rival is another effect, or the same elsewhere: a sensor's factor is one over it of its neighbour.
+
+    Which declared value is wrong is no such difference: the structure is right either way.
+    """
+    own, other = winner.attachments[0], rival.attachments[0]
+    elsewhere = own.location["entry"] != other.location["entry"] and own.entry != "parameter_error"
+    return own.entry != other.entry or elsewhere
+
+
 def _difference(a: Candidate, b: Candidate) -> Array:
     """Return what each sample of fit and selection data gains by a over b."""
     return np.concatenate([a.fit.per_sample - b.fit.per_sample, a.select_difference - b.select_difference])

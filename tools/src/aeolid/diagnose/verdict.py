@@ -15,7 +15,7 @@ from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effe
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof, block_interval
-from aeolid.diagnose.rivals import leaves_open, outdone_by, rivals_of, weights_of
+from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 
 Array = NDArray[np.float64]
@@ -126,7 +126,7 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in rivals]
     effects = [_effect(study, winner, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
     said = [(c, w) for c, w in rivals if leaves_open(winner, c, w)]
-    if any(c.attachments[0].entry != winner.attachments[0].entry for c, _ in said):
+    if any(is_other(c, winner) for c, _ in said):
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
     return _VERDICTS.get(winner.attachments[0].entry, "named"), effects
@@ -263,7 +263,8 @@ def _next_experiment(
         first = ids[0]
         hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
         hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
-        return describe(advise(study.prepared, inputs, candidates, study.seed), ids, hint)
+        names = ids if ids[0] != ids[1] else [c.key for c in candidates]
+        return describe(advise(study.prepared, inputs, candidates, study.seed), names, hint)
     if verdict in ("unnamed", "not_testable", "ambiguous"):
         moved = " and ".join(c.name for c in inputs) or "every input"
         where = effects[0]["location"] if effects else _where(study, verdict)
@@ -288,10 +289,10 @@ def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidat
         return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
     if study.winner is None:
         return None
-    first = study.winner.attachments[0].entry
-    said = (c for c, w in _weighed(study, study.winner) if leaves_open(study.winner, c, w))
-    rival = next((c for c in said if c.attachments[0].entry != first), None)
-    return None if rival is None else ((first, rival.attachments[0].entry), (study.winner, rival))
+    winner = study.winner
+    said = (c for c, w in _weighed(study, winner) if leaves_open(winner, c, w))
+    rival = next((c for c in said if is_other(c, winner)), None)
+    return None if rival is None else ((winner.attachments[0].entry, rival.attachments[0].entry), (winner, rival))
 
 
 def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
