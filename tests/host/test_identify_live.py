@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from aeolid.cli.listen_modes import _why_no_deviations
 from aeolid.errors import UsageError
 from aeolid.filters import replay_filter
 from aeolid.identify.live import LiveModes, LiveSettings
@@ -211,6 +212,11 @@ def test_who_listens_late_is_told_that_deviations_are_not_known():
         assert ("66% of what the filter has learnt from was heard" in live.note) is not known
     live.snapshot(theta(record, live.settings, 1500), None)
     assert "did not say which sample" in live.note and live.modes()[0].mode.frequency_std_hz is None
+    assert _why_no_deviations(live, 0) == live.note
+    told = _why_no_deviations(live, 7)  # a listener that is too slow for the stream says so
+    assert told is not None and told.startswith(live.note) and "7 samples came faster" in told
+    live.note = ""
+    assert _why_no_deviations(live, 7) is None
 
 
 def test_the_order_is_chosen_once_there_are_samples_and_again_with_twice_as_many():

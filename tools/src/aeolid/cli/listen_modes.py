@@ -276,7 +276,7 @@ class ModeFollower:
             "time_s": None if live.last is None else live.last * followed.configuration.description.sample_time_s,
             "order": live.order, "order_reason": live.order_reason, "samples": live.samples, "missing": live.missing,
             "left_out": followed.dropped, "snapshots": live.snapshots,
-            "no_deviations_because": live.note or None,
+            "no_deviations_because": _why_no_deviations(live, followed.dropped),
             "microseconds_a_sample": round(1e6 * live.seconds / max(live.samples, 1), 2),
             "modes": [{"mode": m.number} | m.mode.to_json() for m in followed.shown],
         }  # fmt: skip
@@ -284,6 +284,12 @@ class ModeFollower:
 
 def _why(followed: _Followed) -> str:
     return followed.problem or (followed.live.waiting if followed.live is not None else "waiting for samples")
+
+
+def _why_no_deviations(live: LiveModes, dropped: int) -> str | None:
+    """Say why there are no standard deviations, with how many samples came too fast; None where there are some."""
+    fast = f" ({dropped} samples came faster than the modes can be followed here)" if dropped else ""
+    return live.note + fast if live.note else None
 
 
 def _or(value: float | None, other: float) -> float:
