@@ -79,6 +79,7 @@ def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared)
         for g in a.gain_states:
             gain += [(states.index(g), j) for j in range(len(model.outputs))] if base.gain else []
             x0.append(states.index(g))
+        x0 += [states.index(s) for s in a.start_states]
     return Free(
         tuple(dict.fromkeys(theta)), tuple(dict.fromkeys(noise)), tuple(dict.fromkeys(gain)), tuple(dict.fromkeys(x0))
     )

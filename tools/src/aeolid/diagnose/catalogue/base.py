@@ -83,6 +83,7 @@ class Attachment:
     """Hold one hypothesis: an entry at one place of this model.
 
     edit puts the effect, at its null, into the model; gain_states are states it brings whose noise gain is free;
+    start_states are states it brings that no noise drives and whose start is free, around the model's own null;
     fixed are parameters set when it is active; grid are values of the non-local parameters to scan;
     starts are values to begin a full fit from; what they leave out comes from the score's estimate.
     always_fit: there is no score, fit it whatever the bank says. stepped: free parameters may absorb it so well that
@@ -101,6 +102,7 @@ class Attachment:
     edit: Callable[[Equations], Equations]
     slots: tuple[Slot, ...]
     gain_states: tuple[str, ...] = ()
+    start_states: tuple[str, ...] = ()
     fixed: Mapping[str, float] = field(default_factory=dict)
     grid: tuple[Mapping[str, float], ...] = ({},)
     starts: tuple[Mapping[str, float], ...] = ({},)

@@ -7,13 +7,18 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
+from aeolid.diagnose.catalogue.following import Filter, following, is_possible
 from aeolid.diagnose.catalogue.modes import KINDS, Kind, attach_named, derivatives_seen, kind_of, named_mode
 from aeolid.diagnose.catalogue.sensor_second_order import memories_of
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 
 _LEAST_DAMPING = 0.01
+_EQUATION = "m'' = w^2*({name} - m) - 2*damping*w*m', w = 2*pi*frequency_hz, m is the moment in the blade"
+_FREQUENCIES = 6  # of the grid that the bank scores
 _STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.15, 0.6))  # of the band, of the highest damping
 
 
@@ -26,14 +31,16 @@ def blade_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[t
 def responses(entry: str, site: Site) -> list[Attachment]:
     """Offer that a blade's moment follows its load as the blade bends, where the model has the moment at once.
 
-    The same equations as a second-order sensor; only another sensor, or the blade's band, tells the two apart.
+    The same equations as a second-order sensor; only another sensor, or the blade's band, tells the two apart. In
+    equations the bending is a state, so that the predictor's gain knows of it.
     """
     kind = next(k for k in KINDS if k.entry == entry)
     outputs = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is kind]
     fastest = 0.4 / site.row_step
     if kind.place != "blade" or fastest < 1.2 * kind.band_hz[0]:
         return []
-    return [_on(site, j, kind, min(kind.band_hz[1], fastest)) for j in outputs if not derivatives_seen(site, j)]
+    attach = _as_states if is_possible(site) else _on
+    return [attach(site, j, kind, min(kind.band_hz[1], fastest)) for j in outputs if not derivatives_seen(site, j)]
 
 
 def _frequency(inverse: float) -> float:
@@ -46,6 +53,25 @@ def _statement(name: str, words: str, v: Mapping[str, float]) -> str:
         f"{name} answers to its load by {words} at {v['frequency_hz']:.3g} Hz with damping {v['damping']:.2g};"
         " the model has it at once"
     )
+
+
+def _as_states(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
+    name, tag, most, low = site.output_names[j], f"bending_{j + 1}", kind.most_damping, kind.band_hz[0]
+    f, zeta = f"{tag}_frequency_hz", f"{tag}_damping"
+    slots = (
+        Slot(f, "frequency_hz", "Hz", low, low, highest_hz, highest_hz / 3, local=False),
+        Slot(zeta, "damping", "1", 0.5 * most, _LEAST_DAMPING, most, 0.05, local=False),
+    )
+    grid = np.geomspace(0.95 * highest_hz, 1.05 * low, _FREQUENCIES)
+    bending = Filter(
+        f"(1/(2*pi*{f}))", zeta, slots, tuple({f: float(x), zeta: 0.3 * most} for x in grid),
+        tuple({f: low * (highest_hz / low) ** s, zeta: z * most} for s, z in _STARTS),
+    )  # fmt: skip
+    return following(
+        site, j, tag, bending, entry=kind.entry, key=f"{kind.entry} response output:{name}",
+        where=location(kind.place, outputs=(name,)), equation=_EQUATION.format(name=name),
+        statement=partial(_statement, name, kind.words),
+    )  # fmt: skip
 
 
 def _on(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
@@ -63,6 +89,6 @@ def _on(site: Site, j: int, kind: Kind, highest_hz: float) -> Attachment:
         (Slot(inverse, "frequency_hz", "Hz", 0.0, low, high, 0.3 * low, show=_frequency),
          Slot(zeta, "damping", "1", start, _LEAST_DAMPING, most, 0.05, local=False)),
         stepped=True, starts=tuple({inverse: low + s * (high - low), zeta: z * most} for s, z in _STARTS),
-        equation=f"m'' = w^2*({name} - m) - 2*damping*w*m', w = 2*pi*frequency_hz, m is the moment in the blade",
+        equation=_EQUATION.format(name=name),
         statement=partial(_statement, name, kind.words),
     )  # fmt: skip

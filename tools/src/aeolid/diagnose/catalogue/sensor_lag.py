@@ -6,11 +6,15 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.catalogue.following import SHORTEST, Filter, following, is_possible
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
 _SHORTEST = 0.02  # rows: below, the straight line between two rows errs as much
 _AVERAGED = 0.5  # rows: what counts or averages over a row is that late by itself; no further effect beside another
+
+_ROWS = (1.0, 3.0, 10.0, 30.0)  # rows: time constants that the bank scores
+_EQUATION = "d({name}_measured)/dt = ({name} - {name}_measured)/tau_s"
 
 
 def _statement(name: str, v: Mapping[str, float]) -> str:
@@ -19,7 +23,20 @@ def _statement(name: str, v: Mapping[str, float]) -> str:
 
 def _attach(site: Site) -> list[Attachment]:
     longest = len(site.y) * site.row_step / 4
-    return [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    found = [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    slow = [_slow(site, j, longest) for j in range(len(site.output_names))] if is_possible(site) else []
+    return found + slow
+
+
+def _slow(site: Site, j: int, longest: float) -> Attachment:
+    name, tau, row = site.output_names[j], f"sensor_slow_{j + 1}_tau", site.row_step
+    slot = Slot(tau, "tau_s", "s", SHORTEST * row, SHORTEST * row, longest, row, local=False)
+    grid = tuple({tau: n * row} for n in _ROWS if n * row < longest)
+    return following(
+        site, j, f"sensor_slow_{j + 1}", Filter(tau, None, (slot,), grid, ({}, *grid)), entry="sensor_lag",
+        key=f"sensor_lag output:{name}, in states", where=location(f"output:{name}", outputs=(name,)),
+        equation=_EQUATION.format(name=name), statement=partial(_statement, name),
+    )  # fmt: skip
 
 
 def _on(j: int, name: str, longest: float, step: float) -> Attachment:
@@ -45,7 +62,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
         (Slot(tau, "tau_s", "s", 0.0, _SHORTEST * step, longest, 0.3 * step),),
         stepped=True, beside={tau: _AVERAGED * step},
         starts=({}, {tau: step}, {tau: 5 * step}),
-        equation=f"d({name}_measured)/dt = ({name} - {name}_measured)/tau_s",
+        equation=_EQUATION.format(name=name),
         statement=partial(_statement, name),
     )  # fmt: skip
 

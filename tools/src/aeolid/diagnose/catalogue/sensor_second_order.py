@@ -7,10 +7,13 @@ from functools import partial
 
 from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.catalogue.following import SHORTEST, Filter, following, is_possible
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
 _SHORTEST, _AVERAGED = 0.02, 0.25  # rows: as a lag of first order; beyond the Nyquist rate nothing tells the two apart
+_ROWS = (1.0, 3.0, 10.0)  # rows: periods that the bank scores
+_EQUATION = "m'' = omega_rad_s^2*({name} - m) - 2*damping*omega_rad_s*m', m is measured in place of {name}"
 _STARTS = tuple((period, zeta) for period in (0.7, 1.5, 3.0, 6.0, 12.0) for zeta in (0.5, 0.85))  # rows, 1
 
 
@@ -23,7 +26,25 @@ def _statement(name: str, v: Mapping[str, float]) -> str:
 
 def _attach(site: Site) -> list[Attachment]:
     longest = len(site.y) * site.row_step / 20
-    return [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    found = [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    slow = [_slow(site, j, longest) for j in range(len(site.output_names))] if is_possible(site) else []
+    return found + slow
+
+
+def _slow(site: Site, j: int, longest: float) -> Attachment:
+    name, tag, row = site.output_names[j], f"sensor_slow2_{j + 1}", site.row_step
+    inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
+    slots = (
+        Slot(inverse, "omega_rad_s", "rad/s", SHORTEST * row, SHORTEST * row, longest, row, local=False, show=rate_of),
+        Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False),
+    )
+    grid = tuple({inverse: n * row, zeta: 0.7} for n in _ROWS if n * row < longest)
+    starts = tuple({inverse: p * row, zeta: z} for p, z in _STARTS)
+    return following(
+        site, j, tag, Filter(inverse, zeta, slots, grid, ({}, *starts)), entry="sensor_second_order",
+        key=f"sensor_second_order output:{name}, in states", where=location(f"output:{name}", outputs=(name,)),
+        equation=_EQUATION.format(name=name), statement=partial(_statement, name),
+    )  # fmt: skip
 
 
 def memories_of(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
@@ -64,7 +85,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
          Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
         stepped=True, beside={inverse: _AVERAGED * step},
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
-        equation=f"m'' = omega_rad_s^2*({name} - m) - 2*damping*omega_rad_s*m', m is measured in place of {name}",
+        equation=_EQUATION.format(name=name),
         statement=partial(_statement, name),
     )  # fmt: skip
 
