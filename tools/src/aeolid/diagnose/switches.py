@@ -13,9 +13,9 @@ def paying(prepared: Prepared, bank: Bank) -> list[Row]:
     """Return the switches that predict better at once, switched on at one of the points where their fit would start.
 
     They have no small size at which a score could see them, and fitted values bend to them: an accelerometer's sign had
-    z 0.8, left four constants at their ends and a bending mode worth 410 nats; itself it is worth 813. At the declared
-    values it gains 173 nats, two swapped sensors over 15,000; of 32 switches that were not there every one lost 39 to
-    20,000. Costs two predictions a start, a hundredth of a fit.
+    z 0.8, left three constants at their ends and a bending mode worth 410 nats; itself it is worth 813. At the declared
+    values it gains 173 nats, two swapped sensors over 15,000; of 20 switches that were not there every one lost 39 or
+    more. Costs two predictions a start, a hundredth of a fit.
     """
     return [r for r in bank.rows if r.attachment.is_switch and r.testable and _pays(prepared, r)]
 
