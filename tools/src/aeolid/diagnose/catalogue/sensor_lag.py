@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.following import SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.catalogue.following import AT_NULL, SHORTEST, Filter, following, is_possible
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
@@ -30,7 +30,7 @@ def _attach(site: Site) -> list[Attachment]:
 
 def _slow(site: Site, j: int, longest: float) -> Attachment:
     name, tau, row = site.output_names[j], f"sensor_slow_{j + 1}_tau", site.row_step
-    slot = Slot(tau, "tau_s", "s", SHORTEST * row, SHORTEST * row, longest, row, local=False)
+    slot = Slot(tau, "tau_s", "s", AT_NULL * row, SHORTEST * row, longest, row, local=False)
     grid = tuple({tau: n * row} for n in _ROWS if n * row < longest)
     return following(
         site, j, f"sensor_slow_{j + 1}", Filter(tau, None, (slot,), grid, ({}, *grid)), entry="sensor_lag",

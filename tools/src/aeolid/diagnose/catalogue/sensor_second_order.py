@@ -7,7 +7,7 @@ from functools import partial
 
 from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.following import SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.catalogue.following import AT_NULL, SHORTEST, Filter, following, is_possible
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
@@ -35,7 +35,7 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
     name, tag, row = site.output_names[j], f"sensor_slow2_{j + 1}", site.row_step
     inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
     slots = (
-        Slot(inverse, "omega_rad_s", "rad/s", SHORTEST * row, SHORTEST * row, longest, row, local=False, show=rate_of),
+        Slot(inverse, "omega_rad_s", "rad/s", AT_NULL * row, SHORTEST * row, longest, row, local=False, show=rate_of),
         Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False),
     )
     grid = tuple({inverse: n * row, zeta: 0.7} for n in _ROWS if n * row < longest)
