@@ -427,7 +427,7 @@ def test_a_stretch_that_starts_in_motion_is_integrated_like_one_that_starts_at_r
     for speed in (0.0, 0.7):
         start = model.x0.copy()
         start[1] = speed
-        counts.append(substeps(worlds["spring"].full, u, theta, start, STEP))
+        counts.append(substeps(worlds["spring"].full, np.median(u, axis=0), theta, start, STEP))
     assert counts[0] == counts[1] >= 2.0 / 2.0 / SMOOTH * STEP / 0.5  # slope at rest F/(M v_s)
 
 

@@ -9,13 +9,13 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize
 
-from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.noise import colour_var, estimate_noise, filter_var
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.riccati import exponential, steady_gain
 from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
@@ -261,6 +261,19 @@ def test_steady_gain_solves_the_riccati_equation(seed: int) -> None:
 def test_steady_gain_without_process_noise_is_zero() -> None:
     A, C = np.array([[0.9, 0.1], [0.0, 0.8]]), np.array([[1.0, 0.0]])
     np.testing.assert_allclose(steady_gain(A, C, np.zeros((2, 2)), np.eye(1)), 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 0.4, 30.0])
+def test_the_exponential_is_that_of_scipy(size: float) -> None:
+    """From slow to fast modes within a row; tolerance: rounding, doubled by each of up to seven squarings."""
+    rng = np.random.default_rng(4)
+    for n in (1, 3, 12):
+        A = rng.standard_normal((n, n))
+        A = size * (A - 2.0 * np.eye(n) * np.linalg.norm(A, 2)) / np.linalg.norm(A, 2)  # stable: e^A stays finite
+        reference = expm(A)
+        np.testing.assert_allclose(exponential(A), reference, atol=1e-12 * np.abs(reference).max(), rtol=0)
+    assert not np.any(np.isfinite(exponential(np.full((2, 2), np.nan))))
+    assert not np.any(np.isfinite(exponential(np.full((2, 2), 1e12))))
 
 
 @pytest.mark.parametrize("order", [0, 1, 3])

@@ -63,7 +63,7 @@ def held_input(samples: int, seed: int) -> Array:
 
 def predict(compiled: Compiled, u: Array, y: Array, K: Array, step: float, stride: int = 1, generate: bool = False):  # type: ignore[no-untyped-def]
     model = compiled.model
-    count = substeps(compiled, u, model.theta, model.x0, step)
+    count = substeps(compiled, np.median(u, axis=0), model.theta, model.x0, step)
     return compiled.predict(u, y, model.theta, K, model.x0, step, count, stride, generate)
 
 

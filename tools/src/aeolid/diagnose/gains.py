@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from aeolid.models.integrate import Compiled, numeric_jacobian, output_jacobian
+from aeolid.diagnose.riccati import FLOORS, double, exponential
+from aeolid.models.integrate import Compiled, addresses, contiguous, numeric_jacobian, output_jacobian
+from aeolid.models.march import reading_jacobian, settle, state_jacobian
 
 Array = NDArray[np.float64]
 _EXACT = 1e-4  # a sensor's error is at least a hundredth of what the process noise of one sample moves it
@@ -24,49 +27,42 @@ def kalman_gain(
     solution.
     """
     x_size, spread = sizes
-    n, m = len(x_size), len(spread)
-    x = compiled.model.x0[:n] + x_size
-    J = numeric_jacobian(compiled, x, u, theta)
-    C = output_jacobian(compiled, x, u, theta, step)
-    if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
-        return np.zeros((n, m))
-    Q = np.diag((amplitude[:n] * x_size) ** 2)
-    R = np.diag((amplitude[n:] * spread) ** 2 + _EXACT * np.diag(C @ Q @ C.T))
-    if compiled.model.sample_time_s:
-        return steady_gain(J, C, Q, R)  # a discrete model runs at the rate of its outputs
-    A = np.asarray(expm(J * step))
-    return steady_gain(A, C, 0.5 * (Q + A @ Q @ A.T), R)
-
-
-def steady_gain(A: Array, C: Array, Q: Array, R: Array) -> Array:
-    """Solve the filter Riccati equation by structure-preserving doubling; returns A P Cᵀ (C P Cᵀ + R)⁻¹.
-
-    Doubling: Chu, Fan, Lin, Wang 2004, Int. J. Control 77(8); quadratic convergence, n³ an iteration. Where a sensor
-    noise is so small that R⁻¹ is singular to rounding, it counts as a millionth of what the process noise moves in one
-    step. Zero where there is no finite solution.
-    """
-    for floor in (0.0, 1e-12):
+    model, n = compiled.model, len(x_size)
+    x = np.concatenate([model.x0[:n] + x_size, np.full(len(model.memories), np.nan)])
+    units = np.where(x_size > 0, x_size, 1.0)
+    process, sensor = (amplitude[:n] * x_size / units) ** 2, (amplitude[n:] * spread) ** 2
+    for floor in FLOORS:
         try:
-            return _double(A, C, Q, R + np.diag(floor * np.diag(C @ Q @ C.T)))
+            return _kernel(
+                addresses(compiled.code), model.sample_time_s > 0, x, contiguous(u), contiguous(theta), units,
+                process, sensor, step, floor,
+            )  # fmt: skip
         except np.linalg.LinAlgError:
             continue
-    return np.zeros((len(A), len(C)))
+    return np.zeros((n, len(spread)))
 
 
-def _double(A: Array, C: Array, Q: Array, R: Array) -> Array:
-    n = len(A)
-    eye, F, G, H = np.eye(n), A.T.copy(), C.T @ np.linalg.solve(R, C), Q.copy()
-    for _ in range(40):
-        W = np.linalg.solve(eye + G @ H, np.hstack([F, G]))
-        F_next, change = F @ W[:, :n], F.T @ H @ W[:, :n]
-        G, H = G + F @ W[:, n:] @ F.T, H + change
-        F = F_next
-        if not np.all(np.abs(H) < 1e100):
-            return np.zeros((n, len(C)))
-        if np.linalg.norm(change) <= 1e-13 * np.linalg.norm(H):
-            break
-    gain: Array = A @ H @ C.T @ np.linalg.inv(C @ H @ C.T + R)
-    return gain
+@njit(cache=True, error_model="numpy", nogil=True)
+def _kernel(
+    code: tuple[int, int, int], discrete: bool, x: Array, u: Array, th: Array, units: Array, process: Array,
+    sensor: Array, step: float, floor: float,
+) -> Array:  # fmt: skip
+    """Linearise at x (n + memories,), in units (n,) of each state, and solve; variances (n,) and (l,)."""
+    n, m = len(units), len(sensor)
+    still, seen = x.copy(), x.copy()
+    settle(code[2], still, u, th, 1.0)
+    settle(code[2], seen, u, th, step)
+    J = state_jacobian(code[0], n, still, u, th) * units / units.reshape(n, 1)
+    C = reading_jacobian(code[1], code[2], (n, m), seen, u, th, step) * units
+    if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
+        return np.zeros((n, m))
+    Q = np.diag(process)
+    shown = np.diag(C @ Q @ np.ascontiguousarray(C.T))
+    R = np.diag(sensor + (_EXACT + floor) * shown)
+    if discrete:  # a discrete model runs at the rate of its outputs
+        return double(J, C, Q, R) * units.reshape(n, 1)
+    A = exponential(J * step)
+    return double(A, C, 0.5 * (Q + A @ Q @ np.ascontiguousarray(A.T)), R) * units.reshape(n, 1)
 
 
 def forgets(compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float) -> bool:

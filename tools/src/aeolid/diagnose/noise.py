@@ -37,7 +37,8 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
         )
     y, z = np.concatenate(targets), np.concatenate(lags)
     good = np.all(np.isfinite(y), axis=1) & np.all(np.isfinite(z), axis=1)
-    y, z = y[good], z[good]
+    if not np.all(good):
+        y, z = y[good], z[good]
     var = np.zeros((order, outputs, outputs))
     if order:
         gram = z.T @ z

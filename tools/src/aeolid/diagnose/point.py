@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,11 @@ class Segment:
     def fine_step(self) -> float:
         """Return the sample time of u in seconds."""
         return self.step / self.stride
+
+    @cached_property
+    def middle(self) -> Array:
+        """Return the typical input (r,)."""
+        return np.median(self.u, axis=0) if len(self.u) else np.zeros(self.u.shape[1])
 
     @property
     def stop_s(self) -> float:

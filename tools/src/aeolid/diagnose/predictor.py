@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +106,7 @@ class Predictor:
         """Run rows first … first + len(y) − 1 of a segment from state x with measurements (or innovations) y."""
         segment = self.segments[index]
         u = apply_filters(self.compiled.model, segment.u, point.theta, segment.fine_step)
-        count = substeps(self.compiled, segment.u, point.theta, point.x0[index], segment.fine_step)
+        count = substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
         part = u[first * segment.stride : (first + len(y)) * segment.stride]
         return self.compiled.predict(
             part, np.ascontiguousarray(y), point.theta, K, x, segment.fine_step, count, segment.stride, generate
@@ -120,9 +121,12 @@ class Predictor:
         segment, first = self.segments[index], points[0]
         lanes = [*points, *[first] * (LANES - len(points))]
         u = apply_filters(self.compiled.model, segment.u, first.theta, segment.fine_step)
-        count = substeps(self.compiled, segment.u, base.theta, base.x0[index], segment.fine_step)
+        count = substeps(self.compiled, segment.middle, base.theta, base.x0[index], segment.fine_step)
         theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
-        gains = [self.gain(p) for p in points]
+        gains = [self.gain(points[0])]
+        for before, p in pairwise(points):  # starts that differ have one gain
+            same = before.K is p.K and np.array_equal(before.theta, p.theta) and np.array_equal(before.noise, p.noise)
+            gains.append(gains[-1] if same else self.gain(p))
         K = np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
         return self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
 
@@ -131,7 +135,7 @@ class Predictor:
         if point.K is not None and not np.any(point.noise):
             return point.K
         sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
-        K = kalman_gain(self.compiled, sizes, point.theta, point.noise, np.median(first.u, axis=0), first.step)
+        K = kalman_gain(self.compiled, sizes, point.theta, point.noise, first.middle, first.step)
         return K if point.K is None else K + point.K
 
     def innovations(self, point: Point) -> list[Array]:
@@ -141,7 +145,8 @@ class Predictor:
     def noise_of(self, innovations: Sequence[Array]) -> Noise | None:
         """Estimate the noise model of innovations; None where they are not finite."""
         for e, segment in zip(innovations, self.segments, strict=True):
-            if not np.all(np.abs(e[segment.burn :][np.isfinite(segment.y[segment.burn :])]) < 1e12):
+            bounded = np.abs(e[segment.burn :]) < 1e12
+            if not np.all(bounded) and np.any(np.isfinite(segment.y[segment.burn :][~bounded])):
                 return None
         order = self.var_order if self.var_order is not None else 0
         return estimate_noise(innovations, [s.burn for s in self.segments], order)
@@ -150,7 +155,7 @@ class Predictor:
     def middle(self) -> tuple[Array, Array]:
         """Return the state (n,) and the input (r,) that the model is linearised at."""
         x = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0
-        return x, np.median(self.segments[0].u, axis=0)
+        return x, self.segments[0].middle
 
     def objective(self, point: Point) -> float:
         """Return minus the log-likelihood, noise model concentrated out, plus the priors; huge where it diverges.

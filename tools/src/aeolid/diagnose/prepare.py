@@ -19,11 +19,11 @@ from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, noise_ladder, with_forces_awake
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
-from aeolid.diagnose.gains import steady_gain
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.resample import factor_for
+from aeolid.diagnose.riccati import steady_gain
 from aeolid.diagnose.simulated import Surrogate
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable

@@ -108,7 +108,7 @@ def _var_columns(predictor: Predictor, point: Point, noise: Noise) -> Array:
         for i in range(1, order + 1):
             past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
         lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
-        block = np.einsum("tib,ac->tciab", lagged, noise.factor)  # −dr[t, c] / dA_i[a, b]
+        block = lagged[:, None, :, None, :] * noise.factor.T[None, :, None, :, None]  # −dr[t, c] / dA_i[a, b]
         parts.append(block.reshape(len(lagged) * outputs, -1))
     return np.vstack(parts)
 

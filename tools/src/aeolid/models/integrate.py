@@ -101,7 +101,8 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     filtered = apply_filters(compiled.model, u, theta, step)
     blank = np.full((len(u), len(compiled.model.outputs)), np.nan)
     gain = np.zeros((len(compiled.model.states), blank.shape[1]))
-    count = substeps(compiled, u, theta, x0, step)
+    middle = np.median(u, axis=0) if len(u) else np.zeros(u.shape[1])
+    count = substeps(compiled, middle, theta, x0, step)
     y: Array = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)[1]
     if not np.all(np.isfinite(y)):
         first = int(np.argwhere(~np.isfinite(y))[0][0])
@@ -109,16 +110,15 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     return y
 
 
-def substeps(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> int:
+def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: float) -> int:
     """Return how many Runge–Kutta steps a sample needs: fastest eigenvalue times step at most 0.5.
 
     0.5 keeps the local error of the fourth-order rule below 3e-4 of the fastest mode (step^5/120). Looked at where the
     run starts and, because dry friction is steepest there, at rest: otherwise two stretches of one recording, one that
-    starts at rest and one in motion, would be integrated as two different models.
+    starts at rest and one in motion, would be integrated as two different models. middle (r,): the typical input.
     """
     if compiled.model.sample_time_s > 0 or not len(x0):
         return 1
-    middle = np.median(u, axis=0) if len(u) else np.zeros(u.shape[1])
     places = [x0] if np.array_equal(rest := _at_rest(compiled.model, x0), x0, equal_nan=True) else [x0, rest]
     jacobians = [numeric_jacobian(compiled, x, middle, theta) for x in places]
     if not all(np.all(np.isfinite(j)) for j in jacobians):
