@@ -7,7 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from aeolid.diagnose.riccati import FLOORS, double, exponential
+from aeolid.diagnose.riccati import FLOORS, double, exponential, product, transposed
 from aeolid.models.integrate import Compiled, addresses, contiguous, numeric_jacobian, output_jacobian
 from aeolid.models.march import reading_jacobian, settle, state_jacobian
 
@@ -31,38 +31,49 @@ def kalman_gain(
     x = np.concatenate([model.x0[:n] + x_size, np.full(len(model.memories), np.nan)])
     units = np.where(x_size > 0, x_size, 1.0)
     process, sensor = (amplitude[:n] * x_size / units) ** 2, (amplitude[n:] * spread) ** 2
+    gain = np.zeros((n, len(spread)))
     for floor in FLOORS:
-        try:
-            return _kernel(
-                addresses(compiled.code), model.sample_time_s > 0, x, contiguous(u), contiguous(theta), units,
-                process, sensor, step, floor,
-            )  # fmt: skip
-        except np.linalg.LinAlgError:
-            continue
-    return np.zeros((n, len(spread)))
+        if _solve_at(
+            addresses(compiled.code), model.sample_time_s > 0, x, contiguous(u), contiguous(theta), units,
+            process, sensor, step, floor, gain,
+        ):  # fmt: skip
+            break
+    return gain
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def _kernel(
+def _solve_at(
     code: tuple[int, int, int], discrete: bool, x: Array, u: Array, th: Array, units: Array, process: Array,
-    sensor: Array, step: float, floor: float,
-) -> Array:  # fmt: skip
-    """Linearise at x (n + memories,), in units (n,) of each state, and solve; variances (n,) and (l,)."""
-    n, m = len(units), len(sensor)
+    sensor: Array, step: float, floor: float, gain: Array,
+) -> bool:  # fmt: skip
+    """Linearise at x (n + memories,) in units (n,) of each state and write the gain; variances (n,) and (l,)."""
+    n, m = gain.shape
     still, seen = x.copy(), x.copy()
     settle(code[2], still, u, th, 1.0)
     settle(code[2], seen, u, th, step)
-    J = state_jacobian(code[0], n, still, u, th) * units / units.reshape(n, 1)
-    C = reading_jacobian(code[1], code[2], (n, m), seen, u, th, step) * units
-    if not np.all(np.isfinite(J)) or not np.all(np.isfinite(C)):
-        return np.zeros((n, m))
-    Q = np.diag(process)
-    shown = np.diag(C @ Q @ np.ascontiguousarray(C.T))
-    R = np.diag(sensor + (_EXACT + floor) * shown)
-    if discrete:  # a discrete model runs at the rate of its outputs
-        return double(J, C, Q, R) * units.reshape(n, 1)
-    A = exponential(J * step)
-    return double(A, C, 0.5 * (Q + A @ Q @ np.ascontiguousarray(A.T)), R) * units.reshape(n, 1)
+    A = state_jacobian(code[0], n, still, u, th)
+    C = reading_jacobian(code[1], code[2], (n, m), seen, u, th, step)
+    Q, R = np.zeros((n, n)), np.zeros((m, m))
+    for j in range(n):
+        Q[j, j] = process[j]
+        for i in range(n):
+            A[i, j] *= units[j] / units[i] * (1.0 if discrete else step)
+        for i in range(m):
+            C[i, j] *= units[j]
+            R[i, i] += (_EXACT + floor) * process[j] * C[i, j] ** 2
+    for i in range(m):
+        R[i, i] += sensor[i]
+    if not discrete:  # a discrete model runs at the rate of its outputs
+        A = exponential(A)
+        spread = product(product(A, Q), transposed(A))
+        for i in range(n):
+            for j in range(n):
+                Q[i, j] = 0.5 * (Q[i, j] + spread[i, j])
+    found = double(A, C, Q, R, gain)
+    for i in range(n):
+        for j in range(m):
+            gain[i, j] *= units[i]
+    return found
 
 
 def forgets(compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float) -> bool:
