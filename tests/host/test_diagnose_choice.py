@@ -16,10 +16,11 @@ from study_modules import load_study
 from aeolid.cli.main import main
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
-from aeolid.diagnose.pipeline import against, kin, leading
+from aeolid.diagnose.pipeline import against, kin
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import finalists, refit, renewed
+from aeolid.diagnose.rivals import leading
 from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
 

@@ -9,7 +9,17 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import pipeline
-from aeolid.diagnose.rivals import are_kin, leads, leaves_open, outdone_by, rivals_of, tells_apart, weights_of
+from aeolid.diagnose.rivals import (
+    are_kin,
+    leading,
+    leads,
+    leaves_open,
+    outdone_by,
+    rivals_of,
+    stands_for,
+    tells_apart,
+    weights_of,
+)
 
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
 
@@ -133,11 +143,25 @@ def test_a_constant_is_more_often_wrong_than_a_calibrated_sensor() -> None:
     other = candidate(60.0, 20.0, name="backlash")
     assert weights_of([factor, mass]) == pytest.approx([1 / 11, 10 / 11])
     assert weights_of([factor, other]) == pytest.approx([0.5, 0.5])
-    assert pipeline.leading([factor, mass]) is mass and pipeline.leading([factor, other]) is other
+    assert leading([factor, mass]) is mass and leading([factor, other]) is other
     far = candidate(64.0, 20.0, name="sensor_scale")
-    assert pipeline.leading([far, mass]) is far
+    assert leading([far, mass]) is far
     assert not leaves_open(mass, factor, 1 / 11) and leaves_open(mass, factor, 0.2)
     assert leaves_open(mass, other, 1 / 11) and leaves_open(other, factor, 1 / 11)
+
+
+def test_of_sets_that_fit_alike_the_effect_last_added_decides() -> None:
+    """Sticking with nothing in excess is dry friction with two values that nobody needs: rounding must not choose."""
+    friction, sticking = (
+        candidate(60.0 + more, 20.0, name="actuator_lag", parameters=count)
+        for more, count in ((0.0, 2), (0.9, 4))
+    )  # fmt: skip
+    friction.attachments += (SimpleNamespace(entry="coulomb_friction"),)
+    sticking.attachments += (SimpleNamespace(entry="stiction"),)
+    assert leading([sticking, friction]) is friction and leading([sticking]) is sticking
+    far = candidate(62.0, 20.0, name="actuator_lag", parameters=4)
+    far.attachments += (SimpleNamespace(entry="stiction"),)
+    assert leading([far, friction]) is far
 
 
 def test_a_form_far_ahead_of_all_that_was_found_together_takes_its_place() -> None:
@@ -150,3 +174,16 @@ def test_a_form_far_ahead_of_all_that_was_found_together_takes_its_place() -> No
     assert pipeline._better_form(anything, [one, form], []) is None
     refused = candidate(137.0, 45.0, name="unlisted", survived=True, parameters=1, plausible=False)
     assert pipeline._better_form(anything, [one, refused], [one]) is None
+
+
+@pytest.mark.parametrize(("value", "form_gain", "stands"), [(0.7, 60.0, True), (1.4, 60.0, True), (0.8, 60.0, False),
+                                                            (1.3, 60.0, False), (0.7, 20.0, False)])  # fmt: skip
+def test_only_a_sensor_that_is_a_third_off_gives_way_to_a_form_that_fits_as_well(
+    value: float, form_gain: float, stands: bool
+) -> None:
+    factor = candidate(60.0, 20.0, name="sensor_scale", values={"block": {"factor": (value, 0.02)}})
+    factor.attachments[0].key = "block"
+    form = candidate(form_gain, form_gain / 3, name="unlisted")
+    assert stands_for(factor, form) is stands
+    assert (outdone_by([factor, form], factor) is form) is stands
+    assert not stands_for(factor, candidate(60.0, 20.0, name="sensor_bias")) and not stands_for(WINNER, form)

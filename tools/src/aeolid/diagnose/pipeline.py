@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import ENTRIES, unlisted
+from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
@@ -24,7 +24,7 @@ from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
 from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
-from aeolid.diagnose.rivals import are_kin, outdone_by, standings
+from aeolid.diagnose.rivals import are_kin, leading, outdone_by
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.several import further_effects, what_is_left
 from aeolid.diagnose.switches import paying
@@ -34,7 +34,6 @@ _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best tha
 _TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
-_TIED = 1.0  # nats: candidates this close are equally good
 
 Progress = Callable[[str, float], None]
 
@@ -248,19 +247,6 @@ def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candi
         refused = replace(winner, plausible=False, reason=reason)
         candidates = [refused if c is winner else c for c in candidates]
     return winner, candidates
-
-
-def leading(candidates: list[Candidate]) -> Candidate | None:
-    """Return the best; of those within a nat of it the one with the fewest parameters, then the first in the catalogue.
-
-    A dead time and a clock offset of one input are the same model: rounding must not choose. A form outside the
-    catalogue leads where no entry is left only; one that fits far better takes the entry's name in the verdict.
-    """
-    candidates = [c for c in candidates if not c.unlisted] or candidates
-    scores = standings(candidates)
-    order = [*(e.id for e in ENTRIES), unlisted.ID]
-    tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
-    return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[0].entry)), default=None)
 
 
 def _declared(prepared: Prepared, seed: int) -> Proof | None:

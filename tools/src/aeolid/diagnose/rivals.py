@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 
 Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
-_TIED = 1.0  # … and nats over all data
+_TIED = 1.0  # … and nats over all data: candidates this close are equally good
 _RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
+_FAR_OFF = 4 / 3  # times too much or too little: no calibrated sensor shows that
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
@@ -53,11 +54,13 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
     forced (a sensor 4 ms late, less than the least lag that is believed, was called a bending mode). |Vuong z| above 2
     and 10 nats are asked for; None where nobody is. One of the same family takes nothing: stick and slip fits a stage
     better than dry friction alone, with a force at its range's end; what is missing is friction all the same.
+    A form that fits no worse is enough where the name is a sensor's factor that no calibrated sensor has.
     """
     families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
-        if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible)) and leads(c, named)
+        if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible))
+        and (leads(c, named) or stands_for(named, c))
         and not families & {entry(a.entry).family for a in c.attachments}
     ]  # fmt: skip
     return max(ahead, key=lambda c: c.score, default=None)
@@ -72,11 +75,39 @@ def leads(ahead: Candidate, other: Candidate) -> bool:
     )
 
 
+def stands_for(factor: Candidate, form: Candidate) -> bool:
+    """Tell whether a sensor's factor only stands for a form outside the catalogue, which fits as well.
+
+    A neglected loss in proportion to a temperature and a factor of its sensor are one linear model (289.9 and 289.5
+    nats, factor 0.71). Of the two a sensor that is a third off is the stranger.
+    """
+    (first, *more) = factor.attachments
+    if not form.unlisted or more or first.entry != "sensor_scale":
+        return False
+    value = factor.values[first.key]["factor"][0]
+    return not 1 / _FAR_OFF < value < _FAR_OFF and not tells_apart(factor, form)
+
+
 def weights_of(candidates: Sequence[Candidate]) -> list[float]:
     """Return weights that sum to one, by the odds of the candidates' scores and of what is more often wrong."""
     scores = np.array(standings(candidates))
     odds = np.exp(np.clip(scores - scores.max(), -50, 0))
     return [float(w) for w in odds / odds.sum()]
+
+
+def leading(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the best; of those within a nat of it the one with the fewest parameters, then the first in the catalogue.
+
+    A dead time and a clock offset of one input are the same model: rounding must not choose. Nor between dry friction
+    and sticking with nothing in excess, which were third effects in turn when only the selection data ranked them. A
+    form outside the catalogue leads where no entry is left only; one that fits far better takes the entry's name in the
+    verdict. Of sets the effects last added are compared.
+    """
+    candidates = [c for c in candidates if not c.unlisted] or candidates
+    scores = standings(candidates)
+    order = [*(e.id for e in ENTRIES), unlisted.ID]
+    tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
+    return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[-1].entry)), default=None)
 
 
 def standings(candidates: Sequence[Candidate]) -> list[float]:
@@ -85,9 +116,9 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
     A tower's mass and the factor of the accelerometer that alone shows it are one model. Of the two a model's constant
     is the more often wrong, for a sensor has been calibrated and a constant was assumed.
     """
-    first = [c.attachments[0].entry for c in candidates]
-    behind = np.log(_RARER) if "parameter_error" in first else 0.0
-    return [c.score - (behind if e == "sensor_scale" else 0.0) for c, e in zip(candidates, first, strict=True)]
+    last = [c.attachments[-1].entry for c in candidates]
+    behind = np.log(_RARER) if "parameter_error" in last else 0.0
+    return [c.score - (behind if e == "sensor_scale" else 0.0) for c, e in zip(candidates, last, strict=True)]
 
 
 def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:

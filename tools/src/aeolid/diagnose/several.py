@@ -14,6 +14,7 @@ from aeolid.diagnose.frame import carry_fit, carry_point
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.race import select_density
 from aeolid.diagnose.refit import as_rows, refit
+from aeolid.diagnose.rivals import leading
 from aeolid.diagnose.scores import Bank, score_bank
 
 _MOST = 3  # effects in one model
@@ -53,22 +54,20 @@ def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidat
     if not rows:
         return None, bank
     base_select = select_density(prepared)
-    best: Candidate | None = None
+    found: list[Candidate] = []
     for row in rows:
         both = prepared.only((*winner.attachments, row.attachment))
         base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
         larger = refit(both, base, [*as_rows(winner), row], base_select)
         if larger is None:
             continue
-        better = (
-            larger.plausible
-            and is_worth_a_name_beside(larger, row.attachment)
-            and adds(winner, larger)
-            and (best is None or larger.select_gain > best.select_gain)
-        )
-        if better and survives_control(prepared, larger):  # by what it gains beyond the smaller set: that is at stake
-            best = larger.beyond(winner)
-    return best, bank
+        if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and adds(winner, larger):
+            found.append(larger)
+    while (best := leading(found)) is not None:
+        if survives_control(prepared, best):  # by what it gains beyond the smaller set: that is at stake
+            return best.beyond(winner), bank
+        found.remove(best)
+    return None, bank
 
 
 def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:

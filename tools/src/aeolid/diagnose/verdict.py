@@ -15,7 +15,7 @@ from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effe
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof, block_interval
-from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
+from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, stands_for, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 
 Array = NDArray[np.float64]
@@ -223,17 +223,12 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
         (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
     )
     outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
-    form = _unlisted_form(study)
+    form = study.winner.attachments[0] if study.winner is not None and study.winner.unlisted else None
     return {
         "entry": form.location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
         "frequency_hz": bands[0]["frequency_hz"] if bands else None, "azimuth_order": None, "region": None,
         "time_s": None, "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
     }  # fmt: skip
-
-
-def _unlisted_form(study: Study) -> Attachment | None:
-    """Return the form outside the catalogue that explains what has no name, if one does."""
-    return study.winner.attachments[0] if study.winner is not None and study.winner.unlisted else None
 
 
 def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
@@ -309,12 +304,21 @@ def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: 
         return "A difference is there beyond doubt, but too small to show in any prediction."
     if verdict == "not_testable":
         return _untested(study)
-    if verdict == "unnamed" and (form := _unlisted_form(study)) is not None:
-        return f"Something is missing that no catalogue entry explains; what comes nearest is {form.statement({})}."
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
-        return f"Something is missing that no catalogue entry explains; what is left depends most on: {share}."
+        nearest = f"what is left depends most on: {share}"
+        if study.winner is not None and study.winner.unlisted:
+            form = study.winner.attachments[0].statement({})
+            nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
+        return f"Something is missing that no catalogue entry explains; {nearest}."
     return f"Nothing is missing that this recording could show{_coloured(study)}."
+
+
+def _or_sensor(study: Study, form: Candidate) -> str:
+    """Say which sensor's factor would explain as much as the form without a name; empty where none does."""
+    factors = [c for c in study.candidates if c.plausible and stands_for(c, form)]
+    said = [str(_effect(study, c, c.attachments[0], [], 0.0)["statement"]) for c in factors]
+    return "; it may as well be that " + ", or that ".join(said) if said else ""
 
 
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:

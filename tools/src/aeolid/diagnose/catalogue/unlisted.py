@@ -17,6 +17,10 @@ _FORMS = (
     ("v*v", "{v}*{v}", "the square of the speed, whatever its direction"),
     ("q*q*v", "{q}*{q}*{v}", "the speed, by an amount that changes with the square of the deflection"),
 )
+_LOSSES = (
+    ("", "{x}*abs({x})/{scale}", "{x}^2", "grows with its square"),
+    ("_linear", "{x}", "{x}", "grows in proportion to it"),
+)
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -28,7 +32,8 @@ def _attach(site: Site) -> list[Attachment]:
     others = [site.model.states[i] for i in noisy_states(site.model)]
     storing = [s for s in others if s.name not in moving | forces and f"unmeasured_{s.name}" in forces]
     found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
-    return found + [_stored(site, s) for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
+    known = [s for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
+    return found + [_lost(site, s, *form) for s in known for form in _LOSSES]
 
 
 def _on(motion: Motion, number: int) -> list[Attachment]:
@@ -56,19 +61,20 @@ def _alone(site: Site, state: State) -> bool:
     return ex.names_in(state.derivative) <= known
 
 
-def _stored(site: Site, state: State) -> Attachment:
-    """Return a loss that grows with the square of what a state stores: of a level, a temperature."""
-    name, scale = f"unlisted_{state.name}", max(abs(state.initial), 1.0)
+def _lost(site: Site, state: State, kind: str, form: str, shown: str, says: str) -> Attachment:
+    """Return a loss of what a state stores: of a level, a temperature."""
+    name, scale = f"unlisted_{state.name}{kind}", max(abs(state.initial), 1.0)
     slots = (Slot(name, "factor", "", 0.0, -10.0 / site.step, 10.0 / site.step, 1e-6 / site.step),)
-    force = ex.parse(f"-{name}*{state.name}*abs({state.name})/{scale!r}", ID)
+    force = ex.parse(f"-{name}*" + form.format(x=state.name, scale=repr(scale)), ID)
 
     def edit(model: Equations) -> Equations:
         return with_force(with_parameters(model, slots), state.name, force)
 
     where = f"state:{state.name}"
     return Attachment(
-        ID, f"{ID} {where}", location(where), edit, slots, equation=f"d({state.name})/dt = ... - factor*{state.name}^2",
-        statement=say(f"a loss at {where} that grows with its square"),
+        ID, f"{ID} {where}{kind}", location(where), edit, slots,
+        equation=f"d({state.name})/dt = ... - factor*{shown.format(x=state.name)}",
+        statement=say(f"a loss at {where} that {says}"),
     )  # fmt: skip
 
 
@@ -76,7 +82,7 @@ ENTRY = Entry(
     id=ID,
     family=ID,
     name="a form outside the catalogue",
-    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2",
+    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2, -factor*x",
     source="of the library itself: the lowest powers that no entry has",
     quantities=(),
     attaches_to="motions, and what stores, of equations; modes of linear models that have no more than three",
