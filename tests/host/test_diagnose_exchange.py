@@ -27,6 +27,7 @@ from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import refit
 from aeolid.diagnose.rivals import leads
 from aeolid.diagnose.scores import Row, score_bank
+from aeolid.diagnose.sentence import sentence
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 0.02, 3000
@@ -125,9 +126,9 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     assert said == "ambiguous" and [e["id"] for e in effects][1] == "coulomb_friction" and len(effects) == 3
     assert effects[0]["rivals"][0]["id"] == effects[2]["id"] and effects[1]["rivals"] == []
     assert effects[0]["weight"] + effects[2]["weight"] == pytest.approx(1.0)
-    sentence = verdict._sentence(said, effects, study, study.proof)
-    assert sentence.count("— or:") == 1 and sentence.count("; and ") == 1
-    assert sentence.index("— or:") < sentence.index("; and ")
+    told = sentence(said, effects, study, study.proof)
+    assert told.count("— or:") == 1 and told.count("; and ") == 1
+    assert told.index("— or:") < told.index("; and ")
     pair = verdict._undecided(study)
     assert pair is not None and set(pair[0]) == {"sensor_lag", "sensor_second_order"}
     small = [replace(c, attachments=(least(c.attachments[0], 1.0),)) for c in singles]

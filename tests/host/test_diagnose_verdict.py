@@ -10,18 +10,20 @@ import pytest
 
 from aeolid.diagnose import verdict
 from aeolid.diagnose.rivals import is_other
+from aeolid.diagnose.sentence import sentence
 
 
-def decided(low: float, *, visible: bool = True) -> tuple[str, list[str]]:
-    """The verdict and the names on one drag worth 10 nats, with this lower end of its interval."""
+def decided(low: float, *, visible: bool = True) -> tuple[str, list[str], str]:
+    """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
     attachment = SimpleNamespace(
         entry="quadratic_damping", key="quadratic_damping state:v", location={"entry": "state:v"}, slots=(slot,),
         equation="F = -c2*v*|v|", statement=lambda values: f"drag of {values['c2']}",
     )  # fmt: skip
     drag = SimpleNamespace(
-        attachments=(attachment,), values={attachment.key: {"c2": (0.4, 0.1)}}, unlisted=False, score=20.0
-    )
+        attachments=(attachment,), values={attachment.key: {"c2": (0.4, 0.1)}}, unlisted=False, score=20.0,
+        says=lambda a: a.statement({"c2": 0.4}),
+    )  # fmt: skip
     after = 0.9 if visible else 0.9999
     proof = SimpleNamespace(
         gain=10.0, interval=(low, 18.0), nrmse_before={"speed": 1.0}, nrmse_after={"speed": after}, profile={}
@@ -33,8 +35,8 @@ def decided(low: float, *, visible: bool = True) -> tuple[str, list[str]]:
         prepared=SimpleNamespace(declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1),
         case=SimpleNamespace(records=()),
     )  # fmt: skip
-    said, effects, _ = verdict._decide(study)
-    return said, [e["id"] for e in effects]
+    said, effects, shown = verdict._decide(study)
+    return said, [e["id"] for e in effects], sentence(said, effects, study, shown)
 
 
 @pytest.mark.parametrize(
@@ -42,7 +44,7 @@ def decided(low: float, *, visible: bool = True) -> tuple[str, list[str]]:
 )
 def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
     """A switched gain had a name on a recording that lacks nothing, proven by 7 nats [0.7, 14]."""
-    assert decided(low) == (said, ["quadratic_damping"] if said == "named" else [])
+    assert decided(low)[:2] == (said, ["quadratic_damping"] if said == "named" else [])
 
 
 @pytest.mark.parametrize(("score", "driven", "said"), [(300.0, False, True), (9.0, False, False), (300.0, True, False)])
@@ -54,7 +56,7 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
         attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
     )  # fmt: skip
     study: Any = SimpleNamespace(candidates=(mode,))
-    text = verdict._sentence("no_mismatch", [], study, None)
+    text = sentence("no_mismatch", [], study, None)
     assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
     assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")
 
@@ -65,7 +67,7 @@ def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:
     study: Any = SimpleNamespace(second=SimpleNamespace(attachments=()), alternatives=(), proof=own)
     effects = [{"statement": "k is wrong"}, {"statement": "it drags"}]
     declared_proof: Any = declared
-    assert verdict._sentence("ambiguous", effects, study, declared_proof) == "k is wrong — or: it drags"
+    assert sentence("ambiguous", effects, study, declared_proof) == "k is wrong — or: it drags"
     segment = SimpleNamespace(y=np.zeros((60, 1)), step=1.0)
     study.case = SimpleNamespace(records=[SimpleNamespace(of=lambda role: [SimpleNamespace(name="push")])])
     study.prepared = SimpleNamespace(split=SimpleNamespace(sealed=[segment]))
@@ -89,7 +91,9 @@ def test_what_speaks_beside_declared_values_weighs_as_much(speaks: bool, monkeyp
 
 
 def test_what_no_prediction_shows_is_immaterial() -> None:
-    assert decided(5.0, visible=False) == ("immaterial", [])
+    said, names, told = decided(5.0, visible=False)
+    assert (said, names) == ("immaterial", [])
+    assert told.endswith("too small to show in any prediction: drag of 0.4.")  # what it is all the same
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,10 @@ class Candidate:
         """Return a readable name of the set."""
         return " + ".join(a.key for a in self.attachments)
 
+    def says(self, attachment: Attachment) -> str:
+        """Return what one of the effects says with its fitted values."""
+        return attachment.statement({label: value for label, (value, _) in self.values[attachment.key].items()})
+
     def beyond(self, other: Candidate) -> Candidate:
         """Return what was fitted and counted from another candidate's fit as it counts from the bare baseline."""
         return replace(self, fit_gain=self.fit_gain + other.fit_gain, parameters=self.parameters + other.parameters)

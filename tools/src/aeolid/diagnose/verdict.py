@@ -15,8 +15,9 @@ from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effe
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof, block_interval
-from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, stands_for, weights_of
+from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
+from aeolid.diagnose.sentence import sentence, untested
 
 Array = NDArray[np.float64]
 _PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
@@ -24,7 +25,6 @@ _MATERIAL = 0.005  # relative improvement of the prediction error at some horizo
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
-_BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
 _VERDICTS = {"parameter_error": "parameter", "data_channel_swap": "data_fault"}  # of entries that miss no physics
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
@@ -37,7 +37,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "schema": 1,
         "title": study.case.title,
         "verdict": verdict,
-        "statement": _sentence(verdict, effects, study, proof),
+        "statement": sentence(verdict, effects, study, proof),
         "effects": effects,
         "location": effects[0]["location"] if effects else _where(study, verdict),
         "sealed": _sealed(study, proof),
@@ -84,7 +84,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     declared = study.declared_proof
     if declared is not None and declared.interval[0] > _PROVEN and _material(declared) and contradicted(study):
         return *_declared(study), declared
-    if _untested(study):
+    if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
 
@@ -99,24 +99,6 @@ def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
         return "parameter", [effect]
     other = _effect(study, others[0], others[0].attachments[0], [], 0.5)
     return "ambiguous", [effect | {"weight": 0.5, "rivals": [{"id": other["id"], "weight": 0.5}]}, other]
-
-
-def _untested(study: Study) -> str:
-    """Say why finding nothing means nothing here; empty where it means something."""
-    if not any(r.testable for r in study.bank.rows):
-        return "The recording does not excite the model enough to test any of the effects."
-    prepared, records = study.prepared, study.case.records
-    inputs = [s.name for s in prepared.declared.inputs]
-    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in records]
-    if any(u.shape[1] for u in known) and not any(float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) for u in known):
-        return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
-    slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
-    if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing
-        return (
-            f"The recording of {length:.4g} s is shorter than the model's slowest time constant of {slowest:.4g} s:"
-            " record longer."
-        )
-    return ""
 
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
@@ -169,7 +151,7 @@ def _effect(
     return {
         "id": attachment.entry,
         "family": kind.family,
-        "statement": attachment.statement({k: v for k, (v, _) in values.items()}),
+        "statement": candidate.says(attachment),
         "location": location,
         "equation": attachment.equation or kind.equation,
         "parameters": {k: {"value": v, "std": finite(s), "unit": units[k]} for k, (v, s) in values.items()},
@@ -288,59 +270,3 @@ def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidat
     said = (c for c, w in _weighed(study, winner) if leaves_open(winner, c, w))
     rival = next((c for c in said if is_other(c, winner)), None)
     return None if rival is None else ((winner.attachments[0].entry, rival.attachments[0].entry), (winner, rival))
-
-
-def _sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
-    """Write the verdict as one sentence for the top of the page."""
-    if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
-        return "; and ".join(str(e["statement"]) for e in effects)
-    if verdict == "ambiguous" and study.second is not None and proof is study.proof:
-        return _sentence_of_sets(effects, study, study.second)
-    if verdict == "ambiguous":
-        return " — or: ".join(str(e["statement"]) for e in effects)
-    if verdict == "data_fault":
-        return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
-    if verdict == "immaterial":
-        return "A difference is there beyond doubt, but too small to show in any prediction."
-    if verdict == "not_testable":
-        return _untested(study)
-    if verdict == "unnamed":
-        share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
-        nearest = f"what is left depends most on: {share}"
-        if study.winner is not None and study.winner.unlisted:
-            form = study.winner.attachments[0].statement({})
-            nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
-        return f"Something is missing that no catalogue entry explains; {nearest}."
-    return f"Nothing is missing that this recording could show{_coloured(study)}."
-
-
-def _or_sensor(study: Study, form: Candidate) -> str:
-    """Say which sensor's factor would explain as much as the form without a name; empty where none does."""
-    factors = [c for c in study.candidates if c.plausible and stands_for(c, form)]
-    said = [str(_effect(study, c, c.attachments[0], [], 0.0)["statement"]) for c in factors]
-    return "; it may as well be that " + ", or that ".join(said) if said else ""
-
-
-def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
-    """Say each effect of a set, followed by what may stand in its place."""
-    parts, count = [], len(chosen.attachments)
-    for attachment, effect in zip(chosen.attachments, effects, strict=False):
-        others = zip(study.alternatives, effects[count:], strict=True)
-        said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
-        parts.append(" — or: ".join([str(effect["statement"]), *said]))
-    return "; and ".join(parts)
-
-
-def _coloured(study: Study) -> str:
-    """Say where the noise has a band that the model does not have; empty where it has none."""
-    found = [c for c in study.candidates if c.undriven and c.score > _BAND and c.select_gain > 0]
-    if not found:
-        return ""
-    band = max(found, key=lambda c: c.score)
-    (attachment,) = band.attachments
-    frequency = band.values[attachment.key]["frequency_hz"][0]
-    where = " and ".join(attachment.location["outputs"])
-    return (
-        f"; but {where} has a band of noise around {frequency:.3g} Hz that the model lacks and no input drives:"
-        " a force that nobody measured, or the sensor's own"
-    )

@@ -1,0 +1,93 @@
+"""Say a verdict in one sentence, and why finding nothing may mean nothing (S8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.proof import Proof
+from aeolid.diagnose.rivals import stands_for
+
+_BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
+
+
+def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
+    """Write the verdict as one sentence for the top of the page."""
+    if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
+        return "; and ".join(str(e["statement"]) for e in effects)
+    if verdict == "ambiguous" and study.second is not None and proof is study.proof:
+        return _sentence_of_sets(effects, study, study.second)
+    if verdict == "ambiguous":
+        return " — or: ".join(str(e["statement"]) for e in effects)
+    if verdict == "data_fault":
+        return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
+    if verdict == "immaterial":
+        return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
+    if verdict == "not_testable":
+        return untested(study)
+    if verdict == "unnamed":
+        share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
+        nearest = f"what is left depends most on: {share}"
+        if study.winner is not None and study.winner.unlisted:
+            form = study.winner.says(study.winner.attachments[0])
+            nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
+        return f"Something is missing that no catalogue entry explains; {nearest}."
+    return f"Nothing is missing that this recording could show{_coloured(study)}."
+
+
+def _nearest(study: Study) -> str:
+    """Say what comes nearest to a difference that is too small for a name."""
+    return "" if study.winner is None else f": {study.winner.says(study.winner.attachments[0])}"
+
+
+def _or_sensor(study: Study, form: Candidate) -> str:
+    """Say which sensor's factor would explain as much as the form without a name; empty where none does."""
+    said = [c.says(c.attachments[0]) for c in study.candidates if c.plausible and stands_for(c, form)]
+    return "; it may as well be that " + ", or that ".join(said) if said else ""
+
+
+def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
+    """Say each effect of a set, followed by what may stand in its place."""
+    parts, count = [], len(chosen.attachments)
+    for attachment, effect in zip(chosen.attachments, effects, strict=False):
+        others = zip(study.alternatives, effects[count:], strict=True)
+        said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
+        parts.append(" — or: ".join([str(effect["statement"]), *said]))
+    return "; and ".join(parts)
+
+
+def _coloured(study: Study) -> str:
+    """Say where the noise has a band that the model does not have; empty where it has none."""
+    found = [c for c in study.candidates if c.undriven and c.score > _BAND and c.select_gain > 0]
+    if not found:
+        return ""
+    band = max(found, key=lambda c: c.score)
+    (attachment,) = band.attachments
+    frequency = band.values[attachment.key]["frequency_hz"][0]
+    where = " and ".join(attachment.location["outputs"])
+    return (
+        f"; but {where} has a band of noise around {frequency:.3g} Hz that the model lacks and no input drives:"
+        " a force that nobody measured, or the sensor's own"
+    )
+
+
+def untested(study: Study) -> str:
+    """Say why finding nothing means nothing here; empty where it means something."""
+    if not any(r.testable for r in study.bank.rows):
+        return "The recording does not excite the model enough to test any of the effects."
+    prepared, records = study.prepared, study.case.records
+    inputs = [s.name for s in prepared.declared.inputs]
+    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in records]
+    if any(u.shape[1] for u in known) and not any(float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) for u in known):
+        return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
+    slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
+    if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing
+        return (
+            f"The recording of {length:.4g} s is shorter than the model's slowest time constant of {slowest:.4g} s:"
+            " record longer."
+        )
+    return ""
