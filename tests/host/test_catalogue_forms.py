@@ -21,7 +21,7 @@ from aeolid.diagnose.catalogue.blade_response import responses
 from aeolid.diagnose.exogenous import with_exogenous
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.refit import turns
+from aeolid.diagnose.starts import turns
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate

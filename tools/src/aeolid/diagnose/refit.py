@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_lyapunov
 
-from aeolid.diagnose.baseline import noisy_states
-from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.candidate import Candidate, at_bound
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully
@@ -19,25 +16,18 @@ from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
-from aeolid.diagnose.prepare import Prepared, riccati_gains
-from aeolid.diagnose.scores import Bank, Row, overlap, shifted
-from aeolid.models.integrate import output_jacobian
-from aeolid.models.state_space import StateSpace
+from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.scores import Bank, Row, overlap
+from aeolid.diagnose.starts import starts_of
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
-_TURNING = {
-    "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
-    "sensor_second_order", "sensor_scale", "sensor_sign", "data_channel_swap",
-}  # effects that turn what the gain was fitted to, in phase, sign, size or place  # fmt: skip
-_BENDING = {"blade_flap", "blade_edge"}  # where they pass a load on later (stepped), not where a mode is driven
-_LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
-_QUIET = 0.1
 _LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
+_TIED = 1.0  # nats: fits this close are equally good
 ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -142,7 +132,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     """Fit to the end what was begun, and judge the best of it."""
     prepared, free, predictor = begun.prepared, begun.free, begun.prepared.predictor
     fits = [fit_fully(predictor, point, free) for _, point in begun.found]
-    fit = max((f for f in fits if f is not None), key=lambda f: f.log_posterior, default=None)
+    fit = _best([f for f in fits if f is not None], begun.attachments, prepared)
     if fit is None:
         return None
     order = predictor.choose_var_order(fit.point)
@@ -150,6 +140,22 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
         predictor = predictor.with_order(order)
         fit = predictor.fit(fit.point, free)
     return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
+
+
+def _best(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared) -> Fit | None:
+    """Return the most likely fit; of those within a nat of it the one with the fewest values at the end of their range.
+
+    Where the data leave a ridge, rounding chose: of a tank whose level nobody measured, brims of 10.5 and 4.1 V (its
+    spill then thrice what was spilt, the most that can be) were 0.002 nats apart.
+    """
+    model = prepared.extended
+    ends = [
+        sum(at_bound(float(f.point.theta[model.index(s.name)]), s) for a in attachments for s in a.slots) for f in fits
+    ]
+    most = max((f.log_posterior for f in fits), default=0.0)
+    tied = [(e, -f.log_posterior, i) for i, (e, f) in enumerate(zip(ends, fits, strict=True))]
+    near = [t for t in tied if -t[1] > most - _TIED]
+    return fits[min(near)[2]] if near else None
 
 
 def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array) -> Candidate | None:
@@ -200,88 +206,6 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
     return judge(stage, predictor, stage.fit, fit, candidate.attachments, baseline_select)
 
 
-def turns(attachment: Attachment) -> bool:
-    """Tell whether an effect turns the phase, sign, size or place of what a free gain was fitted to."""
-    return attachment.entry in _TURNING or (attachment.entry in _BENDING and attachment.stepped)
-
-
-def starts_of(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> list[list[Point]]:
-    """Return groups of points to start from, the effects' values in them; each group gets fits of its own.
-
-    Where an effect turns the phase, sign or size of a channel, or its place, one group has gains chosen anew for the
-    outputs as the effect leaves them: a free gain that was fitted to such a channel believes the model nothing and ends
-    where the predictor just forgets; no small step leads from there, and it looks better at first than all that do (a
-    unit of 57.3 ended at 10.4, 2200 nats short; a drive of 8 rad/s stayed at the start it was given; of two swapped
-    channels, z 48, no start held).
-    """
-    options = list(itertools.product(*(_starts(r) for r in rows)))
-    groups: list[list[Point]] = []
-    for group in _origins(prepared, base, [r.attachment for r in rows]):
-        starts: list[Point] = []
-        for origin, option in itertools.product(group, options):
-            start = _with_values(prepared, origin, option)
-            starts.append(_with_gains(start, rows, prepared))
-            if start.K is not None and any(r.gain_estimate for r in rows):
-                starts.append(start)  # the score's one step in the gain may leave the stable region
-        groups.append(starts)
-    linear = prepared.linear
-    if linear is None or base.point.K is None or prepared.surrogate is not None:
-        return groups
-    if any(turns(r.attachment) for r in rows):
-        declared = replace(base.point, theta=prepared.extended.theta)
-        turned = [_with_values(prepared, declared, option) for option in options]
-        anew = [s for start in turned for s in with_gains_anew(prepared, linear, start)]
-        groups += [anew] if anew else []
-    return groups
-
-
-def _with_values(prepared: Prepared, origin: Point, option: Sequence[dict[str, float]]) -> Point:
-    merged = {k: v for o in option for k, v in o.items()}
-    return shifted(origin, prepared.extended, _clip(merged, prepared.predictor, prepared))
-
-
-def with_gains_anew(prepared: Prepared, linear: StateSpace, start: Point) -> list[Point]:
-    """Return the start with Kalman gains for its own outputs, over a ladder of noise ratios; nothing where none move.
-
-    An output that a filter delays moves with none of the states at once: it counts as it is without the effect. Nothing
-    for a model that is not stable: how far its outputs move is not known.
-    """
-    if np.max(np.abs(np.linalg.eigvals(linear.A)), initial=0.0) >= 1 - 1e-9:
-        return []
-    at_rest = np.zeros(len(prepared.extended.inputs))
-    C = output_jacobian(prepared.predictor.compiled, start.x0[0], at_rest, start.theta)[:, : linear.order]
-    seen = np.all(np.isfinite(C), axis=1) & np.any(C != 0, axis=1)
-    turned = replace(linear, C=np.where(seen[:, None], C, linear.C))
-    covariance = solve_discrete_lyapunov(linear.A, linear.B @ linear.B.T)
-    spreads = np.sqrt(np.diag(turned.C @ covariance @ turned.C.T + linear.D @ linear.D.T))
-    if not np.all(spreads > 0):
-        return []
-    assert start.K is not None
-    rest = np.zeros((len(start.K) - linear.order, len(spreads)))
-    return [replace(start, K=np.vstack([K, rest])) for K in riccati_gains(turned, spreads)]
-
-
-def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -> list[list[Point]]:
-    """Return groups of points where the baseline's own values start from.
-
-    As fitted and as declared, once more without the process noise that took the effect's place (two overflowing tanks
-    gained 68 nats under it, 205 from a quiet start); or as on a simulator's own run.
-    """
-    declared = replace(base.point, theta=prepared.extended.theta)
-    if prepared.linear is None or base.point.K is None:
-        loud = [i for i in noisy_states(prepared.declared) if base.point.noise[i] > _LOUD]
-        noise = base.point.noise.copy()
-        noise[loud] = _QUIET
-        return [[base.point, declared], *([[replace(declared, noise=noise)]] if loud else [])]
-    run = prepared.frame.as_run(prepared.extended, base.point.x0)
-    if run is None:
-        return [[base.point]]
-    found = [prepared.extended.index(s.name) for a in attachments for s in a.slots]
-    theta = run.theta.copy()
-    theta[found] = base.point.theta[found]
-    return [[base.point], [replace(run, theta=theta)]]
-
-
 def judge(
     prepared: Prepared, predictor: Predictor, base: Fit, fit: Fit, attachments: tuple[Attachment, ...],
     baseline_select: Array,
@@ -300,36 +224,6 @@ def judge(
         not (reason or alone), reason or alone, undriven=bool(alone and not reason),
         undetermined=undetermined(attachments, fit, model),
     )  # fmt: skip
-
-
-def _starts(row: Row) -> list[dict[str, float]]:
-    """Return values to start from: the score's estimate, the entry's own, and the null (a step off a bound)."""
-    slots = {s.name: s for s in row.attachment.slots}
-    guess = dict(row.grid) | {n: v for n, v in row.estimate.items() if n in slots}
-    options = [guess | dict(start) for start in row.attachment.starts]
-    null = {n: s.null + (s.size if s.low == s.null else 0.0) for n, s in slots.items() if s.local}
-    options.append(dict(row.grid) | null)
-    for name, slot in slots.items():
-        if slot.local and slot.low == slot.null and options[0].get(name, slot.null) <= slot.null:
-            options[0][name] = slot.size
-    return [o | dict(row.attachment.fixed) for o in options]
-
-
-def _clip(values: dict[str, float], predictor: Predictor, prepared: Prepared) -> dict[str, float]:
-    model, scales = prepared.extended, predictor.scales
-    return {k: float(np.clip(v, scales.low[model.index(k)], scales.high[model.index(k)])) for k, v in values.items()}
-
-
-def _with_gains(point: Point, rows: Sequence[Row], prepared: Prepared) -> Point:
-    states = [s.name for s in prepared.extended.states]
-    K, noise = None if point.K is None else point.K.copy(), point.noise.copy()
-    for row in rows:
-        for (state, output), value in row.gain_estimate.items():
-            if K is not None:
-                K[states.index(state), output] = value
-            else:
-                noise[states.index(state)] = np.sqrt(max(value, 1e-6))
-    return replace(point, K=K, noise=noise)
 
 
 def as_rows(found: Candidate) -> list[Row]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import starts_of, with_gains_anew
 from aeolid.diagnose.scores import Bank, Row, shifted
+from aeolid.diagnose.starts import starts_of, with_gains_anew
 
 
 def paying(prepared: Prepared, bank: Bank) -> list[Row]:

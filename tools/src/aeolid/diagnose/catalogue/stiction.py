@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.catalogue.forces import EDGE, force_on, say
@@ -12,16 +14,16 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _on(motion: Motion, number: int) -> Attachment:
-    """Blend in a whole Stribeck curve; what names it is the part above the sliding friction."""
+    """Blend in a whole Stribeck curve; what names it is the part above the sliding friction, which may be none."""
     tag = f"stiction_{number + 1}"
     share, force, excess, speed = (f"{tag}_{what}" for what in ("share", "force", "excess", "speed"))
     size, pace, unit = motion.force_size, motion.velocity_size, motion.force_unit
     pace_unit = f"{motion.position_unit or '1'}/s"
-    return force_on(
+    made = force_on(
         motion, number, "stiction",
         (
             Slot(share, None, "1", 0.0, 0.0, 1.0, 1e-2),
-            Slot(force, motion.force_name, unit, 0.1 * size, 0.0, 100 * size, 1e-2 * size, local=False),
+            Slot(force, motion.force_name, unit, 0.0, 0.0, 100 * size, 1e-2 * size, local=False),
             Slot(excess, "breakaway_excess", unit, 0.0, 0.0, 100 * size, 1e-2 * size),
             Slot(speed, "stribeck_speed", pace_unit, 0.1 * pace, 3 * EDGE * pace, 2 * pace, 0.1 * pace, local=False),
         ),
@@ -35,6 +37,7 @@ def _on(motion: Motion, number: int) -> Attachment:
             f" {{breakaway_excess:.3g}} {unit} more near rest (below {{stribeck_speed:.3g}} {pace_unit})"
         ),
     )  # fmt: skip
+    return replace(made, essential=(excess,))
 
 
 ENTRY = Entry(
