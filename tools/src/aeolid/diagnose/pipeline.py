@@ -16,6 +16,7 @@ from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.exchange import Alternative, exchanged
+from aeolid.diagnose.explore import fit_quietly
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
@@ -178,16 +179,21 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     """Return hypotheses over the threshold that are kin to what fits best, but were not fitted yet.
 
     Kin share family and place, or their scores cannot be told apart. A lag of a sensor that leads may be the beginning
-    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names.
+    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. Where none of the
+    best is accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings
+    up: of two tanks that run over, the second that the first one had not been told.
     """
     known = {c.key for c in fitted}
     leaders = sorted((c for c in fitted if c.plausible and c.fit_gain > 0), key=lambda c: -c.score)[:_LEADERS]
-    own = {r.attachment.key: r for r in bank.rows}
+    own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     found = [
-        row for row in bank.rows
-        if row.z > bank.threshold and row.attachment.key not in known
+        row for row in fresh
+        if row.z > bank.threshold
         and any(are_kin(row.attachment, c.attachments[0]) or _alike(row, own.get(c.key)) for c in leaders)
     ]  # fmt: skip
+    if leaders and not any(is_accepted(c) for c in leaders):
+        first = leaders[0].attachments[0].entry
+        found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.threshold]
     return found[:_KIN]
 
 
@@ -221,7 +227,7 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     if not starts or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - _SHORT:
         return None
     predictor = bare.predictor.with_order(bare.predictor.choose_var_order(starts[0]))
-    fit = predictor.fit(starts[0], bare.free, iterations=40)
+    fit = fit_quietly(predictor, starts[0], bare.free)
     if fit is None or fit.log_posterior < bare.fit.log_posterior + _SHORT:
         return None
     return replace(bare, predictor=predictor, fit=fit)

@@ -17,7 +17,7 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES, unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
-from aeolid.diagnose.explore import explore, fit_best, noise_ladder, with_forces_awake
+from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
@@ -135,7 +135,7 @@ def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: C
     fit = fit_best(predictor, [*starts, *explore(predictor, starts[0], free)], free)
     if fit is not None:
         predictor = predictor.with_order(predictor.choose_var_order(fit.point))
-        fits = [predictor.fit(p, free, iterations=40) for p in (fit.point, *with_forces_awake(predictor, fit.point))]
+        fits = [fit_quietly(predictor, p, free) for p in (fit.point, *with_forces_awake(predictor, fit.point))]
         fit = max((f for f in fits if f is not None), key=lambda f: f.log_likelihood, default=None)
     if fit is None:
         raise NotIdentifiable(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidate import Candidate, at_bound
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
-from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully
+from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully, fit_quietly
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
@@ -138,7 +138,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
         predictor = predictor.with_order(order)
-        fit = predictor.fit(fit.point, free)
+        fit = fit_quietly(predictor, fit.point, free)
     return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
 
 
@@ -199,7 +199,7 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
     predictor = stage.predictor.with_order(candidate.predictor.var_order or 0)
     free = free_with(stage.fit.free, candidate.attachments, stage)
     starts = replace(start, theta=theta, noise=noise), carry_point(candidate.fit.point, old, model)
-    fits = [predictor.fit(s, free, iterations=_AGAIN) for s in starts]
+    fits = [fit_quietly(predictor, s, free, iterations=_AGAIN) for s in starts]
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_posterior, default=None)
     if fit is None or fit.log_posterior <= candidate.fit.log_posterior:
         return candidate

@@ -24,7 +24,8 @@ _TURNING = {
 }  # effects that turn what the gain was fitted to, in phase, sign, size or place  # fmt: skip
 _BENDING = {"blade_flap", "blade_edge"}  # where they pass a load on later (stepped), not where a mode is driven
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
-_QUIET = 0.1
+_LOUD_FORCE = 10.0  # the same of a force with a memory, in sizes of what it acts against
+_QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
 
 
 def turns(attachment: Attachment) -> bool:
@@ -92,14 +93,17 @@ def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -
     """Return groups of points where the baseline's own values start from.
 
     As fitted and as declared, once more without the process noise that took the effect's place (two overflowing tanks
-    gained 68 nats under it, 205 from a quiet start); or as on a simulator's own run.
+    gained 68 nats under it, 205 from a quiet start), white or with a memory; or as on a simulator's own run.
     """
     declared = replace(base.point, theta=prepared.extended.theta)
     if prepared.linear is None or base.point.K is None:
-        loud = [i for i in noisy_states(prepared.declared) if base.point.noise[i] > _LOUD]
         noise = base.point.noise.copy()
-        noise[loud] = _QUIET
-        return [[base.point, declared], *([[replace(declared, noise=noise)]] if loud else [])]
+        loud = [i for i in noisy_states(prepared.declared) if noise[i] > _LOUD]
+        forces = [i for i, s in enumerate(prepared.extended.states) if s.name.startswith("unmeasured_")]
+        if not loud and not np.any(noise[forces] > _LOUD_FORCE):
+            return [[base.point, declared]]
+        noise[loud], noise[forces] = _QUIET, np.minimum(noise[forces], _SILENT)
+        return [[base.point, declared], [replace(declared, noise=noise)]]
     run = prepared.frame.as_run(prepared.extended, base.point.x0)
     if run is None:
         return [[base.point]]

@@ -14,7 +14,7 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _on(motion: Motion, number: int) -> Attachment:
-    """Blend in a whole Stribeck curve; what names it is the part above the sliding friction, which may be none."""
+    """Blend in a whole Stribeck curve; what names it is the part above the sliding friction."""
     tag = f"stiction_{number + 1}"
     share, force, excess, speed = (f"{tag}_{what}" for what in ("share", "force", "excess", "speed"))
     size, pace, unit = motion.force_size, motion.velocity_size, motion.force_unit
@@ -23,7 +23,7 @@ def _on(motion: Motion, number: int) -> Attachment:
         motion, number, "stiction",
         (
             Slot(share, None, "1", 0.0, 0.0, 1.0, 1e-2),
-            Slot(force, motion.force_name, unit, 0.0, 0.0, 100 * size, 1e-2 * size, local=False),
+            Slot(force, motion.force_name, unit, 0.1 * size, 0.0, 100 * size, 1e-2 * size, local=False),
             Slot(excess, "breakaway_excess", unit, 0.0, 0.0, 100 * size, 1e-2 * size),
             Slot(speed, "stribeck_speed", pace_unit, 0.1 * pace, 3 * EDGE * pace, 2 * pace, 0.1 * pace, local=False),
         ),
