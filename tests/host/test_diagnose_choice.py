@@ -14,12 +14,15 @@ import pytest
 from study_modules import load_study
 
 from aeolid.cli.main import main
+from aeolid.diagnose import pipeline
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
+from aeolid.diagnose.catalogue.base import Slot
+from aeolid.diagnose.explore import quieted
 from aeolid.diagnose.pipeline import against, kin
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import finalists, refit, renewed
+from aeolid.diagnose.refit import best_of, finalists, refit, renewed
 from aeolid.diagnose.rivals import leading
 from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
@@ -166,7 +169,7 @@ def test_of_each_family_the_best_is_fitted() -> None:
     assert finalists(Bank(tuple(rows), 99.0)) == [rows[5]]
 
 
-def test_kin_of_what_leads_are_fitted_too() -> None:
+def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """Same family and place, or one direction; over the threshold, not fitted yet; of the three best, four at most."""
     bases = {"blade_flap": np.eye(3)[:, :1], "sensor_lag": np.eye(3)[:, :1], "sensor_scale": np.eye(3)[:, 1:2]}
 
@@ -178,14 +181,17 @@ def test_kin_of_what_leads_are_fitted_too() -> None:
     def row(entry: str, output: str, z: float) -> Any:
         return SimpleNamespace(attachment=attachment(entry, output), z=z, basis=bases.get(entry))
 
-    def fitted(entry: str, output: str, gain: float, plausible: bool = True) -> Any:
-        a = attachment(entry, output)
-        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=gain, score=gain, plausible=plausible)
+    def fitted(entry: str, output: str, gain: float, plausible: bool = True, accepted: bool = True) -> Any:
+        a, is_ = attachment(entry, output), {"plausible": plausible, "accepted": accepted}
+        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=gain, score=gain, **is_)
+
+    monkeypatch.setattr(pipeline, "is_accepted", lambda c: c.accepted)
 
     rows = (
         row("sensor_lag", "moment", 12.8), row("sensor_second_order", "moment", 12.0),
         row("sensor_second_order", "speed", 9.0), row("sensor_scale", "moment", 8.0),
-        row("blade_flap", "bending", 7.0), row("sensor_second_order", "roof", 2.0),
+        row("blade_flap", "bending", 7.0), row("sensor_lag", "speed", 3.0), row("sensor_lag", "deck", 2.0),
+        row("sensor_second_order", "roof", 2.0),
     )  # fmt: skip
     bank: Any = SimpleNamespace(rows=rows, threshold=5.0)
     found = kin(bank, [fitted("sensor_lag", "moment", 148.0), fitted("sensor_lag", "roof", 20.0)])
@@ -193,6 +199,10 @@ def test_kin_of_what_leads_are_fitted_too() -> None:
     assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []
     better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
     assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []
+    refused = [fitted("sensor_lag", "yaw", 148.0, accepted=False), fitted("backlash", "u", 20.0, accepted=False)]
+    elsewhere = [r.attachment.key for r in kin(bank, refused)]  # the same effect, half as loud as the threshold
+    assert elsewhere == ["sensor_lag moment", "sensor_lag speed"]
+    assert kin(bank, [*refused, fitted("sensor_bias", "yaw", 10.0)]) == []
 
 
 def test_a_form_outside_the_catalogue_leads_only_where_nothing_else_is_left() -> None:
@@ -224,3 +234,32 @@ def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
 def test_a_gauge_is_off_by_a_tolerance_or_a_ratio_of_units(factor: float, credible: bool) -> None:
     reason = sensor_scale._credible({"factor": factor})
     assert (reason == "") is credible and (credible or f"{abs(factor):.3g}" in reason)
+
+
+def test_noise_that_nobody_would_miss_is_lowered(tmp_path: Path) -> None:
+    """A nearly exact sensor: beyond some amplitude the gain changes no more, and no fit comes back from there."""
+    prepared, _ = lagging(tmp_path)
+    bare = prepared.only(())
+    noisy = [i for i in bare.free.noise if i < len(bare.extended.states)]
+    loud = bare.fit.point.noise.copy()
+    loud[noisy] *= 1e4
+    start = replace(bare.fit.point, noise=loud)
+    quiet, objective = quieted(bare.predictor, start, bare.free), bare.predictor.objective
+    assert objective(quiet) <= objective(start) + 0.1
+    assert np.all(quiet.noise <= loud) and np.any(quiet.noise[noisy] < 0.2 * loud[noisy])
+    others = [i for i in range(len(loud)) if i not in noisy]
+    np.testing.assert_array_equal(quiet.noise[others], loud[others])
+
+
+def test_a_fit_inside_its_ranges_is_taken_before_an_equal_one_at_their_end() -> None:
+    """On a ridge rounding would choose; a fit that is better by more than a nat is taken wherever it stands."""
+    slot = Slot("share", "share", "", 0.0, 0.0, 3.0, 0.1)
+    attachment: Any = SimpleNamespace(slots=(slot,))
+    prepared: Any = SimpleNamespace(extended=SimpleNamespace(index=lambda _: 0))
+    fits: Any = [
+        SimpleNamespace(log_posterior=value, point=SimpleNamespace(theta=np.array([share])))
+        for value, share in ((100.002, 3.0), (100.0, 1.2), (98.0, 1.3))
+    ]
+    assert best_of(fits, (attachment,), prepared) is fits[1]
+    assert best_of([fits[0], fits[2]], (attachment,), prepared) is fits[0]
+    assert best_of([], (attachment,), prepared) is None

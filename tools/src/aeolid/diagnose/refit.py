@@ -132,7 +132,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     """Fit to the end what was begun, and judge the best of it."""
     prepared, free, predictor = begun.prepared, begun.free, begun.prepared.predictor
     fits = [fit_fully(predictor, point, free) for _, point in begun.found]
-    fit = _best([f for f in fits if f is not None], begun.attachments, prepared)
+    fit = best_of([f for f in fits if f is not None], begun.attachments, prepared)
     if fit is None:
         return None
     order = predictor.choose_var_order(fit.point)
@@ -142,7 +142,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
 
 
-def _best(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared) -> Fit | None:
+def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared) -> Fit | None:
     """Return the most likely fit; of those within a nat of it the one with the fewest values at the end of their range.
 
     Where the data leave a ridge, rounding chose: of a tank whose level nobody measured, brims of 10.5 and 4.1 V (its
