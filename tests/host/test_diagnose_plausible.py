@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from study_modules import load_study
 
+from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue.base import Slot
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.prepare import prepare
 
 SIZE = Slot("inverse", "period_s", "s", 0.0, 0.02, 5.0, 0.1)
 SHAPE = Slot("zeta", "damping", "1", 0.7, 0.2, 0.98, 0.05, local=False)
@@ -103,3 +107,16 @@ def test_what_no_output_shows_is_mute_and_put_back_to_none() -> None:
     )  # fmt: skip
     fit, model = fitted(slots, (1.0, 1.0, 1.0), (1000.0, 0.1, 1000.0))
     np.testing.assert_array_equal(without_the_mute([effect(*slots)], fit, model).point.theta, [0.0, 1.0, 1.0])
+
+
+@pytest.mark.parametrize(("excess", "sticks"), [(0.0, False), (1.0, False), (9.0, True)])
+def test_sticking_takes_an_excess(excess: float, sticks: bool, tmp_path: Path) -> None:
+    """Without one it is dry friction, however many nats both gain: a positioning stage's was called sticking."""
+    study = load_study("diagnosis")
+    case = study.write_case(tmp_path / "case", study.Hidden("null", "equations", {}), 600, 5)
+    (stiction,) = (a for a in prepare(load_case(case)).hypotheses if a.entry == "stiction")
+    slots = tuple(s for s in stiction.slots if s.name not in stiction.fixed)
+    assert [s.label for s in slots] == ["force_N", "breakaway_excess", "stribeck_speed"]
+    fit, model = fitted(slots, (2.0, excess, 0.5 * (slots[2].low + slots[2].high)), (0.1, 1.2, 0.01))
+    told = objection([replace(stiction, slots=slots)], fit, model, 400.0, 3)
+    assert told == "" if sticks else told.startswith("breakaway_excess of stiction")

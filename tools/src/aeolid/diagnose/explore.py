@@ -140,8 +140,8 @@ def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
     """Lower each process noise as long as that costs next to nothing.
 
     Where a sensor is nearly exact, noise a thousand times too loud predicts as well: the gain changes no more. What was
-    fitted from there on stayed there, at an amplitude that rounding chose, and missed its optimum by 4 nats or 50 (dry
-    friction of a positioning stage, where gains with errors of 1e-13 led to other names).
+    fitted from there on stayed there, at an amplitude that rounding chose, and ended at one of several optima (of a
+    positioning stage 4 and 50 nats apart). From quiet noise it ends at the same one, if not always the highest.
     """
     limit, states = predictor.objective(point) + _UNHEARD, len(point.x0[0])
     for i in (i for i in free.noise if i < states):

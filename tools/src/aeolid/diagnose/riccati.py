@@ -1,7 +1,7 @@
 """Solve the filter Riccati equation, compiled: a fit asks for a gain with every parameter it moves, on every thread.
 
-Plain loops over the matrices of a few states: with numba's own linear algebra the first diagnosis after an
-installation waited half a minute for the compiler, and a gain took no less time.
+Plain loops over the matrices of a few states: numba's own linear algebra keeps the first diagnosis after an
+installation waiting longer for the compiler, and a gain takes no less time.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
 _TIED = 1.0  # … and nats over all data: candidates this close are equally good
 _RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
-_FAR_OFF = 4 / 3  # times too much or too little: no calibrated sensor shows that
+_FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
