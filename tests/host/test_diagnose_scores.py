@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import binom, chi2, kstest
 from study_modules import load_study
 
+from aeolid.diagnose import blocks as blocks_module
 from aeolid.diagnose import scores
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.predictor import Free, Point, Predictor
@@ -61,13 +62,21 @@ def test_a_free_parameter_is_never_its_own_hypothesis(world: tuple[Case, Prepare
         assert not {s.name for s in a.slots} & set(names), a.key
 
 
-def test_the_statistic_is_the_squared_projection(world: tuple[Case, Prepared, Bank]) -> None:
-    """LM = |Hᵀ r|², z = √(2 LM) − √(2 df − 1), one-sided rows count only their own side."""
+def test_the_statistic_is_the_projection_over_its_spread(world: tuple[Case, Prepared, Bank]) -> None:
+    """LM = pᵀ C⁻¹ p, p = Hᵀ r, C at least white noise's; z = √(2 LM) − √(2 df − 1), one-sided rows count one side.
+
+    LM is never above |p|², what it would be under white noise, and is that where no direction's spread is larger.
+    """
     _, prepared, bank = world
+    blocks = scores.blocks_of(len(prepared.fit.residual) // 2, 2, 0, 1, 1)
     for row in bank.rows:
         if row.basis is None:
             continue
-        LM = float(np.sum((row.basis.T @ prepared.fit.residual) ** 2))
+        p = row.basis.T @ prepared.fit.residual
+        shares = blocks_module.shares_of(row.basis, prepared.fit.residual, blocks)
+        values, vectors = np.linalg.eigh(shares.T @ shares)
+        LM = float(np.sum((vectors.T @ p) ** 2 / np.maximum(values, 1.0)))
+        assert p @ p * (1 + 1e-9) >= LM
         assert row.statistic == pytest.approx(LM, rel=1e-9) or row.statistic == 0.0
         assert row.z == pytest.approx(np.sqrt(2 * row.statistic) - np.sqrt(2 * row.freedom - 1))
     assert [r.z for r in bank.rows] == sorted((r.z for r in bank.rows), reverse=True)
@@ -226,7 +235,7 @@ def test_the_stated_spread_is_that_of_the_score(world: tuple[Case, Prepared, Ban
     for k, r in enumerate(draws(30, len(prepared.fit.residual))):
         for a in chosen:
             slot, cell = next(s for s in a.slots if s.label), cells[a.key]
-            white = scores._evaluate(a, cell, r, scores._block_signs(len(r) // 2, 2, 0, k))[0]
+            white = scores._evaluate(a, cell, r, scores.blocks_of(len(r) // 2, 2, 0, k, scores._DRAWS))[0]
             ratios[a.key].append(white.std[slot.name] * abs(cell.triangle[0, 0]))
             stated = minimum_detectable(white, bank.threshold)[slot.label]["value"]
             assert stated == pytest.approx((bank.threshold + 1) / np.sqrt(2) * white.std[slot.name])

@@ -53,7 +53,7 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    chosen = (study.second or study.winner) if shown_proof(study) is not None else None
+    chosen = study.whole if shown_proof(study) is not None else None
     if shown_proof(study) is study.declared_proof:
         chosen = None  # the declared values were re-fitted, no effect was added
     fit = study.prepared.fit if chosen is None else chosen.fit

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import unlisted
+from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
@@ -22,12 +22,12 @@ from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
-from aeolid.diagnose.proof import Proof, block_interval, imitate, prove
+from aeolid.diagnose.proof import PROVEN, Proof, block_interval, imitate, prove
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import are_kin, leading, outdone_by
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
-from aeolid.diagnose.several import further_effects, what_is_left
+from aeolid.diagnose.several import form_beside, further_effects, what_is_left
 from aeolid.diagnose.switches import paying
 
 Array = NDArray[np.float64]
@@ -58,7 +58,13 @@ class Study:
     bands: list[dict[str, object]]
     after_bank: Bank | None
     sham: tuple[int, int, tuple[float, ...]]
+    completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     timing_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def whole(self) -> Candidate | None:
+        """Return the largest set that the sealed data bear out: what the proof and the corrected model are of."""
+        return self.completed or self.second or self.winner
 
 
 def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
@@ -92,6 +98,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("sealed proof", 0.6)
     second, proof = _prove(prepared, chain, seed)
+    completed, proof = _completed(prepared, second or winner, proof, seed)
     declared_proof = _declared(prepared, seed)
     bands = band_power(prepared.predictor, prepared.fit, seed)
     done()
@@ -101,7 +108,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     progress("done", 1.0)
     return Study(
         case, seed, findings, prepared, bank, tuple(candidates), winner, second, others if second in chain[-1:] else (),
-        proof, declared_proof, top, bands, after_bank, (sham, hits, tuple(largest)), timing,
+        proof, declared_proof, top, bands, after_bank, (sham, hits, tuple(largest)), completed, timing,
     )  # fmt: skip
 
 
@@ -151,6 +158,36 @@ def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[C
         if kept is None or block_interval(proof.difference - kept.difference, seed)[0] > 0:
             best, kept = chosen, proof
     return (best if best is not None and len(best.attachments) > 1 else None), kept
+
+
+def _completed(
+    prepared: Prepared, found: Candidate | None, proof: Proof | None, seed: int
+) -> tuple[Candidate | None, Proof | None]:
+    """Put a form without a name beside proven effects, where the sealed data ask for that too; with the whole's proof.
+
+    None beside a form, a wrong value, a fault of the recording: a claim that the structure is right. On a simulator's
+    run there are none.
+    """
+    if (
+        found is None
+        or proof is None
+        or proof.interval[0] <= PROVEN
+        or found.unlisted
+        or prepared.surrogate is not None
+    ):
+        return None, proof
+    if any(entry(a.entry).family in ("parameter", "sensor_nonlinearity") for a in found.attachments):
+        return None, proof
+    larger = form_beside(prepared, found, seed)
+    if larger is None:
+        return None, proof
+    bare = prepared.only(())
+    whole = prove(
+        (bare.predictor, bare.fit), (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed
+    )
+    if block_interval(whole.difference - proof.difference, seed)[0] <= 0:
+        return None, proof
+    return larger, whole
 
 
 def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:

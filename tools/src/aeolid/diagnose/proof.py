@@ -15,6 +15,7 @@ from aeolid.diagnose.predictor import Fit, Predictor
 
 Array = NDArray[np.float64]
 _DRAWS = 2000
+PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 

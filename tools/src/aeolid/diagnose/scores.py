@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from aeolid.diagnose.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
 from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
@@ -77,16 +78,17 @@ def score_bank(
 ) -> Bank:
     """Score all attachments at a fitted baseline, which may hold effects found before.
 
-    G̃ = G − Q Qᵀ G, Q spanning the baseline's own sensitivities; LM = |Hᵀ r|², H an orthonormal basis of G̃, one-sided
-    where the physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a
-    block wild bootstrap of the residuals (robust to changing variance and short correlation). `threshold` overrides it.
+    G̃ = G − Q Qᵀ G, Q spanning the baseline's own sensitivities; p = Hᵀ r, H an orthonormal basis of G̃;
+    LM = pᵀ C⁻¹ p, C the covariance of p from blocks of the residuals, nowhere below white noise's; one-sided where the
+    physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a block
+    multiplier bootstrap (robust to changing variance and short correlation). `threshold` overrides it.
     Cost: one filter pass for every LANES parameters and grid points.
     """
     fit = prepared.fit
     basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian]))
     outputs = prepared.predictor.segments[0].y.shape[1]
     draws = _DRAWS if threshold is None else _FEW_DRAWS
-    signs = _block_signs(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
+    blocks = blocks_of(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
     residual = np.concatenate([fit.residual, fit.prior_residual])
     cells = _cells(prepared, attachments, basis)
     null_max = np.full(draws, -np.inf)
@@ -96,7 +98,7 @@ def score_bank(
         null_z = np.full(draws, -np.inf)
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
-            row, null = _evaluate(attachment, option, residual, signs)
+            row, null = _evaluate(attachment, option, residual, blocks)
             if attachment.share is not None and attachment.share in row.std:
                 graded.append((row.grid, row.std[attachment.share]))
             null_z = np.maximum(null_z, null)
@@ -236,21 +238,19 @@ def _outside(G: Array, baseline: Array) -> Array:
     return result
 
 
-def _evaluate(
-    attachment: Attachment, cell: _Cell, residual: Array, signs: tuple[Array, NDArray[np.int64]]
-) -> tuple[Row, Array]:
-    eta, starts = signs
+def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, blocks: Blocks) -> tuple[Row, Array]:
     freedom = cell.basis.shape[1]
     point = cell.basis.T @ residual
-    without = residual - cell.basis @ point  # the effect itself must not widen its own null
-    null = eta @ np.add.reduceat(cell.basis * without[:, None], starts, axis=0)  # (draws, df)
+    shares = shares_of(cell.basis, residual, blocks)
+    spread = shares.T @ shares  # robust covariance of Hᵀ r
+    white, null = standardiser(spread), redrawn(shares, blocks)
+    score = point @ white
     if cell.one_sided:
-        statistic, null_statistic = max(point[0], 0.0) ** 2, np.maximum(null[:, 0], 0.0) ** 2
+        statistic, null_statistic = max(point[0] * white[0, 0], 0.0) ** 2, np.maximum(null[:, 0], 0.0) ** 2
     else:
-        statistic, null_statistic = float(point @ point), np.sum(null**2, axis=1)
+        statistic, null_statistic = float(score @ score), np.sum(null**2, axis=1)
     inverse = np.linalg.inv(cell.triangle)
     values = inverse @ point
-    spread = np.cov(null.T).reshape(freedom, freedom)  # robust covariance of Hᵀ r
     std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse.T), 0.0))
     count = len(cell.names)
     null_of = {s.name: s.null for s in attachment.slots}
@@ -281,19 +281,6 @@ def _span(jacobian: Array) -> Array:
     U, s, _ = np.linalg.svd(scaled, full_matrices=False)
     result: Array = U[:, s > 1e-7 * s[0]]
     return result
-
-
-def _block_signs(
-    samples: int, outputs: int, known: int, seed: int, draws: int = _DRAWS
-) -> tuple[Array, NDArray[np.int64]]:
-    """Draw ±1 for blocks of samples, all outputs of a sample in one block, and for each of the prior's `known` rows.
-
-    Returns signs and block starts.
-    """
-    length = max(1, round(samples ** (1 / 3)))
-    starts = np.concatenate([np.arange(0, samples, length) * outputs, samples * outputs + np.arange(known)])
-    rng = np.random.default_rng(seed)
-    return rng.choice(np.array([-1.0, 1.0]), size=(draws, len(starts))), starts
 
 
 def _silent(attachment: Attachment) -> Row:

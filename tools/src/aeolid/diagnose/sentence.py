@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof
 from aeolid.diagnose.rivals import stands_for
@@ -18,11 +19,11 @@ _BAND = 20.0  # nats of score from which a mode that no input drives is worth a 
 def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
     """Write the verdict as one sentence for the top of the page."""
     if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
-        return "; and ".join(str(e["statement"]) for e in effects)
+        return "; and ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
     if verdict == "ambiguous" and study.second is not None and proof is study.proof:
-        return _sentence_of_sets(effects, study, study.second)
+        return _sentence_of_sets(effects, study, study.second) + _beyond(study, proof)
     if verdict == "ambiguous":
-        return " — or: ".join(str(e["statement"]) for e in effects)
+        return " — or: ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
     if verdict == "data_fault":
         return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
     if verdict == "immaterial":
@@ -37,6 +38,14 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
             nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."
     return f"Nothing is missing that this recording could show{_coloured(study)}."
+
+
+def _beyond(study: Study, proof: Proof | None) -> str:
+    """Say which form without a name the corrected model has beside what was named; empty where it has none."""
+    if study.completed is None or proof is not study.proof:
+        return ""
+    form = study.completed.says(next(a for a in study.completed.attachments if a.entry == unlisted.ID))
+    return f"; beyond that {form}, a form that no catalogue entry has"
 
 
 def _nearest(study: Study) -> str:

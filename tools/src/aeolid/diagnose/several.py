@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.race import select_density
 from aeolid.diagnose.refit import as_rows, refit
 from aeolid.diagnose.rivals import leading
-from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.scores import Bank, Row, score_bank
 
 _MOST = 3  # effects in one model
 _SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
@@ -40,34 +41,53 @@ def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[l
 def what_is_left(prepared: Prepared, winner: Candidate, seed: int) -> Bank:
     """Score what may stand beside the effects found, with these in the model."""
     named = [a for a in prepared.hypotheses if a.entry != unlisted.ID]
-    rest = tuple(a for a in named if all(is_another(a, b) for b in winner.attachments))
+    return _scored(prepared, winner, [a for a in named if all(is_another(a, b) for b in winner.attachments)], seed)
+
+
+def form_beside(prepared: Prepared, chosen: Candidate, seed: int) -> Candidate | None:
+    """Return the set with a form outside the catalogue beside it, where fit and selection data both ask for one.
+
+    It gets no name and changes none; without it the corrected model would go on being wrong where it need not be. Of
+    two tanks that run over, the lower one's outlet follows no square root: told that, the free run is half as far off.
+    As nothing is named, less is asked of it than of a further effect.
+    """
+    bank = _scored(prepared, chosen, [a for a in prepared.hypotheses if a.entry == unlisted.ID], seed)
+    return _grown(prepared, chosen, [r for r in bank.rows if r.z > bank.threshold], corrects)
+
+
+def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], seed: int) -> Bank:
     stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
     predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
     full = winner.predictor.at(winner.fit.point, winner.fit.free)
-    return score_bank(replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended)), rest, seed)
+    world = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
+    return score_bank(world, tuple(rest), seed)
 
 
 def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
-    bank, small = what_is_left(prepared, winner, seed), winner.predictor.compiled.model
-    rows = [r for r in bank.rows if r.z > bank.threshold][:2]
-    if not rows:
-        return None, bank
-    base_select = select_density(prepared)
+    bank = what_is_left(prepared, winner, seed)
+    return _grown(prepared, winner, [r for r in bank.rows if r.z > bank.threshold], adds), bank
+
+
+def _grown(
+    prepared: Prepared, winner: Candidate, rows: Sequence[Row], helps: Callable[[Candidate, Candidate], bool]
+) -> Candidate | None:
+    """Fit each of the first two beside the set; returns the best larger set that helps, counted from the bare model."""
+    base_select, small = select_density(prepared), winner.predictor.compiled.model
     found: list[Candidate] = []
-    for row in rows:
+    for row in rows[:2]:
         both = prepared.only((*winner.attachments, row.attachment))
         base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
         larger = refit(both, base, [*as_rows(winner), row], base_select)
         if larger is None:
             continue
-        if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and adds(winner, larger):
+        if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and helps(winner, larger):
             found.append(larger)
     while (best := leading(found)) is not None:
         if survives_control(prepared, best):  # by what it gains beyond the smaller set: that is at stake
-            return best.beyond(winner), bank
+            return best.beyond(winner)
         found.remove(best)
-    return None, bank
+    return None
 
 
 def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
@@ -108,6 +128,15 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     if added > max(_LEAST_GAIN, _SHARE * fewer.select_gain) and gained > max(_CLEAR, _SHARE * fewer.fit_gain):
         return True
     return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SHARE * fewer.fit_gain)
+
+
+def corrects(fewer: Candidate, more: Candidate) -> bool:
+    """Tell whether what was added predicts better on the fit data, beyond its handicap, and on the selection data.
+
+    more: counted from the smaller set, as refitted beside it.
+    """
+    gained = more.fit.log_posterior - fewer.fit.log_posterior - more.handicap
+    return min(gained, more.select_gain - fewer.select_gain) > _LEAST_GAIN
 
 
 def is_another(a: Attachment, b: Attachment) -> bool:

@@ -14,13 +14,12 @@ from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effect
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.proof import Proof, block_interval
+from aeolid.diagnose.proof import PROVEN, Proof, block_interval
 from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 from aeolid.diagnose.sentence import sentence, untested
 
 Array = NDArray[np.float64]
-_PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
@@ -39,6 +38,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "verdict": verdict,
         "statement": sentence(verdict, effects, study, proof),
         "effects": effects,
+        "beside": _beside(study) if effects and proof is study.proof else None,
         "location": effects[0]["location"] if effects else _where(study, verdict),
         "sealed": _sealed(study, proof),
         "false_alarm": {
@@ -51,6 +51,15 @@ def diagnose(study: Study) -> dict[str, Any]:
     }
 
 
+def _beside(study: Study) -> dict[str, Any] | None:
+    """Describe the form without a name that stands beside what was named, if one does."""
+    if study.completed is None:
+        return None
+    form = next(a for a in study.completed.attachments if a.entry == unlisted.ID)
+    facts = _effect(study, study.completed, form, [])
+    return {k: facts[k] for k in ("statement", "location", "equation", "parameters")}
+
+
 def shown_proof(study: Study) -> Proof | None:
     """Return the proof that belongs to the verdict: of the named effects, or of the re-fitted declared values."""
     return _decide(study)[2]
@@ -61,7 +70,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     fault = [f for f in study.findings if f.severity == "fault"]
     if fault:
         return "data_fault", [], None
-    if study.winner is not None and study.proof is not None and study.proof.interval[0] > _PROVEN:
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
         if not _material(study.proof):
             return "immaterial", [], None
         if study.winner.unlisted:
@@ -82,7 +91,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if declared is not None and declared.interval[0] > _PROVEN and _material(declared) and contradicted(study):
+    if declared is not None and declared.interval[0] > PROVEN and _material(declared) and contradicted(study):
         return *_declared(study), declared
     if untested(study):
         return "not_testable", [], None
@@ -106,7 +115,8 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
         return _several(study, study.second)
     rivals = _weighed(study, winner)
     listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in rivals]
-    effects = [_effect(study, winner, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
+    shown = study.completed or winner
+    effects = [_effect(study, shown, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
     said = [(c, w) for c, w in rivals if leaves_open(winner, c, w)]
     if any(is_other(c, winner) for c, _ in said):
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
@@ -124,10 +134,10 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
     """Name a set of effects; where another may stand in the place of one, both are said and nothing is decided."""
     weights = weights_of([chosen, *(a.candidate for a in study.alternatives)])
     others = list(zip(study.alternatives, weights[1:], strict=True))
-    effects = []
+    effects, shown = [], study.completed or chosen
     for attachment in chosen.attachments:
         rivals = [{"id": a.attachment.entry, "weight": w} for a, w in others if a.replaces == attachment.key]
-        effects.append(_effect(study, chosen, attachment, rivals, weights[0]))
+        effects.append(_effect(study, shown, attachment, rivals, weights[0]))
     effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
     ids = {a.key: a.entry for a in chosen.attachments}
     open_ = any(a.attachment.entry != ids[a.replaces] for a in study.alternatives)
