@@ -19,6 +19,7 @@ from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
 from aeolid.diagnose.catalogue.blade_response import responses
 from aeolid.diagnose.exogenous import with_exogenous
+from aeolid.diagnose.export import corrected_model
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
 from aeolid.diagnose.starts import turns
@@ -87,12 +88,33 @@ def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor:
         assert found["sealed"]["interval"][0] > 0  # what comes nearest is shown on the sealed data too
 
 
-def write_swinging(folder: Path, factor: float) -> Path:
-    """Write a case: 80 s at 50 Hz of a swing pushed at random, its damping 1 + factor (q / 0.3 m)², gusts on top."""
+@pytest.mark.parametrize("factor", [0.9, 0.0])
+def test_beside_a_name_the_corrected_model_has_the_form_that_has_none(factor: float, tmp_path: Path) -> None:
+    """A lag of the push and damping that grows with the stroke: the lag is named, the rest described and modelled."""
+    result = study(load_case(write_swinging(tmp_path, factor, tau=0.15)), sham=0, seed=1, progress=lambda *_: None)
+    found = diagnose(result)
+    assert (found["verdict"], [e["id"] for e in found["effects"]]) == ("named", ["actuator_lag"]), found["statement"]
+    tau, beside = found["effects"][0]["parameters"]["tau_s"], found["beside"]
+    assert abs(tau["value"] - 0.15) < 4 * tau["std"] < 0.02
+    assert (beside is not None) == ("a form that no catalogue entry has" in found["statement"]) == (factor > 0)
+    model = corrected_model(result.prepared, result.whole.fit, result.whole)  # type: ignore[union-attr]
+    assert any(p.name.startswith(unlisted.ID) for p in model.parameters) == (factor > 0)
+    if beside:
+        assert beside["location"]["entry"] == "state:v" and "q*q*v" in beside["equation"]
+        held = beside["parameters"]["factor"]
+        assert abs(held["value"] - factor / 0.3**2) < 4 * held["std"] < 4.0
+
+
+def write_swinging(folder: Path, factor: float, tau: float = 0.0) -> Path:
+    """Write a case: 80 s at 50 Hz of a swing pushed at random, its damping 1 + factor (q / 0.3 m)², gusts on top.
+
+    tau: the push acts through a lag of that many seconds.
+    """
     rng, step, samples = np.random.default_rng(3), 0.02, 4000
     push = np.repeat(rng.uniform(-16.0, 16.0, samples // 10), 10)
     gust = 0.4 * rng.standard_normal(samples)
-    rows, x = np.empty((samples, 3)), np.zeros(2)
+    rows, x, acting = np.empty((samples, 3)), np.zeros(2), 0.0
+    left = np.exp(np.array([-0.125, -0.25]) * step / tau) if tau else np.zeros(2)  # left of a lag
 
     def slope(x: Any, force: float) -> Any:
         return np.array([x[1], force - (1.0 + factor * (x[0] / 0.3) ** 2) * x[1] - 40.0 * x[0]])
@@ -100,7 +122,8 @@ def write_swinging(folder: Path, factor: float) -> Path:
     for i in range(samples):
         rows[i] = push[i], x[0], x[1]
         for _ in range(4):
-            x = x + 0.25 * step * slope(x + 0.125 * step * slope(x, push[i] + gust[i]), push[i] + gust[i])
+            half, acting = push[i] + (acting - push[i]) * left
+            x = x + 0.25 * step * slope(x + 0.125 * step * slope(x, half + gust[i]), half + gust[i])
     rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, 5e-3)
     return write_case(folder, SWING, step, SWING_CHANNELS, rows)
 

@@ -59,7 +59,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
         [
             _verdict(diagnosis, effects),
             before_after(evidence, diagnosis.get("sealed") or {}, after=_after(diagnosis)),
-            _effects(effects),
+            _effects(effects, diagnosis.get("beside") or {}),
             _rivals(effects),
             score_bank(
                 evidence.get("bank") or [], {(e.get("id"), (e.get("location") or {}).get("entry")) for e in effects}
@@ -130,20 +130,28 @@ def _proof(sealed: Facts, effects: list[Facts]) -> str:
     return text[:1].upper() + text[1:] + "." if text else ""
 
 
-def _effects(effects: list[Facts]) -> Html:
-    parts = []
+def _effects(effects: list[Facts], beside: Facts) -> Html:
+    parts: list[Html | None] = []
     for effect in effects:
-        rows = [
-            [name, with_std(p.get("value"), p.get("std")), p.get("unit", "")]
-            for name, p in (effect.get("parameters") or {}).items()
-        ]
-        parts += [
-            tag("h3", f"{effect.get('id', '')} ", tag("span", f"family {effect.get('family', '')}", class_="soft")),
-            tag("p", _sentence(effect.get("statement", ""))),
-            tag("p", tag("code", effect["equation"])) if effect.get("equation") else None,
-            table(["parameter", "#value ± std", "unit"], rows),
-        ]  # fmt: skip
+        parts += _described(effect.get("id", ""), f"family {effect.get('family', '')}", effect)
+    if beside:
+        parts += _described(
+            "without a name", "no entry of the catalogue has this form; the corrected model has", beside
+        )
     return section("The effect" if len(effects) == 1 else "The effects", *parts)
+
+
+def _described(name: str, kind: str, effect: Facts) -> list[Html | None]:
+    rows = [
+        [label, with_std(p.get("value"), p.get("std")), p.get("unit", "")]
+        for label, p in (effect.get("parameters") or {}).items()
+    ]
+    return [
+        tag("h3", f"{name} ", tag("span", kind, class_="soft")),
+        tag("p", _sentence(effect.get("statement", ""))),
+        tag("p", tag("code", effect["equation"])) if effect.get("equation") else None,
+        table(["parameter", "#value ± std", "unit"], rows),
+    ]
 
 
 def _rivals(effects: list[Facts]) -> Html:
