@@ -82,7 +82,7 @@ def test_weights_give_back_the_spread(size: float) -> None:
 
 
 def test_scores_never_grow_by_a_spread_below_white_noise() -> None:
-    small = Blocks(np.array([0, 50]), np.ones((1, 2)))
+    small = Blocks(np.array([0, 50]), np.ones((1, 2)), np.ones((1, 2)))
     H = directions(100, slice(None), 1, 12)
     shares = shares_of(H, 1e-3 * np.random.default_rng(13).standard_normal(100), small)
     assert float(np.abs(standardiser(shares.T @ shares)[0, 0])) == 1.0

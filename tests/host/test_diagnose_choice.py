@@ -179,7 +179,7 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
         )
 
     def row(entry: str, output: str, z: float) -> Any:
-        return SimpleNamespace(attachment=attachment(entry, output), z=z, basis=bases.get(entry))
+        return SimpleNamespace(attachment=attachment(entry, output), z=z, fair=-np.inf, basis=bases.get(entry))
 
     def fitted(entry: str, output: str, gain: float, plausible: bool = True, accepted: bool = True) -> Any:
         a, is_ = attachment(entry, output), {"plausible": plausible, "accepted": accepted}
@@ -193,7 +193,7 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
         row("blade_flap", "bending", 7.0), row("sensor_lag", "speed", 3.0), row("sensor_lag", "deck", 2.0),
         row("sensor_second_order", "roof", 2.0),
     )  # fmt: skip
-    bank: Any = SimpleNamespace(rows=rows, threshold=5.0)
+    bank: Any = Bank(rows, 5.0)
     found = kin(bank, [fitted("sensor_lag", "moment", 148.0), fitted("sensor_lag", "roof", 20.0)])
     assert [r.attachment.key for r in found] == ["sensor_second_order moment", "blade_flap bending"]
     assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []

@@ -26,7 +26,7 @@ from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import refit
 from aeolid.diagnose.rivals import leads
-from aeolid.diagnose.scores import Row, score_bank
+from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.sentence import sentence
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     (other,) = alternatives
     names = {best.attachments[0].key, other.attachment.key}
     assert names == {LAG, FILTER} and other.replaces == best.attachments[0].key
-    study: Any = SimpleNamespace(alternatives=alternatives, second=best, winner=best, proof=None)
+    study: Any = SimpleNamespace(alternatives=alternatives, second=best, winner=best, proof=None, completed=None)
     said, effects = verdict._several(study, best)
     assert said == "ambiguous" and [e["id"] for e in effects][1] == "coulomb_friction" and len(effects) == 3
     assert effects[0]["rivals"][0]["id"] == effects[2]["id"] and effects[1]["rivals"] == []
@@ -198,6 +198,6 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
         candidate("parameter_error", 9.0), candidate("beside", 9.0),
     ]  # fmt: skip
     names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error", "beside"]
-    bank = SimpleNamespace(rows=[*(row(n, 6.0) for n in names), row("quiet", 3.0)], threshold=4.0)
+    bank = Bank((*(row(n, 6.0) for n in names), row("quiet", 3.0)), 4.0)
     study: Any = SimpleNamespace(candidates=candidates, bank=bank, prepared=None)
     assert [c.key for c in also_speaking(study)] == ["lag", "drag"]

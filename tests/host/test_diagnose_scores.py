@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from scipy.stats import binom, chi2, kstest
 from study_modules import load_study
 
-from aeolid.diagnose import blocks as blocks_module
 from aeolid.diagnose import scores
+from aeolid.diagnose.blocks import shares_of
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.predictor import Free, Point, Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
@@ -62,24 +62,42 @@ def test_a_free_parameter_is_never_its_own_hypothesis(world: tuple[Case, Prepare
         assert not {s.name for s in a.slots} & set(names), a.key
 
 
-def test_the_statistic_is_the_projection_over_its_spread(world: tuple[Case, Prepared, Bank]) -> None:
-    """LM = pᵀ C⁻¹ p, p = Hᵀ r, C at least white noise's; z = √(2 LM) − √(2 df − 1), one-sided rows count one side.
-
-    LM is never above |p|², what it would be under white noise, and is that where no direction's spread is larger.
-    """
+def test_the_statistic_is_the_squared_projection(world: tuple[Case, Prepared, Bank]) -> None:
+    """LM = |Hᵀ r|², z = √(2 LM) − √(2 df − 1), one-sided rows count only their own side; fair over its own spread."""
     _, prepared, bank = world
     blocks = scores.blocks_of(len(prepared.fit.residual) // 2, 2, 0, 1, 1)
     for row in bank.rows:
         if row.basis is None:
             continue
         p = row.basis.T @ prepared.fit.residual
-        shares = blocks_module.shares_of(row.basis, prepared.fit.residual, blocks)
-        values, vectors = np.linalg.eigh(shares.T @ shares)
-        LM = float(np.sum((vectors.T @ p) ** 2 / np.maximum(values, 1.0)))
-        assert p @ p * (1 + 1e-9) >= LM
+        LM, root = float(np.sum(p**2)), np.sqrt(2 * row.freedom - 1)
         assert row.statistic == pytest.approx(LM, rel=1e-9) or row.statistic == 0.0
-        assert row.z == pytest.approx(np.sqrt(2 * row.statistic) - np.sqrt(2 * row.freedom - 1))
+        assert row.z == pytest.approx(np.sqrt(2 * row.statistic) - root)
+        shares = shares_of(row.basis, prepared.fit.residual, blocks)
+        values, vectors = np.linalg.eigh(shares.T @ shares)
+        fair = np.sqrt(2 * np.sum((vectors.T @ p) ** 2 / np.maximum(values, 1.0))) - root
+        assert row.fair == pytest.approx(fair) or row.fair == -root
+        assert row.fair <= row.z + 1e-9
     assert [r.z for r in bank.rows] == sorted((r.z for r in bank.rows), reverse=True)
+
+
+def test_a_row_speaks_over_either_threshold(world: tuple[Case, Prepared, Bank]) -> None:
+    row = replace(world[2].rows[0], z=7.0, fair=4.5)
+    assert Bank((row,), 6.9, 9.9).loud == [row] == Bank((row,), 9.9, 4.4).loud
+    assert Bank((row,), 7.1, 4.6).loud == []
+    assert Bank((row,), 9.9, 4.4).limit(row) == pytest.approx(6.9)  # of z: what the fair one leaves it
+
+
+def test_a_burst_raises_the_threshold_of_what_it_has_nothing_to_do_with_but_not_the_fair_one(
+    world: tuple[Case, Prepared, Bank],
+) -> None:
+    """Thirty samples twenty times as loud, at one place: the plain threshold at least doubles, the fair one stays."""
+    _, prepared, bank = world
+    loud = prepared.fit.residual.copy()
+    loud[1000:1060] *= 20.0
+    shaken = score_bank(replace(prepared, fit=replace(prepared.fit, residual=loud)), prepared.hypotheses, 1)
+    assert shaken.threshold > 2 * bank.threshold
+    assert shaken.fair == pytest.approx(bank.fair, rel=0.15)
 
 
 def test_the_map_of_confusion_is_symmetric_with_ones(world: tuple[Case, Prepared, Bank]) -> None:
@@ -204,7 +222,7 @@ def test_the_null_distribution_and_the_family_level(
         score_bank(replace(prepared, fit=replace(prepared.fit, residual=r)), offered, 1000 + k)
         for k, r in enumerate(draws(count, len(prepared.fit.residual)))
     ]
-    alarms = sum(b.rows[0].z > b.threshold for b in banks)
+    alarms = sum(len(b.loud) > 0 for b in banks)
     assert alarms <= binom.ppf(0.999, count, 0.01), alarms
     checked = 0
     for key, options in cells.items():

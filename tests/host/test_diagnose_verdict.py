@@ -30,7 +30,8 @@ def decided(low: float, *, visible: bool = True) -> tuple[str, list[str], str]:
     )
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
     study: Any = SimpleNamespace(
-        findings=(), winner=drag, second=None, alternatives=(), proof=proof, candidates=(), ceiling=ceiling, seed=1,
+        findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
+        ceiling=ceiling, seed=1,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1),
         case=SimpleNamespace(records=()),
@@ -64,7 +65,7 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
 def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:
     """Two effects, not proven; values that moved, proven, with one of the two beside them: neither is the set's."""
     own, declared = SimpleNamespace(interval=(0.5, 9.0)), SimpleNamespace(interval=(8.0, 20.0))
-    study: Any = SimpleNamespace(second=SimpleNamespace(attachments=()), alternatives=(), proof=own)
+    study: Any = SimpleNamespace(second=SimpleNamespace(attachments=()), completed=None, alternatives=(), proof=own)
     effects = [{"statement": "k is wrong"}, {"statement": "it drags"}]
     declared_proof: Any = declared
     assert sentence("ambiguous", effects, study, declared_proof) == "k is wrong — or: it drags"

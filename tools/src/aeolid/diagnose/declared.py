@@ -70,7 +70,7 @@ def also_speaking(study: Study) -> list[Candidate]:
     10 nats bent two stiffnesses and a friction; beside it, all were as declared). Where a stiffness stays 50 deviations
     off beside the effect, it is wrong whatever else there is.
     """
-    loud = {r.attachment.key for r in study.bank.rows if r.z > study.bank.threshold}
+    loud = {r.attachment.key for r in study.bank.loud}
     found = [
         c for c in study.candidates
         if c.plausible and not c.unlisted and c.key in loud and c.fit_gain > 0 and c.score > _SPEAKS

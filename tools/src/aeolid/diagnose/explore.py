@@ -11,6 +11,7 @@ from scipy.stats import qmc
 from aeolid.diagnose import modal
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.quiet import quieted
 
 _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
 _PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings
@@ -19,7 +20,6 @@ _AWAKE, _WHITE = 0.5, 0.1  # amplitude of the forces, in sizes of what they act 
 _KEEP = 6
 TRIED = 4  # starts that are fitted briefly
 _QUICK, _FULL = 5, 40  # Gauss–Newton iterations to compare starts, and to finish
-_UNHEARD, _QUIETEST = 0.1, 1e-2  # nats that all quieter noise together may cost; its least amplitude, in sizes
 
 
 def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int] = ()) -> list[Point]:
@@ -134,22 +134,3 @@ def fit_quietly(predictor: Predictor, start: Point, free: Free, iterations: int 
         return fit
     quiet = quieted(predictor, fit.point, free)
     return fit if quiet is fit.point else predictor.at(quiet, free)
-
-
-def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
-    """Lower each process noise as long as that costs next to nothing.
-
-    Where a sensor is nearly exact, noise a thousand times too loud predicts as well: the gain changes no more. What was
-    fitted from there on stayed there, at an amplitude that rounding chose, and ended at one of several optima (of a
-    positioning stage 4 and 50 nats apart). From quiet noise it ends at the same one, if not always the highest.
-    """
-    limit, states = predictor.objective(point) + _UNHEARD, len(point.x0[0])
-    for i in (i for i in free.noise if i < states):
-        while point.noise[i] > _QUIETEST:
-            noise = point.noise.copy()
-            noise[i] /= np.sqrt(10.0)
-            trial = replace(point, noise=noise)
-            if predictor.objective(trial) > limit:
-                break
-            point = trial
-    return point

@@ -225,12 +225,12 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     found = [
         row for row in fresh
-        if row.z > bank.threshold
+        if row.z > bank.limit(row)
         and any(are_kin(row.attachment, c.attachments[0]) or _alike(row, own.get(c.key)) for c in leaders)
     ]  # fmt: skip
     if leaders and not any(is_accepted(c) for c in leaders):
         first = leaders[0].attachments[0].entry
-        found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.threshold]
+        found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
     return found[:_KIN]
 
 
@@ -334,9 +334,9 @@ def _sham(
             continue
         split = replace(prepared.split, fit=tuple(fit_part), select=tuple(select_part))
         world = replace(prepared, predictor=predictor, fit=fit, split=split)
-        own = score_bank(world, tested, seed + k, threshold=bank.threshold)
+        own = score_bank(world, tested, seed + k, known=bank)
         top = own.rows[0].z if own.rows else -np.inf
         largest.append(float(top) if np.isfinite(top) else 0.0)
-        if top > own.threshold and first_effect(world, fit_finalists(world, own, most=2))[0] is not None:
+        if own.loud and first_effect(world, fit_finalists(world, own, most=2))[0] is not None:
             hits += 1
     return hits, largest

@@ -37,7 +37,7 @@ def finalists(bank: Bank) -> list[Row]:
     Families first: the score at the null ranks poorly where much is missing (of an OpenFAST run without its tower two
     bent springs, a drag and a shadow stood before the tower's own mode).
     """
-    over = [r for r in bank.rows if r.z > bank.threshold]
+    over = bank.loud
     chosen = [r for r in bank.rows if r.attachment.always_fit]
     most = len(chosen) + MAX_FINALISTS
     families: set[str] = set()

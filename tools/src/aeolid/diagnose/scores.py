@@ -17,6 +17,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.quiet import audible
 from aeolid.diagnose.sensitivity import Variant, columns, gain_variant, noise_variant, theta_variant
 from aeolid.models.equations import Equations
 
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 _DRAWS = 999
 _FEW_DRAWS = 99  # where the threshold is given: for the deviations alone
 _TOGETHER = 10  # attachments in one model of the bank
-_LEVEL = 0.01  # family-wise false-alarm level of the bank
+_LEVELS = 0.0025, 0.0075  # family-wise false-alarm levels of the bank: of the plain z, of the fair one
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
 _FELT = 1e-3  # standard deviations that all of a range must move the innovations together: less is rounding
@@ -32,7 +33,10 @@ _FELT = 1e-3  # standard deviations that all of a range must move the innovation
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Hold one hypothesis' score: statistic, standardised z, one-step estimate and what could be seen at least."""
+    """Hold one hypothesis' score: statistic, standardised z, one-step estimate and what could be seen at least.
+
+    fair: z with the statistic over its own spread, which what is missing elsewhere makes larger, and bursts do.
+    """
 
     attachment: Attachment
     z: float
@@ -46,14 +50,25 @@ class Row:
     basis: Array | None
     testable: bool
     graded: tuple[tuple[Mapping[str, float], float], ...] = ()  # of a share: grid point and the share's deviation there
+    fair: float = -np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Hold all rows, best first, and the z that only 1 in 100 recordings without any effect would exceed."""
+    """Hold all rows, best first; z and fair z, of which 1 in 100 recordings without effects would exceed one."""
 
     rows: tuple[Row, ...]
     threshold: float
+    fair: float = np.inf
+
+    @property
+    def loud(self) -> list[Row]:
+        """Return the rows that speak: over either threshold."""
+        return [r for r in self.rows if r.z > self.limit(r)]
+
+    def limit(self, row: Row) -> float:
+        """Return the z from which a row speaks: the threshold, or less where its fair z gets over the other first."""
+        return min(self.threshold, row.z - row.fair + self.fair)
 
     def confusion(self) -> dict[str, Any]:
         """Return cos² between the directions of the testable rows: near 1, these data cannot tell them apart."""
@@ -63,7 +78,7 @@ class Bank:
 
     def to_json(self) -> list[dict[str, Any]]:
         """Return the rows of the report's score table."""
-        return [_row_json(r, self.threshold) for r in self.rows]
+        return [_row_json(r, self) for r in self.rows]
 
 
 def overlap(a: Row, b: Row) -> float:
@@ -73,29 +88,28 @@ def overlap(a: Row, b: Row) -> float:
     return min(1.0, float(np.linalg.norm(a.basis.T @ b.basis, 2)) ** 2)
 
 
-def score_bank(
-    prepared: Prepared, attachments: Sequence[Attachment], seed: int, threshold: float | None = None
-) -> Bank:
+def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int, known: Bank | None = None) -> Bank:
     """Score all attachments at a fitted baseline, which may hold effects found before.
 
-    G̃ = G − Q Qᵀ G, Q spanning the baseline's own sensitivities; p = Hᵀ r, H an orthonormal basis of G̃;
-    LM = pᵀ C⁻¹ p, C the covariance of p from blocks of the residuals, nowhere below white noise's; one-sided where the
-    physics is. z = sqrt(2 LM) − sqrt(2 df − 1). The threshold is the 99 % point of the largest z under a block
-    multiplier bootstrap (robust to changing variance and short correlation). `threshold` overrides it.
+    G̃ = G − Q Qᵀ G, Q spanning the baseline's own (silent forces have none); LM = |Hᵀ r|², H an orthonormal basis of
+    G̃, one-sided where the physics is. z = sqrt(2 LM) − sqrt(2 df − 1). Its threshold is a high point of the largest z
+    under a block multiplier bootstrap (robust to changing variance and short correlation): bursts that one hypothesis
+    feels raise it for all. Of the fair z, LM = pᵀ C⁻¹ p with C the covariance of p = Hᵀ r over blocks, nowhere below
+    white noise's, it is another, which they do not. `known`: both thresholds are another bank's.
     Cost: one filter pass for every LANES parameters and grid points.
     """
     fit = prepared.fit
-    basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian]))
+    basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
     outputs = prepared.predictor.segments[0].y.shape[1]
-    draws = _DRAWS if threshold is None else _FEW_DRAWS
+    draws = _DRAWS if known is None else _FEW_DRAWS
     blocks = blocks_of(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
     residual = np.concatenate([fit.residual, fit.prior_residual])
     cells = _cells(prepared, attachments, basis)
-    null_max = np.full(draws, -np.inf)
+    null_max = np.full((2, draws), -np.inf)
     rows = []
     for attachment, options in zip(attachments, cells, strict=True):
         best: Row | None = None
-        null_z = np.full(draws, -np.inf)
+        null_z = np.full((2, draws), -np.inf)
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
             row, null = _evaluate(attachment, option, residual, blocks)
@@ -108,10 +122,14 @@ def score_bank(
             rows.append(_silent(attachment))
             continue
         null_max = np.maximum(null_max, null_z)
-        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z >= best.z))) / (1 + draws)))
-    limit = float(np.quantile(null_max, 1 - _LEVEL)) if np.any(np.isfinite(null_max)) else np.inf
+        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z[0] >= best.z))) / (1 + draws)))
     rows.sort(key=lambda r: -r.z)
-    return Bank(tuple(rows), limit if threshold is None else threshold)
+    if known is not None:
+        return Bank(tuple(rows), known.threshold, known.fair)
+    heard = np.any(np.isfinite(null_max))
+    limits = [float(np.quantile(z, 1 - level)) for z, level in zip(null_max, _LEVELS, strict=True)]
+    plain, fair = limits if heard else (np.inf, np.inf)
+    return Bank(tuple(rows), plain, fair)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,30 +257,33 @@ def _outside(G: Array, baseline: Array) -> Array:
 
 
 def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, blocks: Blocks) -> tuple[Row, Array]:
+    """Return the row of one cell, and its z and fair z under the null: (2, draws)."""
     freedom = cell.basis.shape[1]
     point = cell.basis.T @ residual
     shares = shares_of(cell.basis, residual, blocks)
     spread = shares.T @ shares  # robust covariance of Hᵀ r
-    white, null = standardiser(spread), redrawn(shares, blocks)
-    score = point @ white
-    if cell.one_sided:
-        statistic, null_statistic = max(point[0] * white[0, 0], 0.0) ** 2, np.maximum(null[:, 0], 0.0) ** 2
-    else:
-        statistic, null_statistic = float(score @ score), np.sum(null**2, axis=1)
+    white = standardiser(spread)
+    root = np.sqrt(2 * freedom - 1)
+
+    def z(projected: Array) -> Array:
+        found = np.maximum(projected, 0.0) if cell.one_sided else projected
+        result: Array = np.sqrt(2 * np.sum(found**2, axis=-1)) - root
+        return result
+
     inverse = np.linalg.inv(cell.triangle)
     values = inverse @ point
     std = np.sqrt(np.maximum(np.diag(inverse @ spread @ inverse.T), 0.0))
     count = len(cell.names)
     null_of = {s.name: s.null for s in attachment.slots}
     moved = [null_of[n] + v for n, v in zip(cell.names, values[:count].tolist(), strict=True)]
-    root = np.sqrt(2 * freedom - 1)
+    own = float(z(point))
     row = Row(
-        attachment, float(np.sqrt(2 * statistic) - root), statistic, freedom, 1.0, cell.grid,
+        attachment, own, 0.5 * (own + root) ** 2, freedom, 1.0, cell.grid,
         dict(zip(cell.names, moved, strict=True)),
         dict(zip(cell.names, std[:count].tolist(), strict=True)),
-        dict(zip(cell.gains, values[count:].tolist(), strict=True)), cell.basis, True,
+        dict(zip(cell.gains, values[count:].tolist(), strict=True)), cell.basis, True, fair=float(z(point @ white)),
     )  # fmt: skip
-    return row, np.sqrt(2 * null_statistic) - root
+    return row, np.stack([z(blocks.signs @ shares), z(redrawn(shares, blocks))])
 
 
 def shifted(point: Point, model: Equations, values: Mapping[str, float]) -> Point:
@@ -288,7 +309,7 @@ def _silent(attachment: Attachment) -> Row:
 
 
 def minimum_detectable(row: Row, threshold: float) -> dict[str, dict[str, Any]]:
-    """Return the smallest value of each shown parameter that would cross the threshold: √c times its deviation."""
+    """Return the smallest value of each shown parameter whose fair z would cross: √c times its deviation."""
     root = np.sqrt(2 * row.freedom - 1) if row.freedom else 0.0
     factor = (max(threshold, 0.0) + root) / np.sqrt(2)
     seen = next((grid for grid, std in row.graded if factor * std <= 1), None)  # the mildest that all of it would show
@@ -308,9 +329,9 @@ def _change(slot: Slot, value: float) -> float:
     return float(slot.show(value) - (none if np.isfinite(none) else 0.0))
 
 
-def _row_json(row: Row, threshold: float) -> dict[str, Any]:
+def _row_json(row: Row, bank: Bank) -> dict[str, Any]:
     shown = next((s for s in row.attachment.slots if s.label and s.name in row.estimate), None)
-    least = minimum_detectable(row, threshold)
+    least = minimum_detectable(row, bank.fair)
     value = least.get(shown.label) if shown and shown.label else None
     return {
         "id": row.attachment.entry,
@@ -319,7 +340,7 @@ def _row_json(row: Row, threshold: float) -> dict[str, Any]:
         "key": row.attachment.key,
         "testable": row.testable,
         "statistic": finite(row.z),
-        "threshold": finite(threshold),
+        "threshold": finite(bank.limit(row)),
         "p_value": row.p_value,
         "estimate": finite(shown.show(row.estimate[shown.name])) if shown else None,
         "unit": shown.unit if shown else "",

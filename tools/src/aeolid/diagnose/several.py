@@ -52,7 +52,7 @@ def form_beside(prepared: Prepared, chosen: Candidate, seed: int) -> Candidate |
     As nothing is named, less is asked of it than of a further effect.
     """
     bank = _scored(prepared, chosen, [a for a in prepared.hypotheses if a.entry == unlisted.ID], seed)
-    return _grown(prepared, chosen, [r for r in bank.rows if r.z > bank.threshold], corrects)
+    return _grown(prepared, chosen, bank.loud, corrects)
 
 
 def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], seed: int) -> Bank:
@@ -66,7 +66,7 @@ def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], s
 def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
     """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
     bank = what_is_left(prepared, winner, seed)
-    return _grown(prepared, winner, [r for r in bank.rows if r.z > bank.threshold], adds), bank
+    return _grown(prepared, winner, bank.loud, adds), bank
 
 
 def _grown(

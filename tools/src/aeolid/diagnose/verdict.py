@@ -230,7 +230,7 @@ def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
         if row.attachment.entry in named | {unlisted.ID}:
             continue
         location = row.attachment.location["entry"]
-        least = minimum_detectable(row, study.bank.threshold) if row.testable else {}
+        least = minimum_detectable(row, study.bank.fair) if row.testable else {}
         if not least:
             note = "not testable with these data" if not row.testable else "size depends on where it acts"
             result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": None, "note": note})
