@@ -253,13 +253,25 @@ def test_noise_that_nobody_would_miss_is_lowered(tmp_path: Path) -> None:
 
 def test_a_fit_inside_its_ranges_is_taken_before_an_equal_one_at_their_end() -> None:
     """On a ridge rounding would choose; a fit that is better by more than a nat is taken wherever it stands."""
+    fits = [fitted_share(100.002, 3.0), fitted_share(100.0, 1.2), fitted_share(98.0, 1.3)]
+    assert chosen_of(fits, 0.0) is fits[1]
+    assert chosen_of([fits[0], fits[2]], 0.0) is fits[0]
+    assert chosen_of([], 0.0) is None
+
+
+def test_of_one_ridge_the_values_that_moved_least_are_taken() -> None:
+    """A quarter of a nat is no reason to move; what is better by more is taken, as far as it may be."""
+    fits = [fitted_share(100.2, 0.4), fitted_share(100.0, 1.2), fitted_share(99.7, 1.5)]
+    assert chosen_of(fits, 1.5) is fits[1] and chosen_of(fits, 0.1) is fits[0]
+    assert chosen_of(fits[1:], 1.5) is fits[1]
+
+
+def fitted_share(log_posterior: float, share: float) -> Any:
+    return SimpleNamespace(log_posterior=log_posterior, point=SimpleNamespace(theta=np.array([share])))
+
+
+def chosen_of(fits: list[Any], before: float) -> Any:
     slot = Slot("share", "share", "", 0.0, 0.0, 3.0, 0.1)
     attachment: Any = SimpleNamespace(slots=(slot,))
     prepared: Any = SimpleNamespace(extended=SimpleNamespace(index=lambda _: 0))
-    fits: Any = [
-        SimpleNamespace(log_posterior=value, point=SimpleNamespace(theta=np.array([share])))
-        for value, share in ((100.002, 3.0), (100.0, 1.2), (98.0, 1.3))
-    ]
-    assert best_of(fits, (attachment,), prepared) is fits[1]
-    assert best_of([fits[0], fits[2]], (attachment,), prepared) is fits[0]
-    assert best_of([], (attachment,), prepared) is None
+    return best_of(fits, (attachment,), prepared, np.array([before]))

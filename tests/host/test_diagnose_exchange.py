@@ -185,7 +185,7 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     monkeypatch.setattr(declared, "explains_away", lambda prepared, c: c.key != "beside")
 
     def row(key: str, z: float) -> Any:
-        return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z)
+        return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z, fair=-np.inf)
 
     def candidate(name: str, score: float, **more: Any) -> Any:
         usual = {"plausible": True, "unlisted": False, "fit_gain": score + 1}

@@ -27,7 +27,8 @@ _LOST = 0.1  # nats a sample and output below the baseline, from which a start d
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
-_TIED = 1.0  # nats: fits this close are equally good
+_TIED = 1.0  # nats: fits this close are equally good …
+_RIDGE = 0.25  # … and this close the same, with values that the data leave open
 ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
@@ -132,7 +133,7 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     """Fit to the end what was begun, and judge the best of it."""
     prepared, free, predictor = begun.prepared, begun.free, begun.prepared.predictor
     fits = [fit_fully(predictor, point, free) for _, point in begun.found]
-    fit = best_of([f for f in fits if f is not None], begun.attachments, prepared)
+    fit = best_of([f for f in fits if f is not None], begun.attachments, prepared, begun.base.point.theta)
     if fit is None:
         return None
     order = predictor.choose_var_order(fit.point)
@@ -142,20 +143,24 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
 
 
-def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared) -> Fit | None:
+def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared, before: Array) -> Fit | None:
     """Return the most likely fit; of those within a nat of it the one with the fewest values at the end of their range.
 
     Where the data leave a ridge, rounding chose: of a tank whose level nobody measured, brims of 10.5 and 4.1 V (its
-    spill then thrice what was spilt, the most that can be) were 0.002 nats apart.
+    spill then thrice what was spilt, the most that can be) were 0.002 nats apart. Of fits on one ridge the effects'
+    values that moved least from `before` (np,) are taken.
     """
-    model = prepared.extended
-    ends = [
-        sum(at_bound(float(f.point.theta[model.index(s.name)]), s) for a in attachments for s in a.slots) for f in fits
-    ]
+    slots = [s for a in attachments for s in a.slots]
+    places = [prepared.extended.index(s.name) for s in slots]
+    width = np.array([s.high - s.low for s in slots])
     most = max((f.log_posterior for f in fits), default=0.0)
-    tied = [(e, -f.log_posterior, i) for i, (e, f) in enumerate(zip(ends, fits, strict=True))]
-    near = [t for t in tied if -t[1] > most - _TIED]
-    return fits[min(near)[2]] if near else None
+    near = [f for f in fits if f.log_posterior > most - _TIED]
+    ends = [sum(at_bound(float(f.point.theta[i]), s) for i, s in zip(places, slots, strict=True)) for f in near]
+    inside = [f for f, e in zip(near, ends, strict=True) if e == min(ends)]
+    most = max((f.log_posterior for f in inside), default=0.0)
+    ridge = [f for f in inside if f.log_posterior > most - _RIDGE]
+    moved = [float(np.sum(((f.point.theta - before)[places] / width) ** 2)) for f in ridge]
+    return min(zip(moved, range(len(ridge)), ridge, strict=True), default=(0.0, 0, None))[2]
 
 
 def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array) -> Candidate | None:
