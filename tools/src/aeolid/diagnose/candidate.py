@@ -44,8 +44,11 @@ class Candidate:
         return " + ".join(a.key for a in self.attachments)
 
     def says(self, attachment: Attachment) -> str:
-        """Return what one of the effects says with its fitted values."""
-        return attachment.statement({label: value for label, (value, _) in self.values[attachment.key].items()})
+        """Return what one of the effects says with its fitted values, and which of these the data leave open."""
+        values = self.values[attachment.key]
+        said = attachment.statement({label: value for label, (value, _) in values.items()})
+        open_ = [label for label, (value, std) in values.items() if np.isfinite(std) and std > abs(value)]
+        return f"{said} (these data leave {' and '.join(open_)} open)" if open_ else said
 
     def beyond(self, other: Candidate) -> Candidate:
         """Return what was fitted and counted from another candidate's fit as it counts from the bare baseline."""
