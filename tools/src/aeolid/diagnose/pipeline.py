@@ -97,8 +97,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
         winner, chain = form, [form]
     done()
     done = step("sealed proof", 0.6)
-    second, proof = _prove(prepared, chain, seed)
-    completed, proof = _completed(prepared, second or winner, proof, seed)
+    second, completed, proof = _prove(prepared, chain, seed)
     declared_proof = _declared(prepared, seed)
     bands = band_power(prepared.predictor, prepared.fit, seed)
     done()
@@ -147,8 +146,13 @@ def _better_form(prepared: Prepared, candidates: Sequence[Candidate], chain: Seq
     return form if form.survived or survives_control(prepared, form) else None
 
 
-def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[Candidate | None, Proof | None]:
-    """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go."""
+def _prove(
+    prepared: Prepared, chain: Sequence[Candidate], seed: int
+) -> tuple[Candidate | None, Candidate | None, Proof | None]:
+    """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go.
+
+    Returns the set of several effects, what completes the effects, and the proof of the largest that stands.
+    """
     bare = prepared.only(())
     best: Candidate | None = None
     kept: Proof | None = None
@@ -157,7 +161,8 @@ def _prove(prepared: Prepared, chain: Sequence[Candidate], seed: int) -> tuple[C
         proof = prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
         if kept is None or block_interval(proof.difference - kept.difference, seed)[0] > 0:
             best, kept = chosen, proof
-    return (best if best is not None and len(best.attachments) > 1 else None), kept
+    completed, kept = _completed(prepared, best, kept, seed)
+    return (best if best is not None and len(best.attachments) > 1 else None), completed, kept
 
 
 def _completed(
