@@ -76,7 +76,8 @@ def test_the_statistic_is_the_squared_projection(world: tuple[Case, Prepared, Ba
         shares = shares_of(row.basis, prepared.fit.residual, blocks)
         values, vectors = np.linalg.eigh(shares.T @ shares)
         fair = np.sqrt(2 * np.sum((vectors.T @ p) ** 2 / np.maximum(values, 1.0))) - root
-        assert row.fair == pytest.approx(fair) or row.fair == -root
+        sought = len(row.attachment.grid) > 1  # the fairest point of a grid need not be the best
+        assert row.fair == pytest.approx(fair) or row.fair == -root or (sought and row.fair > fair)
         assert row.fair <= row.z + 1e-9
     assert [r.z for r in bank.rows] == sorted((r.z for r in bank.rows), reverse=True)
 

@@ -35,7 +35,7 @@ _FELT = 1e-3  # standard deviations that all of a range must move the innovation
 class Row:
     """Hold one hypothesis' score: statistic, standardised z, one-step estimate and what could be seen at least.
 
-    fair: z with the statistic over its own spread, which what is missing elsewhere makes larger, and bursts do.
+    fair: the same of the statistic over its own spread, which bursts and what is missing elsewhere widen.
     """
 
     attachment: Attachment
@@ -109,27 +109,28 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     rows = []
     for attachment, options in zip(attachments, cells, strict=True):
         best: Row | None = None
+        fairest = -np.inf
         null_z = np.full((2, draws), -np.inf)
         graded: list[tuple[Mapping[str, float], float]] = []
         for option in options:
             row, null = _evaluate(attachment, option, residual, blocks)
             if attachment.share is not None and attachment.share in row.std:
                 graded.append((row.grid, row.std[attachment.share]))
-            null_z = np.maximum(null_z, null)
+            null_z, fairest = np.maximum(null_z, null), max(fairest, row.fair)
             if best is None or row.z > best.z:
                 best = row
         if best is None:
             rows.append(_silent(attachment))
             continue
         null_max = np.maximum(null_max, null_z)
-        rows.append(replace(best, graded=tuple(graded), p_value=(1 + float(np.sum(null_z[0] >= best.z))) / (1 + draws)))
+        chance = (1 + float(np.sum(null_z[0] >= best.z))) / (1 + draws)
+        rows.append(replace(best, graded=tuple(graded), p_value=chance, fair=fairest))
     rows.sort(key=lambda r: -r.z)
     if known is not None:
         return Bank(tuple(rows), known.threshold, known.fair)
     heard = np.any(np.isfinite(null_max))
-    limits = [float(np.quantile(z, 1 - level)) for z, level in zip(null_max, _LEVELS, strict=True)]
-    plain, fair = limits if heard else (np.inf, np.inf)
-    return Bank(tuple(rows), plain, fair)
+    limits = (float(np.quantile(z, 1 - level)) for z, level in zip(null_max, _LEVELS, strict=True))
+    return Bank(tuple(rows), *(limits if heard else (np.inf, np.inf)))
 
 
 @dataclass(frozen=True, eq=False)

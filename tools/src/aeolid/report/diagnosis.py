@@ -136,7 +136,7 @@ def _effects(effects: list[Facts], beside: Facts) -> Html:
         parts += _described(effect.get("id", ""), f"family {effect.get('family', '')}", effect)
     if beside:
         parts += _described(
-            "without a name", "no entry of the catalogue has this form; the corrected model has", beside
+            "without a name", "no entry of the catalogue has this form; the corrected model has it", beside
         )
     return section("The effect" if len(effects) == 1 else "The effects", *parts)
 
@@ -219,5 +219,5 @@ def _false_alarm(entry: Facts) -> Html:
         "False alarms",
         tag("p", f"The whole procedure was run on {number(entry['sham_runs'])} recordings generated from the model"
             f" itself, which lack nothing: it gave a name in {number(entry.get('false_names'))} of them. The threshold"
-            f" that follows for this recording is {number(entry.get('threshold'))}."),
+            f" of a score here is {number(entry.get('threshold'))}, and less where an effect's tick above is."),
     )  # fmt: skip

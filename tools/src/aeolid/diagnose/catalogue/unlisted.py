@@ -74,7 +74,7 @@ def _lost(site: Site, state: State, kind: str, form: str, shown: str, says: str)
     return Attachment(
         ID, f"{ID} {where}{kind}", location(where), edit, slots,
         equation=f"d({state.name})/dt = ... - factor*{shown.format(x=state.name)}",
-        statement=say(f"a loss at {where} that {says}"),
+        statement=lambda values: f"a {'loss' if values['factor'] >= 0 else 'gain'} at {where} that {says}",
     )  # fmt: skip
 
 
