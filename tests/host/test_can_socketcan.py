@@ -12,7 +12,7 @@ from can.interfaces.socketcan.socketcan import build_can_frame
 
 from aeolid.can import open_source
 from aeolid.can.messages import pack_messages
-from aeolid.can.socketcan import unpack
+from aeolid.can.socketcan import BUFFER, SO_RCVBUFFORCE, BulkSocketcanBus, unpack
 from aeolid.errors import DataError
 
 LENGTHS = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -62,6 +62,28 @@ def test_padding_behind_the_length_is_not_believed() -> None:
 
 def test_nothing_received_is_an_empty_batch() -> None:
     assert len(unpack([], [])) == 0
+
+
+def test_the_buffer_is_large_before_the_first_frame_can_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What arrives between the bind and a later, larger buffer would overrun the kernel's own: lost on a slow host."""
+    told: list[str] = []
+
+    class Recorder:
+        def setsockopt(self, level: int, option: int, value: object) -> None:
+            told.append(f"buffer {value}" if (level, option) == (socket.SOL_SOCKET, SO_RCVBUFFORCE) else "option")
+
+    def create() -> Recorder:
+        return Recorder()
+
+    def bind(made: Recorder, channel: str) -> None:
+        told.append(f"bind {channel}")
+
+    monkeypatch.setattr("can.interfaces.socketcan.socketcan.create_socket", create)
+    monkeypatch.setattr("can.interfaces.socketcan.socketcan.bind_socket", bind)
+    monkeypatch.setattr(BulkSocketcanBus, "shutdown", lambda self: None)
+    bus = BulkSocketcanBus("can0")
+    assert told.index(f"buffer {BUFFER}") < told.index("bind can0")
+    assert isinstance(bus.socket, Recorder)
 
 
 def test_an_interface_that_is_not_there_is_named() -> None:

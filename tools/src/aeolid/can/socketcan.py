@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import select
-import socket
 import struct
 import sys
 from collections import deque
 from collections.abc import Sequence
 from contextlib import suppress
+from socket import MSG_DONTWAIT, SO_RCVBUF, SOL_SOCKET
+from socket import socket as Socket
 from typing import Any
 
 import can
@@ -40,12 +41,21 @@ class BulkSocketcanBus(SocketcanBus):
         self._fault: OSError | None = None
         self._pending: deque[can.Message] = deque()
         super().__init__(channel, **options)
+
+    @property
+    def socket(self) -> Socket:
+        """Hold the socket; python-can binds it next, and from then on frames arrive: it is prepared here."""
+        return self._socket
+
+    @socket.setter
+    def socket(self, made: Socket) -> None:
         try:
-            self.socket.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
+            made.setsockopt(SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
         except OSError:  # not root: as much as net.core.rmem_max allows
-            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            made.setsockopt(SOL_SOCKET, SO_RCVBUF, BUFFER)
         with suppress(OSError):
-            self.socket.setsockopt(socket.SOL_SOCKET, SO_RXQ_OVFL, 1)
+            made.setsockopt(SOL_SOCKET, SO_RXQ_OVFL, 1)
+        self._socket = made
 
     def read_frames(self, timeout: float) -> Frames:
         """Return all frames that have arrived, after waiting up to `timeout` seconds for the first.
@@ -68,7 +78,7 @@ class BulkSocketcanBus(SocketcanBus):
         receive = self.socket.recvmsg
         while len(raw) < BATCH:
             try:
-                data, extra, _, _ = receive(_LONG, 64, socket.MSG_DONTWAIT)
+                data, extra, _, _ = receive(_LONG, 64, MSG_DONTWAIT)
             except BlockingIOError:
                 break
             except OSError as error:  # the interface went down: first what came before
