@@ -208,7 +208,9 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
 def test_a_form_outside_the_catalogue_leads_only_where_nothing_else_is_left() -> None:
     def of(entry: str, score: float) -> Any:
         attachments = (SimpleNamespace(entry=entry),)
-        return SimpleNamespace(score=score, parameters=1, attachments=attachments, unlisted=entry == "unlisted")
+        return SimpleNamespace(
+            score=score, parameters=1, attachments=attachments, unlisted=entry == "unlisted", moved=()
+        )
 
     drag, form = of("quadratic_damping", 20.0), of("unlisted", 90.0)
     assert leading([form, drag]) is drag and leading([form]) is form and leading([]) is None

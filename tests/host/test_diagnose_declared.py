@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.diagnose.case import load_case
-from aeolid.diagnose.declared import SURE, explains_away
+from aeolid.diagnose.declared import explains_away
+from aeolid.diagnose.moved import SURE
 from aeolid.diagnose.prepare import prepare
 from aeolid.diagnose.race import fit_rows
 from aeolid.diagnose.scores import score_bank
@@ -50,4 +51,4 @@ def test_an_effect_is_an_answer_only_where_the_declared_values_hold_beside_it(
     bank = score_bank(prepared, prepared.hypotheses, 0)
     rows = [r for r in bank.rows if r.attachment.key == "quadratic_damping state:v"]
     (found,) = fit_rows(prepared, rows)
-    assert explains_away(prepared, found) is explained
+    assert explains_away(found) is explained

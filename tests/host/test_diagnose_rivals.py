@@ -9,17 +9,20 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import pipeline
+from aeolid.diagnose.moved import Moved
 from aeolid.diagnose.rivals import (
     are_kin,
     leading,
     leads,
     leaves_open,
+    left_wrong,
     outdone_by,
     rivals_of,
     stands_for,
     tells_apart,
     weights_of,
 )
+from aeolid.models.equations import Parameter
 
 NOISE = np.random.default_rng(4).standard_normal((2, 400))
 
@@ -35,6 +38,7 @@ def candidate(
         "unlisted": name == "unlisted",
         "handicap": 0.0,
         "parameters": 1,
+        "moved": (),
     }
     return SimpleNamespace(
         fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
@@ -148,6 +152,42 @@ def test_a_constant_is_more_often_wrong_than_a_calibrated_sensor() -> None:
     assert leading([far, mass]) is far
     assert not leaves_open(mass, factor, 1 / 11) and leaves_open(mass, factor, 0.2)
     assert leaves_open(mass, other, 1 / 11) and leaves_open(other, factor, 1 / 11)
+
+
+def moved(name: str, value: float, std: float) -> Moved:
+    """A value declared as 100."""
+    return Moved(Parameter(name, 100.0, "", 10.0, 1000.0, True), value, std)
+
+
+def test_one_thing_wrong_is_likelier_than_two_that_happen_to_fit() -> None:
+    """A stiffness 8 % off beside an accelerometer's factor, as declared beside a mass that is 8 % off."""
+    mass = candidate(60.0, 20.0, name="parameter_error", moved=(moved("k", 98.5, 0.8), moved("c", 120.0, 15.0)))
+    factor = candidate(60.5, 20.0, name="sensor_scale", moved=(moved("k", 91.6, 0.2), moved("c", 110.0, 15.0)))
+    assert (left_wrong(factor, mass), left_wrong(mass, factor)) == (1, 0)
+    assert weights_of([mass, factor])[1] == pytest.approx(1 / (1 + 1000 / np.exp(0.5)))
+    backlash = candidate(61.5, 20.0, name="backlash", moved=factor.moved)
+    assert leading([backlash, mass]) is mass and not leaves_open(mass, backlash, 0.04)
+    assert leaves_open(mass, backlash, 0.2) and leaves_open(backlash, mass, 0.04)
+    far = candidate(66.0, 20.0, name="backlash", moved=factor.moved)
+    assert leading([far, mass]) is far
+
+
+@pytest.mark.parametrize(
+    ("own", "other", "count"),
+    [
+        ((91.6, 0.2), (98.5, 0.8), 1),
+        ((91.6, 0.2), (94.0, 9.0), 0),  # open, not right: no nearer
+        ((91.6, 0.2), (96.5, 0.5), 0),  # wrong beside the other too
+        ((98.5, 0.1), (100.0, 0.1), 0),  # 15 deviations, but within what values of models are known to
+        ((91.6, 4.0), (100.0, 0.1), 0),  # not surely off
+    ],
+)
+def test_a_value_is_left_wrong_only_where_the_other_makes_it_right(
+    own: tuple[float, float], other: tuple[float, float], count: int
+) -> None:
+    """Values from data sheets are off beside every effect: that decides nothing."""
+    first, second = (candidate(60.0, 20.0, moved=(moved("k", *pair),)) for pair in (own, other))
+    assert left_wrong(first, second) == count
 
 
 def test_of_sets_that_fit_alike_the_effect_last_added_decides() -> None:

@@ -13,7 +13,7 @@ from aeolid.diagnose.rivals import is_other
 from aeolid.diagnose.sentence import sentence
 
 
-def decided(low: float, *, visible: bool = True) -> tuple[str, list[str], str]:
+def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tuple[str, list[str], str]:
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
     attachment = SimpleNamespace(
@@ -21,8 +21,8 @@ def decided(low: float, *, visible: bool = True) -> tuple[str, list[str], str]:
         equation="F = -c2*v*|v|", statement=lambda values: f"drag of {values['c2']}",
     )  # fmt: skip
     drag = SimpleNamespace(
-        attachments=(attachment,), values={attachment.key: {"c2": (0.4, 0.1)}}, unlisted=False, score=20.0,
-        says=lambda a: a.statement({"c2": 0.4}),
+        attachments=(attachment,), values={attachment.key: {"c2": (0.4, 0.1)}}, unlisted=False, score=20.0, moved=(),
+        fit_gain=fit_gain, says=lambda a: a.statement({"c2": 0.4}),
     )  # fmt: skip
     after = 0.9 if visible else 0.9999
     proof = SimpleNamespace(
@@ -48,6 +48,34 @@ def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
     assert decided(low)[:2] == (said, ["quadratic_damping"] if said == "named" else [])
 
 
+@pytest.mark.parametrize(("fit_gain", "said"), [(187.0, True), (12.0, False)])
+def test_what_the_sealed_data_leave_open_is_said_without_a_name(fit_gain: float, said: bool) -> None:
+    """A valve curve that bends, 187 nats on the fit data and 10 on the sealed ones: not "nothing"."""
+    verdict_, names, told = decided(1.4, fit_gain=fit_gain)
+    assert (verdict_, names) == ("no_mismatch", []) and told.endswith(".")
+    assert ("by 187 nats, for this: drag of 0.4. The sealed part" in told) is said
+
+
+@pytest.mark.parametrize(
+    ("unlisted", "gain", "said"), [(True, 9.6, "unnamed"), (True, -1.0, "parameter"), (False, 9.6, "parameter")]
+)
+def test_wrong_values_are_not_all_where_a_form_leads(
+    unlisted: bool, gain: float, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Radiated heat was told as a loss four times too large in a structure that is right."""
+    proof = SimpleNamespace(interval=(-3.0, 21.0), gain=gain)
+    declared = SimpleNamespace(interval=(22.0, 45.0))
+    form = SimpleNamespace(unlisted=unlisted)
+    ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
+    study: Any = SimpleNamespace(
+        findings=(), winner=form, proof=proof, ceiling=ceiling, seed=1, declared_proof=declared
+    )
+    for name in ("_material", "contradicted"):
+        monkeypatch.setattr(verdict, name, lambda anything: True)
+    monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
+    assert verdict._decide(study)[0] == said
+
+
 @pytest.mark.parametrize(("score", "driven", "said"), [(300.0, False, True), (9.0, False, False), (300.0, True, False)])
 def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: bool, said: bool) -> None:
     """Eddies at 0.6 Hz, 440 nats that no input explains: no physics that the catalogue could name, but worth a word."""
@@ -56,7 +84,7 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
         undriven=not driven, score=score, select_gain=50.0, values={key: {"frequency_hz": (0.607, 0.003)}},
         attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
     )  # fmt: skip
-    study: Any = SimpleNamespace(candidates=(mode,))
+    study: Any = SimpleNamespace(candidates=(mode,), winner=None, proof=None)
     text = sentence("no_mismatch", [], study, None)
     assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
     assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.moved import Moved
 from aeolid.diagnose.predictor import Fit, Predictor
 
 Array = NDArray[np.float64]
@@ -20,7 +21,7 @@ class Candidate:
     """Hold a fully fitted set of effects: fit (without its sensitivities), gains over the baseline, reported values.
 
     parameters: what it has free beyond the baseline; undetermined: those of them that are shapes the data leave open.
-    undriven: refused for one thing only, no input drives it.
+    undriven: refused for one thing only, no input drives it. moved: declared values beside the effects, re-fitted.
     """
 
     attachments: tuple[Attachment, ...]
@@ -37,6 +38,7 @@ class Candidate:
     complete: bool = True  # fitted to the end, not left behind
     undriven: bool = False
     undetermined: int = 0
+    moved: tuple[Moved, ...] = ()
 
     @property
     def key(self) -> str:

@@ -13,6 +13,7 @@ from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully, fit_quietly
 from aeolid.diagnose.frame import carry_point
+from aeolid.diagnose.moved import moved_in
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -223,11 +224,13 @@ def judge(
     fit = without_the_mute(attachments, fit, model)
     values = {a.key: values_of(a, fit, model) for a in attachments}
     reason, alone = objection(attachments, fit, model, gain, parameters), undriven(attachments, fit, model)
+    own = {s.name for a in attachments for s in a.slots}
+    moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
     light = replace(fit, jacobian=np.zeros((0, fit.jacobian.shape[1])))  # 20 to 60 MB of a run's; a view would keep it
     return Candidate(
         attachments, light, predictor, gain, float(difference.sum()), parameters, difference, values,
         not (reason or alone), reason or alone, undriven=bool(alone and not reason),
-        undetermined=undetermined(attachments, fit, model),
+        undetermined=undetermined(attachments, fit, model), moved=moved,
     )  # fmt: skip
 
 

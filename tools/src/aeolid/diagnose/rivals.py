@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
 _TIED = 1.0  # … and nats over all data: candidates this close are equally good
 _RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
+_COINCIDENCE = 100.0  # times rarer that one declared value more is wrong, and by just so much that it fits
 _FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
@@ -111,20 +112,43 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
 
 
 def standings(candidates: Sequence[Candidate]) -> list[float]:
-    """Return the scores, a sensor's factor behind by the log of 10 where a wrong declared value is among the others.
+    """Return the scores, less what is rarer than what is claimed by the others.
 
-    A tower's mass and the factor of the accelerometer that alone shows it are one model. Of the two a model's constant
-    is the more often wrong, for a sensor has been calibrated and a constant was assumed.
+    A sensor's factor is behind by the log of 10 where a wrong declared value is among the others: a tower's mass and
+    the factor of the accelerometer that alone shows it are one model, and a sensor has been calibrated, a constant was
+    assumed. Who leaves a declared value wrong that is right beside another is behind by the log of 100 for each.
     """
     last = [c.attachments[-1].entry for c in candidates]
     behind = np.log(_RARER) if "parameter_error" in last else 0.0
-    return [c.score - (behind if e == "sensor_scale" else 0.0) for c, e in zip(candidates, last, strict=True)]
+    bent = [max((left_wrong(c, other) for other in candidates), default=0) for c in candidates]
+    return [
+        c.score - (behind if e == "sensor_scale" else 0.0) - np.log(_COINCIDENCE) * n
+        for c, e, n in zip(candidates, last, bent, strict=True)
+    ]
+
+
+def left_wrong(candidate: Candidate, other: Candidate) -> int:
+    """Count the declared values that one leaves wrong and the other, which leaves none wrong, makes right.
+
+    A stiffness is 8 % off beside an accelerometer's factor; beside a mass that is wrong it is as declared: one thing is
+    wrong, not two that happen to fit. Right is what came at least twice as near. Where every candidate leaves a value
+    wrong, as with values from data sheets, nothing is counted.
+    """
+    if any(m.is_wrong for m in other.moved):
+        return 0
+    near = {m.parameter.name: m.distance for m in other.moved}
+    wrong = [m for m in candidate.moved if m.is_wrong]
+    return sum(near.get(m.parameter.name, np.inf) <= 0.5 * m.distance for m in wrong)
 
 
 def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
-    """Tell whether one that was not told apart is said as well: a sensor's factor beside a value by weight only."""
+    """Tell whether one that was not told apart is said as well.
+
+    By its weight only: a sensor's factor beside a value, and who leaves values wrong that the winner makes right.
+    """
     pair = winner.attachments[0].entry, other.attachments[0].entry
-    return pair != ("parameter_error", "sensor_scale") or weight >= 1 / _RARER
+    rarer = pair == ("parameter_error", "sensor_scale") or left_wrong(other, winner) > 0
+    return not rarer or weight >= 1 / _RARER
 
 
 def is_other(rival: Candidate, winner: Candidate) -> bool:

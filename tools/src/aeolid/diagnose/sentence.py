@@ -14,6 +14,7 @@ from aeolid.diagnose.proof import Proof
 from aeolid.diagnose.rivals import stands_for
 
 _BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
+_CLEAR = 20.0  # nats on the fit data from which what the sealed data do not bear out is worth a word
 
 
 def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
@@ -37,7 +38,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
             form = study.winner.says(study.winner.attachments[0])
             nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."
-    return f"Nothing is missing that this recording could show{_coloured(study)}."
+    return f"Nothing is missing that this recording could show{_coloured(study)}{_not_borne_out(study)}."
 
 
 def _beyond(study: Study, proof: Proof | None) -> str:
@@ -67,6 +68,20 @@ def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen
         said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
         parts.append(" — or: ".join([str(effect["statement"]), *said]))
     return "; and ".join(parts)
+
+
+def _not_borne_out(study: Study) -> str:
+    """Say what the fit data speak for and the sealed data neither bear out nor refute; empty where there is nothing.
+
+    A drive that saturates may do so twenty times in the fit data (187 nats) and three times in the sealed ones (10).
+    """
+    found, proof = study.winner, study.proof
+    if found is None or proof is None or found.fit_gain < _CLEAR or proof.gain <= 0:
+        return ""
+    return (
+        f"; but what was fitted speaks, by {found.fit_gain:.0f} nats, for this: {found.says(found.attachments[0])}."
+        " The sealed part does not bear it out, nor does it refute it: record longer, or have it happen more often"
+    )
 
 
 def _coloured(study: Study) -> str:
