@@ -251,6 +251,19 @@ def test_an_accelerometer_feels_every_force_whatever_was_done_to_it(tmp_path: Pa
     assert shaken == pytest.approx((1500 + held) / rig.M, rel=1e-4)  # the mean speed is the rated one but for 0.1 %
 
 
+def test_a_blade_set_wrong_shakes_the_tower_fore_and_aft_first(tmp_path: Path) -> None:
+    """A heavy blade's weight swings speed and thrust: half of its side-side motion fore and aft, told as a wrong pitch.
+
+    One that is set wrong has 0.6 of its fore-aft force in plane.
+    """
+    (aero,) = attached(site_of(tmp_path, everything("state_space"), 200), "aero_imbalance")
+    labels = [str(s.label) for s in aero.slots]
+    set_wrong, heavy = (dict(zip(labels, v, strict=True)) for v in ((42.3, 0.6, -0.6, 25.1), (5.5, 5.7, -9.7, -11.1)))
+    assert aero.credible(set_wrong) == ""
+    assert aero.credible(heavy) == "the side-side motion is 1.9 times the fore-aft one"
+    assert aero.credible(dict.fromkeys(labels, 0.0)) == ""
+
+
 def reading(model: Equations, values: dict[str, float], output: str) -> float:
     """Evaluate one output in plain Python."""
     equation = next(o.equation for o in model.outputs if o.name == output)

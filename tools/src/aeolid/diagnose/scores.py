@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 _DRAWS = 999
 _FEW_DRAWS = 99  # where the threshold is given: for the deviations alone
 _TOGETHER = 10  # attachments in one model of the bank
-_LEVELS = 0.0025, 0.0075  # family-wise false-alarm levels of the bank: of the plain z, of the fair one
+_LEVELS = 0.01, 0.01  # family-wise false-alarm levels of the bank: of the plain z, of the fair one
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
 _FELT = 1e-3  # standard deviations that all of a range must move the innovations together: less is rounding
@@ -55,7 +55,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Bank:
-    """Hold all rows, best first; z and fair z, of which 1 in 100 recordings without effects would exceed one."""
+    """Hold all rows, best first; z and fair z, of which 2 in 100 recordings without effects exceed one at the most."""
 
     rows: tuple[Row, ...]
     threshold: float
