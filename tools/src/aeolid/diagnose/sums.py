@@ -47,7 +47,9 @@ def _sum(tree: ast.expr, constants: Mapping[str, float], names: Collection[str])
 
 def written_out(tree: ast.expr, model: Equations) -> ast.expr:
     """Return an expression with the model's intermediates replaced by what they stand for."""
+    names = ex.names_in(tree)
     for a in reversed(model.auxiliaries):
-        if a.name in ex.names_in(tree):
+        if a.name in names:
             tree = ex.substitute(tree, {a.name: a.equation})
+            names |= ex.names_in(a.equation)
     return tree

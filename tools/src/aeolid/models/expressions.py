@@ -40,22 +40,42 @@ def parse(text: str, where: str) -> ast.expr:
 
 def names_in(tree: ast.expr) -> set[str]:
     """List the variables of an expression: every name that is neither a function nor a constant."""
-    called = {id(n.func) for n in ast.walk(tree) if isinstance(n, ast.Call)}
-    return {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and id(n) not in called and n.id not in CONSTANTS}
+    found: set[str] = set()
+    left: list[ast.AST] = [tree]
+    while left:
+        node = left.pop()
+        if isinstance(node, ast.Name):
+            found.add(node.id)
+        elif isinstance(node, ast.BinOp):
+            left += (node.left, node.right)
+        elif isinstance(node, ast.UnaryOp):
+            left.append(node.operand)
+        elif isinstance(node, ast.Call):
+            left += node.args
+    return found - CONSTANTS.keys()
 
 
 def substitute(tree: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
     """Return the expression with variables replaced by other expressions."""
 
-    class Rewriter(ast.NodeTransformer):
-        def visit_Call(self, node: ast.Call) -> ast.AST:
-            return ast.Call(func=node.func, args=[self.visit(a) for a in node.args], keywords=[])
+    return _substituted(tree, replacements)
 
-        def visit_Name(self, node: ast.Name) -> ast.AST:
-            return replacements.get(node.id, node)
 
-    result: ast.expr = Rewriter().visit(_copy(tree))
-    return result
+def _substituted(node: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
+    """Return the node itself where nothing in it is replaced: nobody changes a tree in place."""
+    if isinstance(node, ast.Name):
+        return replacements.get(node.id, node)
+    if isinstance(node, ast.BinOp):
+        left, right = _substituted(node.left, replacements), _substituted(node.right, replacements)
+        return node if left is node.left and right is node.right else ast.BinOp(left=left, op=node.op, right=right)
+    if isinstance(node, ast.UnaryOp):
+        inner = _substituted(node.operand, replacements)
+        return node if inner is node.operand else ast.UnaryOp(op=node.op, operand=inner)
+    if isinstance(node, ast.Call):
+        given = [_substituted(a, replacements) for a in node.args]
+        same = all(a is b for a, b in zip(given, node.args, strict=True))
+        return node if same else ast.Call(func=node.func, args=given, keywords=[])
+    return node
 
 
 def swap(tree: ast.expr, before: ast.expr, after: ast.expr) -> ast.expr:
