@@ -28,15 +28,17 @@ class Noise:
 def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
     """Fit a VAR(order) to innovations by least squares; rows touched by a missing sample are left out."""
     outputs = innovations[0].shape[1]
-    targets, lags = [], []
+    targets, lags, rows = [], [], []
     for e, burn in zip(innovations, burns, strict=True):
         first = max(burn, order)
         targets.append(e[first:])
+        finite = np.all(np.isfinite(e), axis=1)
+        rows.append(np.logical_and.reduce([finite[first - i : len(e) - i] for i in range(order + 1)]))
         lags.append(
             np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)] or [np.zeros((len(e) - first, 0))])
         )
     y, z = np.concatenate(targets), np.concatenate(lags)
-    good = np.all(np.isfinite(y), axis=1) & np.all(np.isfinite(z), axis=1)
+    good = np.concatenate(rows)
     if not np.all(good):
         y, z = y[good], z[good]
     var = np.zeros((order, outputs, outputs))

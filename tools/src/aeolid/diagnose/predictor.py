@@ -101,16 +101,22 @@ class Predictor:
         return self.run_rows(point, index, 0, segment.y, point.x0[index], self.gain(point))
 
     def run_rows(
-        self, point: Point, index: int, first: int, y: Array, x: Array, K: Array, generate: bool = False
-    ) -> tuple[Array, Array, Array]:
+        self, point: Point, index: int, first: int, y: Array, x: Array, K: Array, generate: bool = False,
+        ready: tuple[Array, int] | None = None,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
         """Run rows first … first + len(y) − 1 of a segment from state x with measurements (or innovations) y."""
         segment = self.segments[index]
-        u = apply_filters(self.compiled.model, segment.u, point.theta, segment.fine_step)
-        count = substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+        u, count = ready or self.ready(point, index)
         part = u[first * segment.stride : (first + len(y)) * segment.stride]
         return self.compiled.predict(
             part, np.ascontiguousarray(y), point.theta, K, x, segment.fine_step, count, segment.stride, generate
         )
+
+    def ready(self, point: Point, index: int) -> tuple[Array, int]:
+        """Return a segment's inputs behind their filters and its integration steps a sample; short runs share it."""
+        segment = self.segments[index]
+        u = apply_filters(self.compiled.model, segment.u, point.theta, segment.fine_step)
+        return u, substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
 
     def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
         """Return innovations (N, l, LANES) of one segment for up to LANES points near `base`, side by side.
@@ -304,11 +310,7 @@ class Predictor:
         amplitude), estimated on it for every model alike, so that what counts is the size of the errors.
         """
         other = self.on(segments)
-        starts = []
-        for segment in segments:
-            head = segment.head(segment.burn)
-            starts.append(_settle(self.on([head]), fit))
-        point = replace(fit.point, x0=tuple(starts))
+        point = replace(fit.point, x0=tuple(_settle(self.on([s.head(s.burn)]), fit) for s in segments))
         white = other.whitened(other.innovations(point), fit.noise)
         lengths = [len(s.y) - s.burn for s in segments]
         return levelled_density(white, fit.noise, lengths), other, point

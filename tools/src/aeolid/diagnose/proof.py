@@ -118,9 +118,9 @@ def _ahead(predictor: Predictor, point: Point, k: int) -> Array:
     for i, segment in enumerate(predictor.segments):
         states = predictor.run(point, i)[2]
         starts = np.unique(np.linspace(segment.burn, len(segment.y) - k - 1, 200).astype(int))
-        blank = np.full((k, segment.y.shape[1]), np.nan)
+        blank, ready = np.full((k, segment.y.shape[1]), np.nan), predictor.ready(point, i)
         for s in starts[starts >= segment.burn]:
-            last = predictor.run_rows(point, i, int(s), blank, states[s], zero)[1][-1]
+            last = predictor.run_rows(point, i, int(s), blank, states[s], zero, ready=ready)[1][-1]
             squares.append((segment.y[s + k - 1] - last) ** 2)
         spreads.append(segment.y[segment.burn :])
     result: Array = np.sqrt(np.nanmean(np.array(squares), axis=0)) / np.nanstd(np.vstack(spreads), axis=0)

@@ -142,7 +142,7 @@ def _at_most(jacobian: Array) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         square = jacobian @ jacobian
         fourth = (square @ square).ravel()
-        return float(fourth @ fourth) ** 0.125
+        return math.sqrt(math.sqrt(math.sqrt(float(fourth @ fourth))))
 
 
 def numeric_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Array:
