@@ -6,10 +6,14 @@ import ast
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Output, Parameter
+
+Array = NDArray[np.float64]
+_DEVIATIONS = 5.0  # of the noise that is added to an absolute value: so far below zero it may read
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -17,10 +21,15 @@ def _attach(site: Site) -> list[Attachment]:
     for j, name in enumerate(site.output_names):
         measured = site.y[:, j][np.isfinite(site.y[:, j])]
         spread = float(np.ptp(measured)) if len(measured) else 0.0
-        if not spread or measured.min() < -0.02 * spread:
+        if not spread or measured.min() < -max(0.02 * spread, min(_DEVIATIONS * noise_of(measured), 0.1 * spread)):
             continue  # a channel that goes negative is not an absolute value
         result.append(_on(j, name, float(measured.min()) < 0.05 * spread))
     return result
+
+
+def noise_of(y: Array) -> float:
+    """Estimate the noise of samples y (N,): the deviation that their second differences tell, robust against turns."""
+    return float(1.4826 * np.median(np.abs(np.diff(y, 2))) / np.sqrt(6.0)) if len(y) > 2 else 0.0
 
 
 def _on(j: int, name: str, touches_zero: bool) -> Attachment:
