@@ -75,8 +75,9 @@ def test_lanes_are_the_single_runs_bit_for_bit(discrete: bool, stride: int) -> N
     wide = compiled.predict_wide(U, Y, theta, K, x0, 0.1, 2, stride)
     assert wide.shape == (rows, 2, LANES) and np.isfinite(wide).sum() == (2 * rows - 2) * LANES
     for lane in range(LANES):
-        one = compiled.predict(U, Y, theta[:, lane], K[:, :, lane], x0[:, lane], 0.1, 2, stride, False)[0]
-        np.testing.assert_array_equal(wide[:, :, lane], one)
+        own = U, Y, theta[:, lane], K[:, :, lane], x0[:, lane], 0.1, 2, stride
+        np.testing.assert_array_equal(wide[:, :, lane], compiled.predict(*own, False)[0])
+        np.testing.assert_array_equal(wide[:, :, lane], compiled.innovations(*own))  # which keeps no states
     assert len({wide[-1, 0, lane] for lane in range(LANES)}) == LANES
 
 

@@ -146,7 +146,11 @@ class Predictor:
 
     def innovations(self, point: Point) -> list[Array]:
         """Return the innovations (N, l) of every segment, the burn-in included."""
-        return [self.run(point, i)[0] for i in range(len(self.segments))]
+        K, found = self.gain(point), []
+        for i, s in enumerate(self.segments):
+            u, count = self.ready(point, i)
+            found.append(self.compiled.innovations(u, s.y, point.theta, K, point.x0[i], s.fine_step, count, s.stride))
+        return found
 
     def noise_of(self, innovations: Sequence[Array]) -> Noise | None:
         """Estimate the noise model of innovations; None where they are not finite."""
@@ -264,7 +268,6 @@ class Predictor:
         return slopes, value, point, damping
 
     def _slopes(self, jacobian: Array, free: Free) -> _Slopes:
-        """Complete sensitivities by those of the prior and by their normal matrix."""
         prior = self._prior_columns(free, jacobian.shape[1])
         return _Slopes(jacobian, prior, jacobian.T @ jacobian + prior.T @ prior)
 
@@ -281,10 +284,8 @@ class Predictor:
 
     def _prior_columns(self, free: Free, width: int) -> Array:
         """Return the sensitivities (p, k) of the prior's residuals."""
-        prior: Prior = self.scales.prior
-        columns = np.zeros((len(prior.root), width))
-        columns[:, : len(free.theta)] = prior.root[:, list(free.theta)]
-        return columns
+        root: Array = self.scales.prior.root
+        return np.hstack([root[:, list(free.theta)], np.zeros((len(root), width - len(free.theta)))])
 
     def _move(self, point: Point, free: Free, step: Array) -> Point:
         theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]

@@ -45,8 +45,17 @@ class Compiled:
         """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); see `march`."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), step, count, stride, generate,
+            contiguous(K), contiguous(x0), step, count, stride, generate, True,
         )  # fmt: skip
+
+    def innovations(
+        self, U: Array, Y: Array, theta: Array, K: Array, x0: Array, step: float, count: int, stride: int
+    ) -> Array:
+        """Return the innovations (N, l) alone."""
+        return march(
+            addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
+            contiguous(K), contiguous(x0), step, count, stride, False, False,
+        )[0]  # fmt: skip
 
     def predict_wide(
         self, U: Array, Y: Array, theta: Array, K: Array, x0: Array, step: float, count: int, stride: int
@@ -57,7 +66,7 @@ class Compiled:
         """
         e = march(
             addresses(self.wide), LANES, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), step, count, stride, False,
+            contiguous(K), contiguous(x0), step, count, stride, False, False,
         )[0]  # fmt: skip
         return e.reshape(*Y.shape, LANES)
 

@@ -46,7 +46,7 @@ _renew4: Any = intrinsic(_three_and_number)
 @njit(cache=True, error_model="numpy", nogil=True)
 def march(
     code: tuple[int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
-    step: float, count: int, stride: int, generate: bool,
+    step: float, count: int, stride: int, generate: bool, whole: bool,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
 
@@ -54,11 +54,13 @@ def march(
     lanes). The model runs at the inputs' rate, `count` classical Runge–Kutta steps a row of U (or one step of a
     discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s is the slope of a folding
     sensor. With `generate` Y holds innovations and the states follow from them. All arrays C-contiguous.
-    Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes).
+    Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes); of the last
+    two only the last row unless `whole`: 8 MB that several lanes would write for nobody.
     """
     flow, read, renew = code
     N, m, n = len(Y), Y.shape[1], K.shape[0] * lanes
-    E, P, X = np.empty((N, m * lanes)), np.empty((N, m * lanes)), np.empty((N + 1, x0.size))
+    rows = N if whole else 1
+    E, P, X = np.empty((N, m * lanes)), np.empty((rows, m * lanes)), np.empty((rows + whole, x0.size))
     x, s = x0.copy().ravel(), np.empty(m * lanes)
     k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), x.copy()
     at, at_mid, at_s, thetas = x.ctypes.data, mid.ctypes.data, s.ctypes.data, th.ctypes.data
@@ -66,10 +68,11 @@ def march(
     gains = K.ravel()
     h = step / count
     for k in range(N):
-        X[k] = x
+        row = k if whole else 0
+        X[row] = x
         u = U.ctypes.data + _WORD * U.shape[1] * k * stride
         _renew4(renew, at, u, thetas, step * stride)
-        _call5(read, at, u, thetas, P.ctypes.data + _WORD * m * lanes * k, at_s)
+        _call5(read, at, u, thetas, P.ctypes.data + _WORD * m * lanes * row, at_s)
         mid[:] = x
         for part in range(stride * (1 if discrete else count)):
             if discrete:
@@ -89,8 +92,8 @@ def march(
             _call4(flow, at_mid, held, thetas, d4)
             for i in range(n):
                 x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-        _correct(x, Y[k], P[k], E[k], gains, s, lanes, generate)
-    X[N] = x
+        _correct(x, Y[k], P[row], E[k], gains, s, lanes, generate)
+    X[-1] = x
     return E, P, X
 
 
