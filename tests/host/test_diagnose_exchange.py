@@ -182,7 +182,7 @@ def test_beside_coloured_noise_only_what_is_there_still_gains(
 
 def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """Over the threshold, plausible, with a name, worth more than chance, and no value moves beside it; best first."""
-    monkeypatch.setattr(declared, "explains_away", lambda prepared, c: c.key != "beside")
+    monkeypatch.setattr(declared, "explains_away", lambda c: c.key != "beside")
 
     def row(key: str, z: float) -> Any:
         return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z, fair=-np.inf)
