@@ -56,26 +56,20 @@ def names_in(tree: ast.expr) -> set[str]:
 
 
 def substitute(tree: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
-    """Return the expression with variables replaced by other expressions."""
-
-    return _substituted(tree, replacements)
-
-
-def _substituted(node: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
-    """Return the node itself where nothing in it is replaced: nobody changes a tree in place."""
-    if isinstance(node, ast.Name):
-        return replacements.get(node.id, node)
-    if isinstance(node, ast.BinOp):
-        left, right = _substituted(node.left, replacements), _substituted(node.right, replacements)
-        return node if left is node.left and right is node.right else ast.BinOp(left=left, op=node.op, right=right)
-    if isinstance(node, ast.UnaryOp):
-        inner = _substituted(node.operand, replacements)
-        return node if inner is node.operand else ast.UnaryOp(op=node.op, operand=inner)
-    if isinstance(node, ast.Call):
-        given = [_substituted(a, replacements) for a in node.args]
-        same = all(a is b for a, b in zip(given, node.args, strict=True))
-        return node if same else ast.Call(func=node.func, args=given, keywords=[])
-    return node
+    """Return the expression with variables replaced by others; itself where none is, as nobody changes one in place."""
+    if isinstance(tree, ast.Name):
+        return replacements.get(tree.id, tree)
+    if isinstance(tree, ast.BinOp):
+        left, right = substitute(tree.left, replacements), substitute(tree.right, replacements)
+        return tree if left is tree.left and right is tree.right else ast.BinOp(left=left, op=tree.op, right=right)
+    if isinstance(tree, ast.UnaryOp):
+        inner = substitute(tree.operand, replacements)
+        return tree if inner is tree.operand else ast.UnaryOp(op=tree.op, operand=inner)
+    if isinstance(tree, ast.Call):
+        given = [substitute(a, replacements) for a in tree.args]
+        same = all(a is b for a, b in zip(given, tree.args, strict=True))
+        return tree if same else ast.Call(func=tree.func, args=given, keywords=[])
+    return tree
 
 
 def swap(tree: ast.expr, before: ast.expr, after: ast.expr) -> ast.expr:
