@@ -44,11 +44,12 @@ class BulkSocketcanBus(SocketcanBus):
 
     @property
     def socket(self) -> Socket:
-        """Hold the socket; python-can binds it next, and from then on frames arrive: it is prepared here."""
+        """Return the socket."""
         return self._socket
 
     @socket.setter
     def socket(self, made: Socket) -> None:
+        """Enlarge the buffer of the socket that python-can has made: it binds it next, and then frames arrive."""
         try:
             made.setsockopt(SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
         except OSError:  # not root: as much as net.core.rmem_max allows
