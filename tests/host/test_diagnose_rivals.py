@@ -164,8 +164,8 @@ def test_one_thing_wrong_is_likelier_than_two_that_happen_to_fit() -> None:
     mass = candidate(60.0, 20.0, name="parameter_error", moved=(moved("k", 98.5, 0.8), moved("c", 120.0, 15.0)))
     factor = candidate(60.5, 20.0, name="sensor_scale", moved=(moved("k", 91.6, 0.2), moved("c", 110.0, 15.0)))
     assert (left_wrong(factor, mass), left_wrong(mass, factor)) == (1, 0)
-    assert weights_of([mass, factor])[1] == pytest.approx(1 / (1 + 1000 / np.exp(0.5)))
-    backlash = candidate(61.5, 20.0, name="backlash", moved=factor.moved)
+    assert weights_of([mass, factor])[1] == pytest.approx(1 / (1 + 100 / np.exp(0.5)))
+    backlash = candidate(61.0, 20.0, name="backlash", moved=factor.moved)
     assert leading([backlash, mass]) is mass and not leaves_open(mass, backlash, 0.04)
     assert leaves_open(mass, backlash, 0.2) and leaves_open(backlash, mass, 0.04)
     far = candidate(66.0, 20.0, name="backlash", moved=factor.moved)
@@ -188,6 +188,16 @@ def test_a_value_is_left_wrong_only_where_the_other_makes_it_right(
     """Values from data sheets are off beside every effect: that decides nothing."""
     first, second = (candidate(60.0, 20.0, moved=(moved("k", *pair),)) for pair in (own, other))
     assert left_wrong(first, second) == count
+
+
+def test_a_value_that_is_wrong_anyway_decides_nothing() -> None:
+    """A motor's constant beside a spring that is wrong: its inertia would take another two values, which are right."""
+    spring, load, damping = moved("k", 89.9, 0.2), moved("J", 90.3, 0.7), moved("c", 81.4, 6.0)
+    constant = candidate(60.0, 20.0, name="parameter_error", moved=(spring, moved("J", 99.5, 0.7), moved("c", 99.0, 5)))
+    inertia = candidate(60.0, 20.0, name="parameter_error", moved=(moved("k", 81.1, 0.3), load, damping))
+    assert (left_wrong(inertia, constant), left_wrong(constant, inertia)) == (2, 0)
+    other = candidate(60.0, 20.0, name="backlash", moved=(moved("k", 100.0, 0.2), load, moved("c", 100.0, 5)))
+    assert (left_wrong(inertia, other), left_wrong(constant, other), left_wrong(other, constant)) == (2, 0, 0)
 
 
 def test_of_sets_that_fit_alike_the_effect_last_added_decides() -> None:

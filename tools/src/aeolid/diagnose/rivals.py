@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
 _TIED = 1.0  # … and nats over all data: candidates this close are equally good
 _RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
-_COINCIDENCE = 100.0  # times rarer that one declared value more is wrong, and by just so much that it fits
+_COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by just so much that it fits
 _FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
@@ -116,7 +116,7 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
 
     A sensor's factor is behind by the log of 10 where a wrong declared value is among the others: a tower's mass and
     the factor of the accelerometer that alone shows it are one model, and a sensor has been calibrated, a constant was
-    assumed. Who leaves a declared value wrong that is right beside another is behind by the log of 100 for each.
+    assumed. Who leaves a declared value wrong that is right beside another is behind by the log of 10 for each.
     """
     last = [c.attachments[-1].entry for c in candidates]
     behind = np.log(_RARER) if "parameter_error" in last else 0.0
@@ -128,16 +128,17 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
 
 
 def left_wrong(candidate: Candidate, other: Candidate) -> int:
-    """Count the declared values that one leaves wrong and the other, which leaves none wrong, makes right.
+    """Count the declared values that one leaves wrong and the other, which leaves no other value wrong, makes right.
 
     A stiffness is 8 % off beside an accelerometer's factor; beside a mass that is wrong it is as declared: one thing is
-    wrong, not two that happen to fit. Right is what came at least twice as near. Where every candidate leaves a value
-    wrong, as with values from data sheets, nothing is counted.
+    wrong, not two that happen to fit. Right is what came at least twice as near. What both leave wrong, as values from
+    data sheets are, decides nothing.
     """
-    if any(m.is_wrong for m in other.moved):
-        return 0
-    near = {m.parameter.name: m.distance for m in other.moved}
+    theirs = {m.parameter.name for m in other.moved if m.is_wrong}
     wrong = [m for m in candidate.moved if m.is_wrong]
+    if not theirs < {m.parameter.name for m in wrong}:
+        return 0
+    near = {m.parameter.name: m.distance for m in other.moved if m.parameter.name not in theirs}
     return sum(near.get(m.parameter.name, np.inf) <= 0.5 * m.distance for m in wrong)
 
 
