@@ -209,9 +209,9 @@ def test_the_null_distribution_and_the_family_level(
 ) -> None:
     """200 white residuals through the directions of one case.
 
-    Single-direction rows: z's p-values are uniform (Kolmogorov–Smirnov, 1e-3 level over the rows). The largest z of all
-    passes its threshold in 1 % of draws: at most the 99.9 % point of a binomial, 7 of 200, so a level of 5 % would be
-    found out with 90 % certainty.
+    Single-direction rows: z's p-values are uniform (Kolmogorov–Smirnov, 1e-3 level over the rows). One of the
+    two thresholds, of 1 % each, is passed in 1 to 2 % of draws. Allowed is the 99.9 % point of a binomial of 1 %, 7 of
+    200, so a level of 5 % would be found out four times in five.
     """
     _, prepared, _ = world
     offered = prepared.hypotheses

@@ -32,7 +32,7 @@ class Moved:
     @property
     def deviations(self) -> float:
         """Return by how many standard deviations the value moved."""
-        return abs(self.value - self.parameter.value) / max(self.std, 1e-300)
+        return self.distance / max(self.std, 1e-300)
 
     @property
     def is_wrong(self) -> bool:

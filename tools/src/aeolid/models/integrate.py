@@ -147,7 +147,7 @@ def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: f
 
 
 def _at_most(jacobian: Array) -> float:
-    """Return what no eigenvalue exceeds, ‖J⁴‖^(1/4), at a tenth of their cost; not finite where it overflows."""
+    """Return what no eigenvalue exceeds, ‖J⁴‖^(1/4), at a quarter of their cost; not finite where it overflows."""
     with np.errstate(over="ignore", invalid="ignore"):
         square = jacobian @ jacobian
         fourth = (square @ square).ravel()

@@ -55,7 +55,7 @@ def march(
     discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s is the slope of a folding
     sensor. With `generate` Y holds innovations and the states follow from them. All arrays C-contiguous.
     Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes); of the last
-    two only the last row unless `whole`: 8 MB that several lanes would write for nobody.
+    two only the last row unless `whole`: megabytes that several lanes would write for nobody.
     """
     flow, read, renew = code
     N, m, n = len(Y), Y.shape[1], K.shape[0] * lanes
