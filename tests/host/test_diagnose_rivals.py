@@ -154,6 +154,23 @@ def test_a_constant_is_more_often_wrong_than_a_calibrated_sensor() -> None:
     assert leaves_open(mass, other, 1 / 11) and leaves_open(other, factor, 1 / 11)
 
 
+def test_that_the_structure_is_right_is_one_claim_whichever_value_is_wrong() -> None:
+    """A torque 9 % low, or one of three values that are each a little less likely."""
+    torque = candidate(60.0, 20.0, name="cp_change")
+    values = [candidate(60.0 - behind, 20.0, name="parameter_error") for behind in (1.4, 1.2, 1.3)]
+    assert leading([torque, *values[:1]]) is torque  # beaten by more than a nat
+    assert leading([torque, *values]) is values[1]
+    behind = [candidate(57.5, 20.0, name="parameter_error") for _ in range(3)]
+    assert leading([torque, *behind]) is torque
+
+
+def test_of_two_that_are_as_good_a_wrong_value_leaves_nothing_missing() -> None:
+    torque, value = candidate(60.0, 20.0, name="cp_change"), candidate(59.5, 20.0, name="parameter_error")
+    assert leading([torque, value]) is value
+    assert leading([torque, candidate(58.5, 20.0, name="parameter_error")]) is torque
+    assert leading([torque, candidate(59.5, 20.0, name="parameter_error", parameters=2)]) is torque
+
+
 def moved(name: str, value: float, std: float) -> Moved:
     """A value declared as 100."""
     return Moved(Parameter(name, 100.0, "", 10.0, 1000.0, True), value, std)

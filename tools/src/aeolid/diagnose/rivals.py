@@ -97,18 +97,26 @@ def weights_of(candidates: Sequence[Candidate]) -> list[float]:
 
 
 def leading(candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the best; of those within a nat of it the one with the fewest parameters, then the first in the catalogue.
+    """Return the best; of those within a nat of it the one with the fewest parameters, then a wrong declared value.
+
+    Then the first in the catalogue. A value that is wrong leaves the structure right: nothing need be missing.
 
     A dead time and a clock offset of one input are the same model: rounding must not choose. Nor between dry friction
     and sticking with nothing in excess, which were third effects in turn when only the selection data ranked them. A
     form outside the catalogue leads where no entry is left only; one that fits far better takes the entry's name in the
-    verdict. Of sets the effects last added are compared.
+    verdict. Of sets the effects last added are compared. That the structure is right is one claim, whichever declared
+    value is wrong: the best of them stands for all.
     """
     candidates = [c for c in candidates if not c.unlisted] or candidates
-    scores = standings(candidates)
+    scores = _taken_together(candidates, standings(candidates))
     order = [*(e.id for e in ENTRIES), unlisted.ID]
     tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
-    return min(tied, key=lambda c: (c.parameters, order.index(c.attachments[-1].entry)), default=None)
+
+    def rank(c: Candidate) -> tuple[int, bool, int]:
+        last = c.attachments[-1].entry
+        return c.parameters, last != "parameter_error", order.index(last)
+
+    return min(tied, key=rank, default=None)
 
 
 def standings(candidates: Sequence[Candidate]) -> list[float]:
@@ -125,6 +133,19 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
         c.score - (behind if e == "sensor_scale" else 0.0) - np.log(_COINCIDENCE) * n
         for c, e, n in zip(candidates, last, bent, strict=True)
     ]
+
+
+def _taken_together(candidates: Sequence[Candidate], scores: list[float]) -> list[float]:
+    """Return the scores, the best of the wrong declared values with the odds of all of them.
+
+    A mass, an inertia or one of two other values: each less likely than a torque that is 9 % low, together likelier.
+    """
+    values = [i for i, c in enumerate(candidates) if c.attachments[-1].entry == "parameter_error"]
+    if not values:
+        return scores
+    best = max(values, key=scores.__getitem__)
+    together = float(np.logaddexp.reduce([scores[i] for i in values]))
+    return [together if i == best else s for i, s in enumerate(scores)]
 
 
 def left_wrong(candidate: Candidate, other: Candidate) -> int:
