@@ -49,7 +49,13 @@ class Candidate:
         """Return what one of the effects says with its fitted values, and which of these the data leave open."""
         values = self.values[attachment.key]
         said = attachment.statement({label: value for label, (value, _) in values.items()})
-        open_ = [label for label, (value, std) in values.items() if np.isfinite(std) and std > abs(value)]
+        parts = {s.label for s in attachment.slots if s.local} if attachment.entry == unlisted.ID else set()
+        shared = parts if len(parts) > 1 else set()  # a cosine may be none beside its sine
+        open_ = [
+            label
+            for label, (value, std) in values.items()
+            if label not in shared and np.isfinite(std) and std > abs(value)
+        ]
         return f"{said} (these data leave {' and '.join(open_)} open)" if open_ else said
 
     def beyond(self, other: Candidate) -> Candidate:

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.beyond import form_beyond
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import entry, unlisted
+from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
@@ -21,13 +22,14 @@ from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.prepare import NUISANCE, Prepared, prepare
-from aeolid.diagnose.proof import PROVEN, Proof, block_interval, imitate, prove
+from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.proof import Proof, imitate
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import are_kin, leading, outdone_by
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
-from aeolid.diagnose.several import form_beside, further_effects, what_is_left
+from aeolid.diagnose.sealed import declared_against, hold_against
+from aeolid.diagnose.several import further_effects, what_is_left
 from aeolid.diagnose.switches import paying
 
 Array = NDArray[np.float64]
@@ -91,15 +93,14 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
-    chain, after_bank = _further(prepared, winner, top, seed)
-    chain, others = _exchanged(prepared, chain, candidates)
-    if (form := _better_form(prepared, candidates, chain)) is not None:
-        winner, chain = form, [form]
+    winner, chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)
     done()
     done = step("sealed proof", 0.6)
-    second, completed, proof = _prove(prepared, chain, seed)
-    declared_proof = _declared(prepared, seed)
-    bands = band_power(prepared.predictor, prepared.fit, seed)
+    second, completed, proof = hold_against(prepared, chain, seed)
+    if (form := form_beyond(prepared, chain[-1:], proof, seed)) is not None:
+        winner, candidates = form, [*candidates, form]
+        second, completed, proof = hold_against(prepared, [form], seed)
+    declared, bands = declared_against(prepared, seed), band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
     hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
@@ -107,8 +108,21 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     progress("done", 1.0)
     return Study(
         case, seed, findings, prepared, bank, tuple(candidates), winner, second, others if second in chain[-1:] else (),
-        proof, declared_proof, top, bands, after_bank, (sham, hits, tuple(largest)), completed, timing,
+        proof, declared, top, bands, after_bank, (sham, hits, tuple(largest)), completed, timing,
     )  # fmt: skip
+
+
+def _all_effects(
+    prepared: Prepared, winner: Candidate | None, candidates: Sequence[Candidate], top: Ceiling, seed: int
+) -> tuple[Candidate | None, list[Candidate], tuple[Alternative, ...], Bank | None]:
+    """Look for effects beside the winner; a form outside the catalogue that explains far more takes their place.
+
+    Returns the winner, the sets, smallest first, what the data do not tell from the largest, what the bank then says.
+    """
+    chain, after_bank = _further(prepared, winner, top, seed)
+    chain, others = _exchanged(prepared, chain, candidates)
+    form = _better_form(prepared, candidates, chain)
+    return (winner, chain, others, after_bank) if form is None else (form, [form], others, after_bank)
 
 
 def _further(
@@ -144,55 +158,6 @@ def _better_form(prepared: Prepared, candidates: Sequence[Candidate], chain: Seq
     if form is None or not form.unlisted or not is_accepted(form):
         return None
     return form if form.survived or survives_control(prepared, form) else None
-
-
-def _prove(
-    prepared: Prepared, chain: Sequence[Candidate], seed: int
-) -> tuple[Candidate | None, Candidate | None, Proof | None]:
-    """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go.
-
-    Returns the set of several effects, what completes the effects, and the proof of the largest that stands.
-    """
-    bare = prepared.only(())
-    best: Candidate | None = None
-    kept: Proof | None = None
-    for chosen in chain:
-        pair = (bare.predictor, bare.fit), (chosen.predictor, chosen.fit)
-        proof = prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
-        if kept is None or block_interval(proof.difference - kept.difference, seed)[0] > 0:
-            best, kept = chosen, proof
-    completed, kept = _completed(prepared, best, kept, seed)
-    return (best if best is not None and len(best.attachments) > 1 else None), completed, kept
-
-
-def _completed(
-    prepared: Prepared, found: Candidate | None, proof: Proof | None, seed: int
-) -> tuple[Candidate | None, Proof | None]:
-    """Put a form without a name beside proven effects, where the sealed data ask for that too; with the whole's proof.
-
-    None beside a form, a wrong value, a fault of the recording: a claim that the structure is right. On a simulator's
-    run there are none.
-    """
-    if (
-        found is None
-        or proof is None
-        or proof.interval[0] <= PROVEN
-        or found.unlisted
-        or prepared.surrogate is not None
-    ):
-        return None, proof
-    if any(entry(a.entry).family in ("parameter", "sensor_nonlinearity") for a in found.attachments):
-        return None, proof
-    larger = form_beside(prepared, found, seed)
-    if larger is None:
-        return None, proof
-    bare = prepared.only(())
-    whole = prove(
-        (bare.predictor, bare.fit), (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed
-    )
-    if block_interval(whole.difference - proof.difference, seed)[0] <= 0:
-        return None, proof
-    return larger, whole
 
 
 def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:
@@ -295,22 +260,6 @@ def first_effect(prepared: Prepared, candidates: list[Candidate]) -> tuple[Candi
         refused = replace(winner, plausible=False, reason=reason)
         candidates = [refused if c is winner else c for c in candidates]
     return winner, candidates
-
-
-def _declared(prepared: Prepared, seed: int) -> Proof | None:
-    """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both)."""
-    prepared = prepared.only(())
-    physical = [i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(NUISANCE)]
-    if not physical:
-        return None
-    held = replace(prepared.free, theta=tuple(i for i in prepared.free.theta if i not in physical))
-    theta = prepared.fit.point.theta.copy()
-    theta[physical] = prepared.extended.theta[physical]
-    fit = prepared.predictor.fit(replace(prepared.fit.point, theta=theta), held)
-    if fit is None:
-        return None
-    pair = (prepared.predictor, fit), (prepared.predictor, prepared.fit)
-    return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
 
 
 def _sham(

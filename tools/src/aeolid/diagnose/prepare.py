@@ -60,6 +60,7 @@ class Prepared:
     settle_s: float
     decimation: int
     run: Record | None
+    site: Site
 
     @property
     def extended(self) -> Equations:
@@ -110,7 +111,7 @@ def prepare(case: Case) -> Prepared:
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
-        base.run,
+        base.run, site,
     )  # fmt: skip
 
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 import ast
 import math
 from collections.abc import Iterable, Mapping
+from functools import reduce
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 
+Array = NDArray[np.float64]
 # Functions of the model file, with the fewest and the most arguments each takes.
 FUNCTIONS = {
     "sqrt": (1, 1), "exp": (1, 1), "log": (1, 1), "sin": (1, 1), "cos": (1, 1), "tan": (1, 1), "tanh": (1, 1),
@@ -17,6 +22,10 @@ FUNCTIONS = {
 CONSTANTS = {"pi": "3.141592653589793"}
 _BINARY: tuple[type, ...] = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _UNARY: tuple[type, ...] = (ast.UAdd, ast.USub)
+_ON_ARRAYS: dict[str, Any] = {
+    **{name: getattr(np, name) for name in FUNCTIONS if name not in ("min", "max")},
+    "min": lambda *a: reduce(np.minimum, a), "max": lambda *a: reduce(np.maximum, a),
+}  # fmt: skip
 _MAX_LENGTH = 20_000  # characters: a longer line is not a model equation
 _MAX_DEPTH = 120
 
@@ -92,6 +101,14 @@ def _alike(a: ast.AST, b: ast.AST) -> bool:
         return bool(a.id == b.id)  # type: ignore[attr-defined]
     mine, other = ([n for n in ast.iter_child_nodes(x) if not isinstance(n, ast.expr_context)] for x in (a, b))
     return len(mine) == len(other) and all(_alike(x, y) for x, y in zip(mine, other, strict=True))
+
+
+def values_of(tree: ast.expr, known: Mapping[str, Array]) -> Array:
+    """Return what an expression is where its variables have these values, arrays of one shape or numbers."""
+    code = compile(ast.fix_missing_locations(ast.Expression(_copy(tree))), "expression", "eval")
+    words = {"__builtins__": {}, **_ON_ARRAYS, **{name: float(text) for name, text in CONSTANTS.items()}}
+    found: Array = np.asarray(eval(code, words, dict(known)), dtype=np.float64)  # the arithmetic `parse` lets through
+    return found
 
 
 def to_text(tree: ast.expr) -> str:

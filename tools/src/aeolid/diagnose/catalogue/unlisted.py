@@ -27,13 +27,17 @@ def _attach(site: Site) -> list[Attachment]:
     if site.linear is not None:
         motions = list(site.motions)
         return [a for i, m in enumerate(motions) for a in _on(m, i)] if len(motions) <= _MODES else []
+    found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
+    return found + [_lost(site, s, *form) for s in stores(site) for form in _LOSSES]
+
+
+def stores(site: Site) -> list[State]:
+    """List the states of equations that store something and lose it: levels, temperatures."""
     moving = {n.id for m in site.motions for n in (m.velocity, m.position) if isinstance(n, ast.Name)}
     forces = {s.name for s in site.model.states if s.name.startswith("unmeasured_")}
     others = [site.model.states[i] for i in noisy_states(site.model)]
     storing = [s for s in others if s.name not in moving | forces and f"unmeasured_{s.name}" in forces]
-    found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
-    known = [s for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
-    return found + [_lost(site, s, *form) for s in known for form in _LOSSES]
+    return [s for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
 
 
 def _on(motion: Motion, number: int) -> list[Attachment]:
