@@ -83,6 +83,7 @@ def test_a_form_that_no_entry_has_is_described_and_not_named(
     found = diagnose(result)
     assert (found["verdict"], found["effects"]) == ("unnamed", []), found["statement"]
     assert found["sealed"]["interval"][0] > 0 and found["location"]["entry"] in ("state:v", "input:push")
+    assert found["beside"]["statement"] in found["statement"] and found["beside"]["parameters"]
     match = re.search(says, found["statement"])
     assert match, found["statement"]
     if number is not None:
@@ -99,8 +100,8 @@ def hidden_as(hidden: str) -> str:
 
 
 def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
-    """The bank of forms speaks once in 50 recordings by design; none of twelve passed the selection data."""
-    for seed in range(12):
+    """The bank of forms speaks once in 50 recordings by design; none of eight passed the selection data."""
+    for seed in range(8):
         _, fitted = beyond_the_catalogue(prepared_of(swinging(tmp_path / str(seed), seed)), seed)
         assert not any(is_accepted(c) for c in fitted), [c.key for c in fitted]
 
@@ -157,20 +158,20 @@ def gained(stage: Prepared, place: Any, force: Any) -> float:
 
 @pytest.mark.parametrize("colour", [0.0, 0.995])
 def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
-    """Residuals of 2000 samples seen through a force's response, 200 times, over time and times a signal."""
+    """Residuals of 2000 samples seen through a force's response, 100 times, over time and times a signal."""
     rng, n = np.random.default_rng(8), 2000
     pulse = np.stack([colour ** np.arange(n), np.sin(0.3 * np.arange(n)) * 0.99 ** np.arange(n)], axis=1)
     clock = _Clock("t", 0.0, 40.0, STEP, np.arange(n))
     follows = Follows("s", "a signal", "s", np.sin(np.arange(n) ** 1.5 / 300) + 0.2)
     limit = np.log(n / _LEVEL)
     passed = np.zeros(3)
-    for _ in range(200):
+    for _ in range(100):
         residual = rng.standard_normal((n, 2))
         score = _Score(_seen(residual, pulse), pulse)
         passed[0] += _in_time(score, None, clock).height > limit
         passed[1] += _in_time(score, follows, clock).height > limit
         passed[2] += _along(score, follows, 2.0).height > np.log(400 / _LEVEL)
-    assert np.all(passed <= 7), passed  # 2 in the mean at the level; 8 or more once in 1000 draws
+    assert np.all(passed <= 5), passed  # 1 in the mean at the level; 6 or more once in 1500 runs
 
 
 def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeypatch: pytest.MonkeyPatch) -> None:

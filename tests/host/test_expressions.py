@@ -148,6 +148,18 @@ def test_machine_code_equals_the_text(text: str) -> None:
                 assert not math.isfinite(found)
 
 
+@pytest.mark.parametrize(
+    "text", ["2*a**2 - sqrt(c)/b", "max(a, b, 0) + min(c, 1)", "-a + pi", "log(b)", "1/(a - a)", "+3"]
+)
+def test_arrays_are_read_like_the_machine_code(text: str) -> None:
+    tree = ex.parse(text, "line 1")
+    found = ex.values_of(tree, {n: np.array([v, 2 * v]) for n, v in VALUES.items()})
+    for k in (0, 1):
+        value = float(np.broadcast_to(found, 2)[k])
+        expected = compiled(tree, {n: v * (k + 1) for n, v in VALUES.items()})
+        assert value == pytest.approx(expected, rel=1e-14) or (math.isnan(value) and math.isnan(expected))
+
+
 def test_names_are_variables_only() -> None:
     assert ex.names_in(ex.parse("sqrt(a) + pi*b - max(a, c_2)", "line 1")) == {"a", "b", "c_2"}
     assert ex.unknown_names(ex.parse("a + z + y", "line 1"), ["a"]) == ["y", "z"]

@@ -38,7 +38,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "verdict": verdict,
         "statement": sentence(verdict, effects, study, proof),
         "effects": effects,
-        "beside": _beside(study) if effects and proof is study.proof else None,
+        "beside": _beside(study) if proof is not None and proof is study.proof else None,
         "location": effects[0]["location"] if effects else _where(study, verdict),
         "sealed": _sealed(study, proof),
         "false_alarm": {
@@ -52,11 +52,12 @@ def diagnose(study: Study) -> dict[str, Any]:
 
 
 def _beside(study: Study) -> dict[str, Any] | None:
-    """Describe the form without a name that stands beside what was named, if one does."""
-    if study.completed is None:
+    """Describe the form without a name: what stands beside what was named, or alone where nothing has one."""
+    whole = study.completed or study.winner
+    form = None if whole is None else next((a for a in whole.attachments if a.entry == unlisted.ID), None)
+    if whole is None or form is None:
         return None
-    form = next(a for a in study.completed.attachments if a.entry == unlisted.ID)
-    facts = _effect(study, study.completed, form, [])
+    facts = _effect(study, whole, form, [])
     return {k: facts[k] for k in ("statement", "location", "equation", "parameters")}
 
 

@@ -6,7 +6,7 @@ import ast
 import math
 from collections.abc import Iterable, Mapping
 from functools import reduce
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,8 @@ FUNCTIONS = {
 CONSTANTS = {"pi": "3.141592653589793"}
 _BINARY: tuple[type, ...] = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow)
 _UNARY: tuple[type, ...] = (ast.UAdd, ast.USub)
-_ON_ARRAYS: dict[str, Any] = {
-    **{name: getattr(np, name) for name in FUNCTIONS if name not in ("min", "max")},
-    "min": lambda *a: reduce(np.minimum, a), "max": lambda *a: reduce(np.maximum, a),
+_ON_ARRAYS: dict[type, Any] = {
+    ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide, ast.Pow: np.power,
 }  # fmt: skip
 _MAX_LENGTH = 20_000  # characters: a longer line is not a model equation
 _MAX_DEPTH = 120
@@ -104,11 +103,28 @@ def _alike(a: ast.AST, b: ast.AST) -> bool:
 
 
 def values_of(tree: ast.expr, known: Mapping[str, Array]) -> Array:
-    """Return what an expression is where its variables have these values, arrays of one shape or numbers."""
-    code = compile(ast.fix_missing_locations(ast.Expression(_copy(tree))), "expression", "eval")
-    words = {"__builtins__": {}, **_ON_ARRAYS, **{name: float(text) for name, text in CONSTANTS.items()}}
-    found: Array = np.asarray(eval(code, words, dict(known)), dtype=np.float64)  # the arithmetic `parse` lets through
-    return found
+    """Return what a parsed expression is where its variables have these values: arrays of one shape, or numbers.
+
+    As in machine code: what is not defined is NaN or infinite. Raises KeyError for a variable without a value.
+    """
+    with np.errstate(all="ignore"):
+        return np.asarray(_value(tree, known))
+
+
+def _value(tree: ast.expr, known: Mapping[str, Array]) -> Any:
+    if isinstance(tree, ast.Name):
+        return np.float64(CONSTANTS[tree.id]) if tree.id in CONSTANTS else known[tree.id]
+    if isinstance(tree, ast.Constant):
+        return np.float64(cast("float", tree.value))
+    if isinstance(tree, ast.UnaryOp):
+        inner = _value(tree.operand, known)
+        return -inner if isinstance(tree.op, ast.USub) else inner
+    if isinstance(tree, ast.BinOp):
+        return _ON_ARRAYS[type(tree.op)](_value(tree.left, known), _value(tree.right, known))
+    call = cast("ast.Call", tree)
+    name = cast("ast.Name", call.func).id
+    given = [_value(a, known) for a in call.args]
+    return reduce({"min": np.minimum, "max": np.maximum}[name], given) if len(given) > 1 else getattr(np, name)(*given)
 
 
 def to_text(tree: ast.expr) -> str:

@@ -138,7 +138,8 @@ def _effects(effects: list[Facts], beside: Facts) -> Html:
         parts += _described(
             "without a name", "no entry of the catalogue has this form; the corrected model has it", beside
         )
-    return section("The effect" if len(effects) == 1 else "The effects", *parts)
+    title = {0: "What comes nearest", 1: "The effect"}.get(len(effects), "The effects")
+    return section(title if parts else "The effects", *parts)
 
 
 def _described(name: str, kind: str, effect: Facts) -> list[Html | None]:
