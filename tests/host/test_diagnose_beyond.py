@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -172,6 +173,31 @@ def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
         passed[1] += _in_time(score, follows, clock).height > limit
         passed[2] += _along(score, follows, 2.0).height > np.log(400 / _LEVEL)
     assert np.all(passed <= 5), passed  # 1 in the mean at the level; 6 or more once in 1500 runs
+
+
+def test_recordings_that_start_anew_have_no_common_time(tmp_path: Path) -> None:
+    """Of two recordings only what does not depend on the time is asked."""
+    folder = swinging(tmp_path, shake=0.05)
+    shutil.copy(folder / "recording.csv", folder / "second.csv")
+    shutil.copy(folder / "recording.csv", folder / "third.csv")
+    case = (folder / "case.toml").read_text()
+    files = '["recording.csv", "second.csv", "third.csv"]'
+    (folder / "case.toml").write_text(case.replace('["recording.csv"]', files))
+    bank, _ = beyond_the_catalogue(prepared_of(folder), 1)
+    kinds = {r.attachment.key.split()[1] for r in bank.rows}
+    assert "curve" in kinds and "product" in kinds and "swing" not in kinds
+
+
+def test_what_never_moves_is_no_place(tmp_path: Path) -> None:
+    folder = swinging(tmp_path)
+    rows = np.loadtxt(folder / "recording.csv", delimiter=",", skiprows=1)
+    rows[:, 1] = 2.0
+    head = (folder / "recording.csv").read_text().splitlines()[0]
+    np.savetxt(folder / "recording.csv", rows, delimiter=",", header=head, comments="", fmt="%.9g")
+    stage = prepared_of(folder)
+    assert {p.label for p in places(stage.site, reader(stage))} == {"state:v"}
+    bank, _ = beyond_the_catalogue(stage, 1)
+    assert {r.attachment.location["entry"] for r in bank.rows} == {"state:v"}
 
 
 def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,9 +23,7 @@ Array = NDArray[np.float64]
 _MOST = 3  # forms that are fitted
 
 
-def form_beyond(
-    prepared: Prepared, named: Sequence[Candidate], proof: Proof | None, seed: int
-) -> Candidate | None:  # fmt: skip
+def form_beyond(prepared: Prepared, named: Sequence[Candidate], proof: Proof | None, seed: int) -> Candidate | None:
     """Return the form that takes the place of what was found, or of nothing; None where none does.
 
     named: what the sealed data were asked about, if anything. Where they bore it out it keeps its name, except a wrong

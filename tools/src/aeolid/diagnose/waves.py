@@ -25,12 +25,13 @@ _LEAST = 1e-9  # of the power where most is heard: less is rounding
 _LAST = 0.95  # of the highest frequency; above it is little but how the sampling was modelled
 _LONGEST = 2**22  # samples of the grid
 _FIRST_REPEAT, _MOST_REPEATS = 3, 200  # times something may repeat along a signal; less is a curve
+_ENOUGH = 2**14  # samples to know what noise gives along a signal
 _STEP = 1e-3  # of a place's natural size
 
 
 @dataclass(frozen=True)
 class _Peak:
-    """Hold the highest of some lines: which, in rad a unit, and how far it stands out of what is around it."""
+    """Hold the highest of some lines: which, in rad a unit, and how many times what noise gives there it is."""
 
     number: float
     height: float
@@ -123,13 +124,14 @@ def _along(score: _Score, over: Follows, reach: float) -> _Peak:
     """Return the highest line of a score along a signal."""
     numbers = 2 * np.pi / reach * np.arange(_FIRST_REPEAT, _MOST_REPEATS, 1 / _FINER)
     values = np.nan_to_num(over.values - over.mean)
-    length = 2 ** int(np.ceil(np.log2(2 * len(values))))
+    some = min(len(values), _ENOUGH)
+    length = 2 ** int(np.ceil(np.log2(2 * some)))
     response = np.fft.fft(score.correlation(length)).real
     power, expected = np.empty(len(numbers)), np.empty(len(numbers))
     for i, k in enumerate(numbers):
         wave = np.exp(1j * k * values)
         power[i] = np.abs(score.values @ wave) ** 2
-        expected[i] = response @ np.abs(np.fft.fft(wave, length)) ** 2 / length
+        expected[i] = response @ np.abs(np.fft.fft(wave[:some], length)) ** 2 / length * len(wave) / some
     heights = _heights(power, expected)
     i = int(np.argmax(heights))
     return _Peak(float(numbers[i]), float(heights[i]))

@@ -15,13 +15,12 @@ from aeolid.diagnose.baseline import with_force
 from aeolid.diagnose.catalogue import operating_point
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
 from aeolid.diagnose.catalogue.forces import with_parameters
-from aeolid.diagnose.catalogue.unlisted import ID, stores
+from aeolid.diagnose.catalogue.unlisted import ID, MODES, stores
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations, State
+from aeolid.models.equations import TIME, Equations, State
 
 Array = NDArray[np.float64]
 Read = Callable[[ast.expr], Array]  # what an expression of the model is over the fit part
-_MODES = 3  # of a linear model; one with more was identified, and each form would cost every mode a fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +64,12 @@ class Place:
     follows: tuple[Follows, ...]
     is_input: bool = False
 
+    @property
+    def is_alive(self) -> bool:
+        """Tell whether something of a size acts here, and every signal of the place moves."""
+        sizes = [self.size, *(f.spread for f in self.follows)]
+        return bool(self.follows) and all(np.isfinite(s) and s > 0 for s in sizes)
+
     def attach(
         self, kind: str, tag: str, slots: tuple[Slot, ...], term: str, *, equation: str,
         statement: Callable[[Mapping[str, float]], str], **more: Any,
@@ -80,12 +85,14 @@ class Place:
 def places(site: Site, read: Read) -> list[Place]:
     """List inputs, motions (of a linear model with no more than three modes) and, of equations, what stores something.
 
-    An input of a linear model follows also what the outputs show: what is missing may act like it.
+    What acts like an input of a linear model may follow what the outputs show. Left out: what never moves, and time.
     """
-    found = [_input(site, i, read) for i in range(len(site.input_names)) if float(np.nanstd(site.u[:, i])) > 0]
-    if site.linear is None or len(site.motions) <= _MODES:
+    found = [_input(site, i, read) for i, name in enumerate(site.input_names) if name != TIME]
+    if site.linear is None or len(site.motions) <= MODES:
         found += [_motion(m, i, read) for i, m in enumerate(site.motions)]
-    return found + ([_store(site, s, read) for s in stores(site)] if site.linear is None else [])
+    if site.linear is None:
+        found += [_store(site, s, read) for s in stores(site)]
+    return [p for p in found if p.is_alive]
 
 
 def _input(site: Site, i: int, read: Read) -> Place:
@@ -111,8 +118,8 @@ def _shown(site: Site, j: int, read: Read) -> Follows | None:
     if not row:
         return None
     text = " + ".join(row)
-    values = read(ex.parse(text, ID))
-    return Follows(f"y{j + 1}", signal.name, f"({text})", values, signal.unit, signal.offset)
+    shown = Follows(f"y{j + 1}", signal.name, f"({text})", read(ex.parse(text, ID)), signal.unit, signal.offset)
+    return shown if shown.spread > 0 else None
 
 
 def _motion(motion: Motion, number: int, read: Read) -> Place:

@@ -12,7 +12,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
 ID = "unlisted"
-_MODES = 3  # of a linear model; one with more was identified, and each form would cost every mode a fit
+MODES = 3  # of a linear model; one with more was identified, and each form would cost every mode a fit
 _FORMS = (
     ("v*v", "{v}*{v}", "the square of the speed, whatever its direction"),
     ("q*q*v", "{q}*{q}*{v}", "the speed, by an amount that changes with the square of the deflection"),
@@ -26,7 +26,7 @@ _LOSSES = (
 def _attach(site: Site) -> list[Attachment]:
     if site.linear is not None:
         motions = list(site.motions)
-        return [a for i, m in enumerate(motions) for a in _on(m, i)] if len(motions) <= _MODES else []
+        return [a for i, m in enumerate(motions) for a in _on(m, i)] if len(motions) <= MODES else []
     found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
     return found + [_lost(site, s, *form) for s in stores(site) for form in _LOSSES]
 
