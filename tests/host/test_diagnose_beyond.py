@@ -1,4 +1,4 @@
-"""What no entry has is found, described and never named: curves, products, swings, ripples."""
+"""What no entry has is found, described and never named: curves, products, creep, swings, ripples."""
 
 from __future__ import annotations
 
@@ -36,20 +36,21 @@ def swinging(folder: Path, seed: int = 3, **hidden: float) -> Path:
     """Write a case: 100 s at 50 Hz of a swing pushed at random, gusts on top; Runge-Kutta, 2 steps a sample.
 
     bend: of the push's action above 5 N; shake: share of the stiffness that swings at 0.37 Hz; teeth: force in N that
-    repeats every 0.05 m; stiffer: N/m for every N of push.
+    repeats every 0.05 m; stiffer: N/m for every N of push; relaxing: N/m of a spring behind a dashpot, 0.5 s.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     bend, shake = hidden.get("bend", 0.0), hidden.get("shake", 0.0)
     teeth, stiffer = hidden.get("teeth", 0.0), hidden.get("stiffer", 0.0)
+    relaxing = hidden.get("relaxing", 0.0)
     push = np.repeat(rng.uniform(-16.0, 16.0, SAMPLES // 10), 10)
     gust = 0.4 * rng.standard_normal(SAMPLES)
-    rows, x, h = np.empty((SAMPLES, 3)), np.zeros(2), STEP / 2
+    rows, x, h = np.empty((SAMPLES, 3)), np.zeros(3), STEP / 2
 
     def slope(x: Any, u: float, t: float) -> Any:
         k = 40.0 * (1 + shake * np.sin(2 * np.pi * 0.37 * t)) + stiffer * u
         force = u + bend * max(u - 5.0, 0.0) - x[1] - k * x[0] - teeth * np.sin(2 * np.pi * x[0] / 0.05)
-        return np.array([x[1], force])
+        return np.array([x[1], force - relaxing * x[2], x[1] - x[2] / 0.5])
 
     for i in range(SAMPLES):
         rows[i] = push[i], x[0], x[1]
@@ -74,6 +75,12 @@ def prepared_of(folder: Path) -> Prepared:
         ("bend", -0.15, "what acts like push that follows push along a curve, bent most at ([-0-9.]+) N", None),
         ("shake", 0.03, "a force at state:v that swings at ([0-9.]+) Hz times the position", 0.37),
         ("teeth", 2.5, "a force at state:v that repeats every ([0-9.]+) of the position", 0.05),
+        (
+            "relaxing",
+            8.0,
+            "a force at state:v that follows changes of the position and relaxes within ([0-9.]+) s",
+            None,
+        ),
         ("stiffer", 0.3, "(state:v|like push) that follows push times the position", None),  # at one mass one model
     ],
 )
@@ -97,7 +104,9 @@ def test_a_form_that_no_entry_has_is_described_and_not_named(
 
 def hidden_as(hidden: str) -> str:
     """Return how the corrected model's parameters of a form begin."""
-    return {"bend": "curve_", "shake": "swing_", "teeth": "ripple_", "stiffer": "product_"}[hidden]
+    return {"bend": "curve_", "shake": "swing_", "teeth": "ripple_", "stiffer": "product_", "relaxing": "creep_"}[
+        hidden
+    ]
 
 
 def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
@@ -119,7 +128,7 @@ def test_the_reader_reads_what_the_predictor_predicts(tmp_path: Path) -> None:
 
 def test_every_form_changes_nothing_at_its_null(tmp_path: Path) -> None:
     stage = prepared_of(swinging(tmp_path))
-    forms = shapes(places(stage.site, reader(stage)))
+    forms = shapes(places(stage.site, reader(stage)), STEP, 50.0)
     assert {a.location["entry"] for a in forms} == {"input:push", "state:v"}
     assert all(a.entry == unlisted.ID for a in forms) and len({a.key for a in forms}) == len(forms)
     whole = stage.only(forms)

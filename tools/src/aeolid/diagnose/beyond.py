@@ -46,7 +46,8 @@ def beyond_the_catalogue(prepared: Prepared, seed: int) -> tuple[Bank, list[Cand
     """Return the bank of all forms, and the best of those that speak, fitted; best first."""
     bare = prepared.only(())
     found = places(prepared.site, reader(bare))
-    bank = score_bank(bare, [*shapes(found), *waves(bare, found, _MOST)], seed)
+    step, span = bare.site.step, bare.site.step * len(bare.site.u)
+    bank = score_bank(bare, [*shapes(found, step, span), *waves(bare, found, _MOST)], seed)
     return bank, sorted(fit_rows(prepared, bank.loud[:_MOST]), key=lambda c: -c.score)
 
 

@@ -72,13 +72,14 @@ class Place:
 
     def attach(
         self, kind: str, tag: str, slots: tuple[Slot, ...], term: str, *, equation: str,
-        statement: Callable[[Mapping[str, float]], str], **more: Any,
+        statement: Callable[[Mapping[str, float]], str],
+        states: Callable[[Equations], Equations] = lambda model: model, **more: Any,
     ) -> Attachment:  # fmt: skip
-        """Offer the hypothesis that a term acts here."""
+        """Offer the hypothesis that a term acts here; `states` adds what it remembers."""
         return Attachment(
             ID, f"{ID} {kind} {self.label}", self.location,
-            lambda model: self.acts(model, slots, term, f"{tag}_acts"), slots, equation=equation, statement=statement,
-            **more,
+            lambda model: self.acts(states(model), slots, term, f"{tag}_acts"), slots, equation=equation,
+            statement=statement, **more,
         )  # fmt: skip
 
 

@@ -1,8 +1,9 @@
-"""Forms that no entry has, asked only where the catalogue explains nothing: curves, products, swings, ripples."""
+"""Forms that no entry has: curves, products, creep, swings, ripples. Asked only where the catalogue explains nothing."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,20 +11,25 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.catalogue.places import Follows, Place, said
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, State
 
 Array = NDArray[np.float64]
 _BELOW = (0.15, 0.5, 0.85)  # shares of a signal's samples below the knots of a curve
 _APART = 0.02  # of its span that lie at least between two knots: else it has but a few values
+_TIMES = 5  # time constants that are scanned
 _WIDE = 100.0  # times the natural size of a coefficient: the end of its range
 
 
-def shapes(found: Sequence[Place]) -> list[Attachment]:
-    """Offer a curve over every signal of every place, and the product of every input with it.
+def shapes(found: Sequence[Place], step: float, span: float) -> list[Attachment]:
+    """Offer a curve over every signal of every place, the product of every input with it, and what creeps after it.
 
-    A straight line is the baseline's own affair: where a coefficient is wrong, no form is missing.
+    step, span: sample time and length of the fit part in s. A straight line is the baseline's own affair: where a
+    coefficient is wrong, no form is missing.
     """
     curves = [c for p in found for f in p.follows if (c := _curve(p, f)) is not None]
-    return [*curves, *_products(found)]
+    creeps = [_creep(p, p.follows[0], step, span) for p in found if not p.is_input]
+    return [*curves, *_products(found), *creeps]
 
 
 def _slot(name: str, label: str, size: float) -> Slot:
@@ -72,6 +78,29 @@ def _product(place: Place, u: Follows, s: Follows) -> Attachment:
         f"product of {u.words} and {s.words}", tag, (slot,), term,
         equation=f"{place.label}: ... + factor*({u.words} - mean)*({s.words} - mean)",
         statement=lambda _: f"{place.words} that follows {u.words} times {s.words}",
+    )  # fmt: skip
+
+
+def _creep(place: Place, over: Follows, step: float, span: float) -> Attachment:
+    """Return what follows a signal less what it was: a spring behind a dashpot, a hidden store of heat."""
+    tag, least, most = f"creep_{place.tag}_{over.tag}", 2 * step, span / 3
+    size, held = place.size / over.spread, f"creep_{place.tag}_{over.tag}_held"
+    factor = _slot(f"{tag}_factor", "factor", size)
+    times = np.geomspace(4 * step, span / 10, _TIMES).tolist()
+    tau = Slot(f"{tag}_tau", "tau_s", "s", times[_TIMES // 2], least, most, times[_TIMES // 2], local=False)
+    left = f"(({over.text} - {over.mean!r}) - {held})"
+
+    def remember(model: Equations) -> Equations:
+        rate = f"{left}/{tau.name}"
+        if model.sample_time_s:
+            rate = f"{held} + (1 - exp(-{model.sample_time_s!r}/{tau.name}))*{left}"
+        return replace(model, states=(*model.states, State(held, over.unit, ex.parse(rate, tag), 0.0)))
+
+    return place.attach(
+        f"creep of {over.words}", tag, (factor, tau), f"{factor.name}*{left}", states=remember, start_states=(held,),
+        grid=tuple({tau.name: t} for t in times),
+        equation=f"{place.label}: ... + factor*({over.words} - z), z' = ({over.words} - z)/tau_s",
+        statement=lambda v: f"{place.words} that follows changes of {over.words} and relaxes within {v['tau_s']:.3g} s",
     )  # fmt: skip
 
 
