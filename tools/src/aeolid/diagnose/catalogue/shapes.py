@@ -1,4 +1,4 @@
-"""Forms that no entry has: curves, products, creep, swings, ripples. Asked only where the catalogue explains nothing."""
+"""Forms that no entry has: curves, products, creep, swings, ripples. Asked where the catalogue explains nothing."""
 
 from __future__ import annotations
 
