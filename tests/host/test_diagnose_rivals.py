@@ -254,3 +254,14 @@ def test_only_a_sensor_that_is_a_third_off_gives_way_to_a_form_that_fits_as_well
     assert stands_for(factor, form) is stands
     assert (outdone_by([factor, form], factor) is form) is stands
     assert not stands_for(factor, candidate(60.0, 20.0, name="sensor_bias")) and not stands_for(WINNER, form)
+
+
+def test_a_factor_that_leaves_values_wrong_gives_way_to_a_form_that_makes_them_right() -> None:
+    """Heat that is radiated: beside a sensor's factor of 1.12 a loss is 27 % off, beside a loss all are as declared."""
+    values = {"shell": {"factor": (1.12, 0.02)}}
+    factor = candidate(60.0, 20.0, name="sensor_scale", values=values, moved=(moved("h3", 127.0, 3.5),))
+    factor.attachments[0].key = "shell"
+    form = candidate(60.0, 20.0, name="unlisted", moved=(moved("h3", 101.0, 3.5),))
+    assert stands_for(factor, form) and outdone_by([factor, form], factor) is form
+    both = candidate(60.0, 20.0, name="unlisted", moved=(moved("h3", 127.0, 3.5),))
+    assert not stands_for(factor, both) and outdone_by([factor, both], factor) is None

@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 _MOST = 3  # forms that are fitted
 
 
-def form_beyond(prepared: Prepared, named: Sequence[Candidate], proof: Proof | None, seed: int) -> Candidate | None:
-    """Return the form that takes the place of what was found, or of nothing; None where none does.
+def form_beyond(
+    prepared: Prepared, named: Sequence[Candidate], proof: Proof | None, seed: int
+) -> tuple[Candidate | None, list[Candidate]]:
+    """Return the form that takes the place of what was found, or of nothing, if one does, and all that were fitted.
 
     named: what the sealed data were asked about, if anything. Where they bore it out it keeps its name, except a wrong
     declared value: that the structure is right is a claim about all that is left. A form must then explain far more,
@@ -32,14 +34,15 @@ def form_beyond(prepared: Prepared, named: Sequence[Candidate], proof: Proof | N
     """
     borne_out = proof is not None and proof.interval[0] > PROVEN
     if prepared.surrogate is not None:
-        return None
+        return None, []
     if borne_out and any(a.entry != "parameter_error" for c in named for a in c.attachments):
-        return None
-    best = next((c for c in beyond_the_catalogue(prepared, seed)[1] if is_accepted(c)), None)
+        return None, []
+    fitted = beyond_the_catalogue(prepared, seed)[1]
+    best = next((c for c in fitted if is_accepted(c)), None)
     if best is None or not named:
-        return best
+        return best, fitted
     takes_over = leads(best, named[0]) if borne_out else best.score > named[0].score
-    return best if takes_over else None
+    return (best if takes_over else None), fitted
 
 
 def beyond_the_catalogue(prepared: Prepared, seed: int) -> tuple[Bank, list[Candidate]]:

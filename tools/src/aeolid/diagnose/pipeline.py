@@ -97,9 +97,9 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("sealed proof", 0.6)
     second, completed, proof = hold_against(prepared, chain, seed)
-    if (form := form_beyond(prepared, chain[-1:], proof, seed)) is not None:
-        winner, candidates = form, [*candidates, form]
-        second, completed, proof = hold_against(prepared, [form], seed)
+    form, forms = form_beyond(prepared, chain[-1:], proof, seed)
+    if form is not None:
+        winner, (second, completed, proof) = form, hold_against(prepared, [form], seed)
     declared, bands = declared_against(prepared, seed), band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
@@ -107,8 +107,9 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     progress("done", 1.0)
     return Study(
-        case, seed, findings, prepared, bank, tuple(candidates), winner, second, others if second in chain[-1:] else (),
-        proof, declared, top, bands, after_bank, (sham, hits, tuple(largest)), completed, timing,
+        case, seed, findings, prepared, bank, (*candidates, *forms), winner, second,
+        others if second in chain[-1:] else (), proof, declared, top, bands, after_bank, (sham, hits, tuple(largest)),
+        completed, timing,
     )  # fmt: skip
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import unlisted
+from aeolid.diagnose.declared import form_speaking
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import Proof
 from aeolid.diagnose.rivals import stands_for
@@ -34,9 +35,8 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
         nearest = f"what is left depends most on: {share}"
-        if study.winner is not None and study.winner.unlisted:
-            form = study.winner.says(study.winner.attachments[0])
-            nearest = f"what comes nearest is {form}{_or_sensor(study, study.winner)}"
+        if (form := form_speaking(study)) is not None:
+            nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."
     return f"Nothing is missing that this recording could show{_coloured(study)}{_not_borne_out(study)}."
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
-from aeolid.diagnose.declared import also_speaking, contradicted, parameter_effect
+from aeolid.diagnose.declared import also_speaking, contradicted, form_speaking, parameter_effect
 from aeolid.diagnose.experiment import advise, describe
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import PROVEN, Proof, block_interval
@@ -93,19 +93,10 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         return "unnamed", [], None
     declared = study.declared_proof
     if declared is not None and declared.interval[0] > PROVEN and _material(declared) and contradicted(study):
-        return ("unnamed", [], None) if _form_speaks(study) else (*_declared(study), declared)
+        return ("unnamed", [], None) if form_speaking(study) else (*_declared(study), declared)
     if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
-
-
-def _form_speaks(study: Study) -> bool:
-    """Tell whether a form outside the catalogue leads that the sealed data neither prove nor refute.
-
-    Values that moved may be its stand-ins, and "the structure is right" is not to be said: heat that is radiated,
-    65 nats on the fit data, 10 on the sealed ones (−3 to 21), made a loss four times too large.
-    """
-    return study.winner is not None and study.winner.unlisted and study.proof is not None and study.proof.gain > 0
 
 
 def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
@@ -225,9 +216,9 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
         (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
     )
     outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
-    form = study.winner.attachments[0] if study.winner is not None and study.winner.unlisted else None
+    form = form_speaking(study)
     return {
-        "entry": form.location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
+        "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
         "frequency_hz": bands[0]["frequency_hz"] if bands else None, "azimuth_order": None, "region": None,
         "time_s": None, "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
     }  # fmt: skip
