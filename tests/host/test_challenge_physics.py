@@ -170,6 +170,20 @@ def test_sensors_do_what_they_are_said_to() -> None:
     assert np.abs(levels - clean[:, 0]).max() <= 0.125 + 1e-12
 
 
+def test_a_clock_offset_is_told_by_the_sign_of_the_catalogue() -> None:
+    """An output logged late belongs to inputs that were stamped early, which counts as positive."""
+    (entry,) = (e for e in ENTRIES if e.id == "data_time_offset")
+    assert entry.quantities[0].meaning.startswith("inputs stamped early by this much")
+    for item in (i for i in singles() if i.what == "clock offset"):
+        setup = item.put(Setup(PLANTS[item.plant], None, None), 1.0, 0)
+        dt, every = 1e-3, 20_000
+        rows = np.arange(4 * every) * dt
+        (sensor,) = setup.sensors
+        logged = read((sensor,), rows[:, None], np.zeros((4, 1)), every, dt)[1:, 0]
+        late = np.arange(1, 4) * every * dt - logged
+        assert item.quantity is not None and late == pytest.approx(item.quantity[1](setup), abs=dt)
+
+
 def test_what_is_not_there_is_worth_nothing_and_more_is_worth_more() -> None:
     plant = PLANTS["spring"]
     setup = Setup(plant, plant.physics, plant.physics, outputs=("position", "speed"))

@@ -41,7 +41,7 @@ def candidate(
         "moved": (),
     }
     return SimpleNamespace(
-        fit=SimpleNamespace(per_sample=parts["fit"]), select_difference=parts["select"], fit_gain=fit_gain,
+        fit_density=parts["fit"], select_difference=parts["select"], fit_gain=fit_gain,
         attachments=(SimpleNamespace(entry=name),), select_gain=select_gain, score=fit_gain + select_gain - 1,
         at_end=at_end, **(usual | more),
     )  # fmt: skip
@@ -85,7 +85,7 @@ def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: boo
 def test_where_the_lead_is_scattered_nobody_is_outdone() -> None:
     """Ahead by 60 nats in sum, but by turns: two models that the data do not tell apart."""
     other = candidate(100.0, 40.0, at_end=True)
-    other.fit.per_sample = other.fit.per_sample + 3 * np.repeat(NOISE[1, :20], 20)
+    other.fit_density = other.fit_density + 3 * np.repeat(NOISE[1, :20], 20)
     assert outdone_by([WINNER, other], WINNER) is None
 
 
@@ -94,13 +94,20 @@ def test_rivals_are_those_that_samples_do_not_tell_apart() -> None:
     assert rivals_of([WINNER, equal, behind, refused], WINNER) == [equal]
 
 
+def test_one_that_is_ahead_is_a_rival_though_the_selection_data_do_not_speak_for_it() -> None:
+    """A gain that grows with the wind, beside one that jumps and that alone was allowed a name."""
+    jumps, grows, weaker = candidate(35.0, 0.4), scattered(15.0), candidate(34.9, 0.2)
+    for other, select in ((grows, -2.0), (weaker, -0.1)):
+        other.select_gain, other.select_difference = select, select / 400 + np.zeros(400)
+        other.score = other.fit_gain + select - 1
+    assert rivals_of([jumps, grows, weaker], jumps) == [grows]
+
+
 def scattered(gain: float, **more: Any) -> Any:
     """A candidate ahead by turns: by `gain` nats in sum, with a deviation of 8."""
     other = candidate(60.0 + gain, 20.0, **more)
     turns = np.repeat(NOISE[1, :20] - NOISE[1, :20].mean(), 20)
-    other.fit.per_sample = other.fit.per_sample + 8 * turns / np.sqrt(
-        np.sum(np.add.reduceat(turns, range(0, 400, 20)) ** 2)
-    )
+    other.fit_density = other.fit_density + 8 * turns / np.sqrt(np.sum(np.add.reduceat(turns, range(0, 400, 20)) ** 2))
     return other
 
 
@@ -118,6 +125,23 @@ def test_equal_models_are_not_told_apart_whatever_they_cost() -> None:
     """A lag, and a second-order filter of which the data leave the damping open."""
     assert not tells_apart(WINNER, candidate(60.3, 20.0, handicap=4.0))
     assert tells_apart(WINNER, candidate(57.0, 20.0, handicap=4.0))
+
+
+def test_odds_of_20_to_1_tell_apart_however_evenly_they_come() -> None:
+    """Near-equal models differ by little everywhere, so that the deviation of their difference says nothing."""
+    assert not tells_apart(WINNER, candidate(60.0 - 2.9, 20.0)) and tells_apart(WINNER, candidate(60.0 - 3.1, 20.0))
+
+
+@pytest.mark.parametrize(("damping", "output", "first"), [(0.28, "moment", "blade_flap"), (0.7, "moment", "sensor"),
+                                                          (0.28, "speed", "sensor")])  # fmt: skip
+def test_a_filter_that_rings_where_a_blade_bends_is_the_blade(damping: float, output: str, first: str) -> None:
+    """One model by two names; filters are damped by half and more."""
+    values = {"own": {"omega_rad_s": (4.1, 0.04), "damping": (damping, 0.01)}}
+    sensor = candidate(60.4, 20.0, name="sensor_second_order", values=values)
+    bending = candidate(60.0, 20.0, name="blade_flap", parameters=2)  # one more, so that only the odds speak for it
+    for c, where in ((sensor, output), (bending, "moment")):
+        c.attachments[0].key, c.attachments[0].location = "own", {"outputs": [where]}
+    assert leading([sensor, bending]).attachments[0].entry.startswith(first)
 
 
 def test_leading_takes_ten_nats_and_some_on_the_selection_data() -> None:

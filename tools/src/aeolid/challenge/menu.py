@@ -75,7 +75,7 @@ def sensors(p: str) -> list[Item]:
     if p != "turbine":  # accelerations jump with the command: any offset at all would show there
         names = ("data_time_offset", "transport_delay")  # of a single input they are one model
         found.append(Item(p, names, _offset(_LAG[p]), (16, 2), "clock offset", BOTH,
-                          ("offset_s", lambda s: -s.sensors[-1].a)))  # fmt: skip
+                          ("offset_s", sensor_a)))  # fmt: skip
     if p in _SPAN:
         middle, reach = _SPAN[p]
         found += [

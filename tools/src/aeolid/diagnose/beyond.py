@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.catalogue import unlisted
+from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.catalogue.places import Read, places
-from aeolid.diagnose.catalogue.shapes import shapes
+from aeolid.diagnose.catalogue.shapes import NARROW, shapes
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import PROVEN, Proof
 from aeolid.diagnose.race import fit_rows, is_accepted
@@ -24,20 +27,21 @@ _MOST = 3  # forms that are fitted
 
 
 def form_beyond(
-    prepared: Prepared, named: Sequence[Candidate], proof: Proof | None, seed: int
+    prepared: Prepared, candidates: Sequence[Candidate], named: Sequence[Candidate], proof: Proof | None, seed: int
 ) -> tuple[Candidate | None, list[Candidate]]:
     """Return the form that takes the place of what was found, or of nothing, if one does, and all that were fitted.
 
-    named: what the sealed data were asked about, if anything. Where they bore it out it keeps its name, except a wrong
-    declared value: that the structure is right is a claim about all that is left. A form must then explain far more,
-    else more. None on a simulator's run, of which any linear model leaves something over.
+    candidates: what was fitted before, of which a band of noise may be the form. named: what the sealed data were asked
+    about, if anything. Where they bore it out it keeps its name, except a wrong declared value: that the structure is
+    right is a claim about all that is left. A form must then explain far more, else more. None on a simulator's run, of
+    which any linear model leaves something over.
     """
     borne_out = proof is not None and proof.interval[0] > PROVEN
     if prepared.surrogate is not None:
         return None, []
     if borne_out and any(a.entry != "parameter_error" for c in named for a in c.attachments):
         return None, []
-    fitted = beyond_the_catalogue(prepared, seed)[1]
+    fitted = sorted([*beyond_the_catalogue(prepared, seed)[1], *ringing(candidates)], key=lambda c: -c.score)
     best = next((c for c in fitted if is_accepted(c)), None)
     if best is None or not named:
         return best, fitted
@@ -52,6 +56,34 @@ def beyond_the_catalogue(prepared: Prepared, seed: int) -> tuple[Bank, list[Cand
     step, span = bare.site.step, bare.site.step * len(bare.site.u)
     bank = score_bank(bare, [*shapes(found, step, span), *waves(bare, found, _MOST)], seed)
     return bank, sorted(fit_rows(prepared, bank.loud[:_MOST]), key=lambda c: -c.score)
+
+
+def ringing(candidates: Sequence[Candidate]) -> list[Candidate]:
+    """Return what rings though no input drives it, as forms: a mode that has a name is driven by what is recorded.
+
+    Eddies that a tower sheds, the hum of a pump: the sealed data bear out a narrow band as they do a force (60 to 164
+    nats for eddies). A broad one is the colour of a sensor's or a gust's noise, in which nothing need be missing.
+    """
+    found = []
+    for c in candidates:
+        if len(c.attachments) > 1 or not (c.undriven and c.complete):
+            continue
+        (mode,) = c.attachments
+        values = c.values[mode.key]
+        if not values.get("damping", (1.0, 0.0))[0] < NARROW or "frequency_hz" not in values:
+            continue
+        form = replace(mode, entry=unlisted.ID, key=f"{unlisted.ID} band {mode.key}", statement=_says_band(mode))
+        own = {form.key: values}
+        found.append(replace(c, attachments=(form,), values=own, plausible=True, reason="", undriven=False))
+    return found
+
+
+def _says_band(mode: Attachment) -> Callable[[Mapping[str, float]], str]:
+    where = " and ".join(mode.location["outputs"])
+    return lambda v: (
+        f"noise that {where} shows in a narrow band around {v['frequency_hz']:.3g} Hz and no input drives:"
+        " a force that nobody measured, or what the sensor picks up"
+    )
 
 
 def reader(prepared: Prepared) -> Read:

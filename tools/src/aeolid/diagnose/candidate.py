@@ -30,6 +30,7 @@ class Candidate:
     fit_gain: float
     select_gain: float
     parameters: int
+    fit_density: Array  # log-density of each sample of the fit data
     select_difference: Array  # per sample, candidate minus baseline
     values: Mapping[str, Mapping[str, tuple[float, float]]]  # key → label → (value, std)
     plausible: bool
@@ -85,7 +86,7 @@ class Candidate:
 
         Schwarz 1978, for those that the data determine; the others cost nothing, as they choose among nothing.
         """
-        return (self.parameters - self.undetermined) * 0.5 * float(np.log(max(len(self.fit.per_sample), 1)))
+        return (self.parameters - self.undetermined) * 0.5 * float(np.log(max(len(self.fit_density), 1)))
 
     @property
     def score(self) -> float:

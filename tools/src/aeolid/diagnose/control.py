@@ -45,7 +45,7 @@ def survives_control(prepared: Prepared, candidate: Candidate) -> bool:
     free = replace(own, theta=tuple(dict.fromkeys([*own.theta, *moved])))
     fits = [trial.fit(start, free, _ITERATIONS) for start in (replace(plain, theta=theta), plain)]
     control = max((f.log_likelihood - base.log_likelihood for f in fits if f is not None), default=0.0)
-    rates = candidate.fit_gain / len(candidate.fit.per_sample), control / len(base.per_sample)
+    rates = candidate.fit_gain / len(candidate.fit_density), control / len(base.per_sample)
     return rates[0] > _TIMES * max(rates[1], 0.0)
 
 

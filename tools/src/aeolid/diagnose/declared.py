@@ -15,7 +15,7 @@ _SPEAKS = 4.0  # nats of score from which an effect that was not proven still fo
 
 def moved(study: Study) -> list[Moved]:
     """Return the re-fitted declared values, the surest move first; at least one."""
-    return moved_in(study.prepared.declared, study.prepared.extended, study.prepared.fit)
+    return moved_in(study.prepared.declared, study.unsealed.extended, study.unsealed.fit)
 
 
 def contradicted(study: Study) -> bool:

@@ -56,8 +56,8 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     chosen = study.whole if shown_proof(study) is not None else None
     if shown_proof(study) is study.declared_proof:
         chosen = None  # the declared values were re-fitted, no effect was added
-    fit = study.prepared.fit if chosen is None else chosen.fit
-    model = corrected_model(study.prepared, fit, chosen)
+    fit = study.unsealed.fit if chosen is None else chosen.fit
+    model = corrected_model(study.unsealed, fit, chosen)
     (folder / "model").mkdir(exist_ok=True)
     (folder / "model" / "model.toml").write_text(to_toml(model), encoding="utf-8")
     facts = evidence(study)
@@ -93,10 +93,10 @@ def evidence(study: Study) -> dict[str, Any]:
     """Return what the report's appendix shows, all keys plain JSON."""
     proof = shown_proof(study) or study.proof or study.declared_proof  # without a claim: what was tried
     prepared = study.prepared
-    parameters = []
-    for k, i in enumerate(prepared.free.theta):
-        p = prepared.extended.parameters[i]
-        std, fitted = float(prepared.fit.std[k]), float(prepared.fit.point.theta[i])
+    parameters, baseline = [], study.unsealed
+    for k, i in enumerate(baseline.free.theta):
+        p = baseline.extended.parameters[i]
+        std, fitted = float(baseline.fit.std[k]), float(baseline.fit.point.theta[i])
         spread = np.hypot(std, p.prior_std or 0.0)
         parameters.append(
             {"name": p.name, "unit": p.unit, "prior": p.value, "fitted": fitted,

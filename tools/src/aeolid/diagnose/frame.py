@@ -69,7 +69,7 @@ class Frame:
         n, m, extra = len(self.sizes), len(outputs), len(model.states) - len(self.sizes)
         full = np.concatenate([self.sizes, np.full(extra, 1.0)])
         for a in attachments:
-            for g in a.gain_states:
+            for g in a.gain_states if a.location["outputs"] else ():  # else in the size of what they act on
                 full[names.index(g)] = self.spreads[outputs.index(a.location["outputs"][0])]
         for name, size in self.forces.items():
             full[names.index(name)] = size

@@ -25,10 +25,11 @@ from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.proof import Proof, imitate
 from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
+from aeolid.diagnose.reestimate import baseline_of_all
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import are_kin, leading, outdone_by
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
-from aeolid.diagnose.sealed import declared_against, hold_against
+from aeolid.diagnose.sealed import Held, declared_against, hold_against
 from aeolid.diagnose.several import further_effects, what_is_left
 from aeolid.diagnose.switches import paying
 
@@ -43,12 +44,16 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Hold everything the verdict is drawn from."""
+    """Hold everything the verdict is drawn from.
+
+    prepared: the stage of the fit data; unsealed: the bare one of all data but the sealed.
+    """
 
     case: Case
     seed: int
     findings: tuple[Finding, ...]
     prepared: Prepared
+    unsealed: Prepared
     bank: Bank
     candidates: tuple[Candidate, ...]
     winner: Candidate | None
@@ -93,37 +98,45 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
-    winner, chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)
+    chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)
     done()
     done = step("sealed proof", 0.6)
-    second, completed, proof = hold_against(prepared, chain, seed)
-    form, forms = form_beyond(prepared, chain[-1:], proof, seed)
-    if form is not None:
-        winner, (second, completed, proof) = form, hold_against(prepared, [form], seed)
-    declared, bands = declared_against(prepared, seed), band_power(prepared.predictor, prepared.fit, seed)
+    unsealed = baseline_of_all(prepared)
+    held, forms = _proven(prepared, unsealed, candidates, chain, seed)
+    declared, bands = declared_against(unsealed, seed), band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
     hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
     done()
     progress("done", 1.0)
+    own = {c.key: c for c in [held.single] if c is not None}
     return Study(
-        case, seed, findings, prepared, bank, (*candidates, *forms), winner, second,
-        others if second in chain[-1:] else (), proof, declared, top, bands, after_bank, (sham, hits, tuple(largest)),
-        completed, timing,
+        case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms)),
+        held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
+        declared, top, bands, after_bank, (sham, hits, tuple(largest)), held.completed, timing,
     )  # fmt: skip
+
+
+def _proven(
+    prepared: Prepared, unsealed: Prepared, candidates: Sequence[Candidate], chain: Sequence[Candidate], seed: int
+) -> tuple[Held, list[Candidate]]:
+    """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted."""
+    held = hold_against(prepared, unsealed, chain, seed)
+    form, forms = form_beyond(prepared, candidates, chain[-1:], held.proof, seed)
+    return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
 
 
 def _all_effects(
     prepared: Prepared, winner: Candidate | None, candidates: Sequence[Candidate], top: Ceiling, seed: int
-) -> tuple[Candidate | None, list[Candidate], tuple[Alternative, ...], Bank | None]:
+) -> tuple[list[Candidate], tuple[Alternative, ...], Bank | None]:
     """Look for effects beside the winner; a form outside the catalogue that explains far more takes their place.
 
-    Returns the winner, the sets, smallest first, what the data do not tell from the largest, what the bank then says.
+    Returns the sets, smallest first, what the data do not tell from the largest, what the bank then says.
     """
     chain, after_bank = _further(prepared, winner, top, seed)
     chain, others = _exchanged(prepared, chain, candidates)
     form = _better_form(prepared, candidates, chain)
-    return (winner, chain, others, after_bank) if form is None else (form, [form], others, after_bank)
+    return (chain if form is None else [form]), others, after_bank
 
 
 def _further(
@@ -187,20 +200,22 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     """Return hypotheses over the threshold that are kin to what fits best, but were not fitted yet.
 
     Kin share family and place, or their scores cannot be told apart. A lag of a sensor that leads may be the beginning
-    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. Where none of the
-    best is accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings
-    up: of two tanks that run over, the second that the first one had not been told.
+    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. One at the end of
+    its range, too: a second-order filter damped by all it may be is a lag. Where none of the best is accepted, the
+    first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two tanks that
+    run over, the second that the first one had not been told.
     """
     known = {c.key for c in fitted}
-    leaders = sorted((c for c in fitted if c.plausible and c.fit_gain > 0), key=lambda c: -c.score)[:_LEADERS]
+    led = sorted((c for c in fitted if (c.plausible or c.at_end) and c.fit_gain > 0), key=lambda c: -c.score)
+    leaders, allowed = led[:_LEADERS], [c for c in led if c.plausible]
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     found = [
         row for row in fresh
         if row.z > bank.limit(row)
         and any(are_kin(row.attachment, c.attachments[0]) or _alike(row, own.get(c.key)) for c in leaders)
     ]  # fmt: skip
-    if leaders and not any(is_accepted(c) for c in leaders):
-        first = leaders[0].attachments[0].entry
+    if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
+        first = allowed[0].attachments[0].entry
         found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
     return found[:_KIN]
 

@@ -130,8 +130,8 @@ def _without_the_lost(begun: Begun) -> Begun:
     return replace(begun, found=tuple(f for f in begun.found if f[0] < limit))
 
 
-def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
-    """Fit to the end what was begun, and judge the best of it."""
+def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidate | None:
+    """Fit to the end what was begun, and judge the best of it; ahead: as in `judge`."""
     prepared, free, predictor = begun.prepared, begun.free, begun.prepared.predictor
     fits = [fit_fully(predictor, point, free) for _, point in begun.found]
     fit = best_of([f for f in fits if f is not None], begun.attachments, prepared, begun.base.point.theta)
@@ -141,7 +141,9 @@ def finish(begun: Begun, baseline_select: Array) -> Candidate | None:
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
         predictor = predictor.with_order(order)
         fit = fit_quietly(predictor, fit.point, free)
-    return None if fit is None else judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select)
+    if fit is None:
+        return None
+    return judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select, ahead)
 
 
 def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared, before: Array) -> Fit | None:
@@ -164,10 +166,12 @@ def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Pr
     return min(zip(moved, range(len(ridge)), ridge, strict=True), default=(0.0, 0, None))[2]
 
 
-def refit(prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array) -> Candidate | None:
-    """Fit baseline and effects together from several starts; None where every start diverges."""
+def refit(
+    prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array, ahead: float = 0.0
+) -> Candidate | None:
+    """Fit baseline and effects together from several starts; None where every start diverges. ahead: as in `judge`."""
     begun = begin(prepared, base, rows)
-    return None if begun is None else finish(begun, baseline_select)
+    return None if begun is None else finish(begun, baseline_select, ahead)
 
 
 def left_behind(begun: Begun, reason: str, baseline_select: Array) -> Candidate:
@@ -214,24 +218,32 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
 
 def judge(
     prepared: Prepared, predictor: Predictor, base: Fit, fit: Fit, attachments: tuple[Attachment, ...],
-    baseline_select: Array,
+    baseline_select: Array, ahead: float = 0.0,
 ) -> Candidate:  # fmt: skip
-    """Score a fitted candidate on the selection data and check that its values are physical."""
+    """Score a fitted candidate on the selection data and check that its values are physical.
+
+    ahead: nats by which `base` explains more than the model without these effects, where it is a fit of others.
+    """
     select = predictor.score_elsewhere(fit, prepared.split.select)[0]
     difference = np.where(np.isfinite(select), select, -1e6) - baseline_select
     model, gain = prepared.extended, fit.log_posterior - base.log_posterior
     parameters = len(fit.jacobian.T) - len(base.jacobian.T)
     fit = without_the_mute(attachments, fit, model)
     values = {a.key: values_of(a, fit, model) for a in attachments}
-    reason, alone = objection(attachments, fit, model, gain, parameters), undriven(attachments, fit, model)
+    reason, alone = objection(attachments, fit, model, ahead + gain, parameters), undriven(attachments, fit, model)
     own = {s.name for a in attachments for s in a.slots}
     moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
-    light = replace(fit, jacobian=np.zeros((0, fit.jacobian.shape[1])))  # 20 to 60 MB of a run's; a view would keep it
     return Candidate(
-        attachments, light, predictor, gain, float(difference.sum()), parameters, difference, values,
+        attachments, without_slopes(fit), predictor, gain, float(difference.sum()), parameters, fit.per_sample,
+        difference, values,
         not (reason or alone), reason or alone, undriven=bool(alone and not reason),
         undetermined=undetermined(attachments, fit, model), moved=moved,
     )  # fmt: skip
+
+
+def without_slopes(fit: Fit) -> Fit:
+    """Return a fit without its sensitivities: 20 to 60 MB of a simulator's run, and a view would keep them."""
+    return replace(fit, jacobian=np.zeros((0, fit.jacobian.shape[1])))
 
 
 def as_rows(found: Candidate) -> list[Row]:

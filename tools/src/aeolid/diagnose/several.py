@@ -26,16 +26,32 @@ _LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, 
 
 
 def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[list[Candidate], Bank]:
-    """Add one effect after the other, three at most; returns the sets, smallest first, and what the bank then says."""
+    """Add one effect after the other, three at most; returns the sets, smallest first, and what the bank then says.
+
+    A set with an effect that a later one made needless goes.
+    """
     chain = [winner]
     while True:
         larger, bank = one_more(prepared, chain[-1], seed)
-        if larger is None:
-            return chain, bank
-        chain.append(larger)
-        if len(larger.attachments) == _MOST:
-            smaller = without_the_needless(prepared, larger)
-            return [*chain, *([smaller] if smaller is not larger else [])], bank
+        if larger is not None:
+            chain.append(larger)
+        if larger is None or len(larger.attachments) == _MOST:
+            return _needed(prepared, chain), bank
+
+
+def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
+    """Leave out of the largest set what is needless there, and the sets that have it.
+
+    Not of two effects on a simulator's run, where each fit takes half a minute.
+    """
+    full = chain[-1]
+    if len(full.attachments) < (2 if prepared.surrogate is None else _MOST):
+        return chain
+    smaller = without_the_needless(prepared, full)
+    if smaller is full:
+        return chain
+    left = {a.key for a in smaller.attachments}
+    return [*(c for c in chain if {a.key for a in c.attachments} <= left), smaller]
 
 
 def what_is_left(prepared: Prepared, winner: Candidate, seed: int) -> Bank:

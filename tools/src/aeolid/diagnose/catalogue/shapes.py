@@ -1,4 +1,4 @@
-"""Forms that no entry has: curves, products, creep, swings, ripples. Asked where the catalogue explains nothing."""
+"""Forms that no entry has: curves, products, creep, bands, swings, ripples. Asked where no entry explains."""
 
 from __future__ import annotations
 
@@ -16,20 +16,23 @@ from aeolid.models.equations import Equations, State
 
 Array = NDArray[np.float64]
 _BELOW = (0.15, 0.5, 0.85)  # shares of a signal's samples below the knots of a curve
+NARROW = 0.1  # damping up to which a band of noise rings; the colour of noise has 0.35 and more, eddies have 0.02
 _APART = 0.02  # of its span that lie at least between two knots: else it has but a few values
 _TIMES = 5  # time constants that are scanned
+_BANDS, _WIDTH = 40, 0.07  # frequencies that are scanned for a band, and its damping then: each reaches the next
 _WIDE = 100.0  # times the natural size of a coefficient: the end of its range
 
 
 def shapes(found: Sequence[Place], step: float, span: float) -> list[Attachment]:
     """Offer a curve over every signal of every place, the product of every input with it, and what creeps after it.
 
-    step, span: sample time and length of the fit part in s. A straight line is the baseline's own affair: where a
-    coefficient is wrong, no form is missing.
+    And a force in a narrow band. step, span: sample time and length of the fit part in s. A straight line is the
+    baseline's own affair: where a coefficient is wrong, no form is missing.
     """
     curves = [c for p in found for f in p.follows if (c := _curve(p, f)) is not None]
     creeps = [_creep(p, p.follows[0], step, span) for p in found if not p.is_input]
-    return [*curves, *_products(found), *creeps]
+    bands = [_band(p, step, span) for p in found if not p.is_input or all(q.is_input for q in found)]
+    return [*curves, *_products(found), *creeps, *bands]
 
 
 def _slot(name: str, label: str, size: float) -> Slot:
@@ -101,6 +104,34 @@ def _creep(place: Place, over: Follows, step: float, span: float) -> Attachment:
         grid=tuple({tau.name: t} for t in times),
         equation=f"{place.label}: ... + factor*({over.words} - z), z' = ({over.words} - z)/tau_s",
         statement=lambda v: f"{place.words} that follows changes of {over.words} and relaxes within {v['tau_s']:.3g} s",
+    )  # fmt: skip
+
+
+def _band(place: Place, step: float, span: float) -> Attachment:
+    """Return a force that nobody recorded and that keeps to a narrow band: eddies, a pump, a passing blade.
+
+    A pair of states turns at w and is kicked by noise: p' = -d p + w q, q' = -w p - d q + noise, d = damping*w.
+    """
+    tag, low, high = f"band_{place.tag}", 4 / span, 0.4 / step
+    p, q = f"{tag}_p", f"{tag}_q"
+    hz = Slot(f"{tag}_hz", "frequency_hz", "Hz", low, low, high, 0.1 * low, local=False)
+    width = Slot(f"{tag}_damping", "damping", "1", _WIDTH, 0.0, NARROW, 0.01, local=False)
+
+    def turn(model: Equations) -> Equations:
+        w, h = f"({2 * np.pi!r}*{hz.name})", model.sample_time_s
+        if h:
+            fade, angle = f"exp(-{width.name}*{w}*{h!r})", f"({w}*{h!r})"
+            forms = [f"{fade}*(cos({angle})*{p} + sin({angle})*{q})", f"{fade}*(cos({angle})*{q} - sin({angle})*{p})"]
+        else:
+            forms = [f"{w}*{q} - {width.name}*{w}*{p}", f"-{w}*{p} - {width.name}*{w}*{q}"]
+        pair = tuple(State(n, "", ex.parse(f, tag), 0.0, True) for n, f in zip((p, q), forms, strict=True))
+        return replace(model, states=(*model.states, *pair))
+
+    return place.attach(
+        "band", tag, (hz, width), f"{place.size!r}*{p}", states=turn, gain_states=(p, q), noise_driven=True,
+        grid=tuple({hz.name: float(f), width.name: _WIDTH} for f in np.geomspace(1.5 * low, high / 1.1, _BANDS)),
+        equation=f"{place.label}: ... + p, p' = w*q - damping*w*p, q' = -w*p - damping*w*q + noise",
+        statement=lambda v: f"{place.words} in a narrow band around {v['frequency_hz']:.3g} Hz, which nobody recorded",
     )  # fmt: skip
 
 
