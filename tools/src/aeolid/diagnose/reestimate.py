@@ -19,8 +19,8 @@ _ITERATIONS = 10  # Gauss–Newton iterations: the start is the best of half the
 def baseline_of_all(prepared: Prepared) -> Prepared:
     """Return the bare stage with the fit and the selection data as its data, the baseline fitted to both.
 
-    What selection data choose among is chosen by then; held back any longer they only blur the values (a swing whose
-    frequency half the recording left 1 % open gained 25 nats on the sealed part and −2.5 at the worst). The stage as it
+    What selection data choose among is chosen by then; held back any longer they only blur the values (a swing gained
+    25 nats on the sealed part, −2.5 at the worst, for its frequency alone; with them 26 at the worst). The stage as it
     was where the fit fails.
     """
     bare = prepared.only(())
