@@ -120,3 +120,22 @@ def test_sticking_takes_an_excess(excess: float, sticks: bool, tmp_path: Path) -
     fit, model = fitted(slots, (2.0, excess, 0.5 * (slots[2].low + slots[2].high)), (0.1, 1.2, 0.01))
     told = objection([replace(stiction, slots=slots)], fit, model, 400.0, 3)
     assert told == "" if sticks else told.startswith("breakaway_excess of stiction")
+
+
+@pytest.mark.parametrize(("std", "told"), [(1e-4, 25.06), (3e-3, np.inf), (np.inf, np.inf), (0.0, 0.0)])
+def test_a_frequency_whose_inverse_may_be_none_has_no_highest(std: float, told: float) -> None:
+    """535 rad/s of a drive were told to 0.0003: the deviation of the inverse, in seconds."""
+    slot = Slot("inverse", "omega_rad_s", "rad/s", 0.0, 0.0, 5.0, 0.1, show=lambda x: 1 / x if x > 0 else math.inf)
+    assert slot.reported(0.002, std) == pytest.approx((500.0, told), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("time", "std", "refused"), [(1.3, 1.6, True), (1.3, 0.5, False), (99.0, 0.6, True), (50.0, 9.0, False)]
+)
+def test_what_may_have_been_so_all_along_is_no_change(time: float, std: float, refused: bool) -> None:
+    """A damping that "changed" 1.3 ± 1.6 s after the start of the recording, of a spring that relaxes."""
+    size = Slot("change", "damping_change", "1", 0.0, -5.0, 5.0, 0.1)
+    when = Slot("when", "time_s", "s", 50.0, 0.0, 100.0, 10.0, local=False)
+    fit, model = fitted((size, when), (0.03, time), (0.002, std))
+    told = objection([effect(size, when)], fit, model, 90.0, 2)
+    assert bool(told) is refused and (not refused or "may have been so all along" in told)

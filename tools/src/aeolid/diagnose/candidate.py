@@ -52,11 +52,7 @@ class Candidate:
         said = attachment.statement({label: value for label, (value, _) in values.items()})
         parts = {s.label for s in attachment.slots if s.local} if attachment.entry == unlisted.ID else set()
         shared = parts if len(parts) > 1 else set()  # a cosine may be none beside its sine
-        open_ = [
-            label
-            for label, (value, std) in values.items()
-            if label not in shared and np.isfinite(std) and std > abs(value)
-        ]
+        open_ = [label for label, (value, std) in values.items() if label not in shared and not std <= abs(value)]
         return f"{said} (these data leave {' and '.join(open_)} open)" if open_ else said
 
     def beyond(self, other: Candidate) -> Candidate:

@@ -43,7 +43,7 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
 
     Shapes (the damping of a filter) that the data leave open are no objection wherever they ran: the size is known all
     the same. Sizes that trade with each other may each lie within two deviations of none though all of them together
-    are clearly there.
+    are clearly there. What changes at a time must be seen both ways: else a value is wrong, and nothing changes.
     """
     for a in attachments:
         free = _free_slots([a], fit, model)
@@ -51,6 +51,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
             value = float(fit.point.theta[model.index(slot.name)])
             if slot.label and at_bound(value, slot) and not _is_undetermined(slot, fit, place):
                 return f"{slot.label} of {a.key} ran to the end of its physical range ({value:.3g} {slot.unit})"
+            if slot.label == "time_s" and _reaches_an_end(value, 2 * float(fit.std[place]), slot):
+                return f"{a.key} may have been so all along: it changed at {value:.3g} s ± {fit.std[place]:.2g} s"
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.local and s.label and (not a.essential or s.name in a.essential)]
@@ -96,6 +98,10 @@ def _place(slot: Slot, fit: Fit, model: Equations) -> int | None:
     """Return the slot's place among what was free; None where it was held."""
     index = model.index(slot.name)
     return fit.free.theta.index(index) if index in fit.free.theta else None
+
+
+def _reaches_an_end(value: float, reach: float, slot: Slot) -> bool:
+    return value - reach <= slot.low or value + reach >= slot.high
 
 
 def _is_undetermined(slot: Slot, fit: Fit, place: int) -> bool:

@@ -71,11 +71,16 @@ class Slot:
     show: Callable[[float], float] = float
 
     def reported(self, value: float, std: float) -> tuple[float, float]:
-        """Return value and deviation as the report has them, the deviation by the slope of `show` over one of it."""
+        """Return value and deviation as the report has them, the deviation by the slope of `show` over one of it.
+
+        Infinite where one deviation reaches what is shown as infinite: a natural frequency whose inverse may be none.
+        """
         reach = std if np.isfinite(std) and std > 0 else 0.0
         ends = [self.show(float(np.clip(value + s * reach, self.low, self.high))) for s in (-1.0, 1.0)]
+        if not reach:
+            return self.show(value), std
         moved = abs(ends[1] - ends[0]) / 2
-        return self.show(value), moved if reach and np.isfinite(moved) else std
+        return self.show(value), moved if np.isfinite(moved) else np.inf
 
 
 @dataclass(frozen=True, eq=False)
