@@ -17,7 +17,7 @@ def candidate(fit_gain: float, select_gain: float, *, plausible: bool = True, pa
     difference = SPREAD - SPREAD.mean() + select_gain / 400
     return SimpleNamespace(
         fit_gain=fit_gain, select_gain=select_gain, parameters=parameters, plausible=plausible,
-        select_difference=difference,
+        select_difference=difference, handicap=4.0 * parameters,  # of 3000 samples
     )  # fmt: skip
 
 
@@ -31,9 +31,10 @@ def candidate(fit_gain: float, select_gain: float, *, plausible: bool = True, pa
         (20.5, 7.0, True, False),
         (81.0, 30.0, False, False),
         (-3.0, 30.0, True, False),
+        (3.5, 30.0, True, False),
     ],
     ids=["selection proves it", "within its scatter", "clear on the fit", "refuted", "not clear", "not physical",
-         "worse on the fit"],
+         "worse on the fit", "less on the fit than it costs"],
 )  # fmt: skip
 def test_a_candidate_is_proven_on_selection_data_or_clear_and_not_refuted(
     fit_gain: float, select_gain: float, plausible: bool, accepted: bool
