@@ -65,6 +65,7 @@ def test_a_form_that_no_entry_has_is_described_and_not_named(
     if number is not None:
         # a band is noise: its middle is known to f sqrt(damping/(pi f T)), 1 % in the 70 s
         assert float(match[1]) == pytest.approx(number, rel=0.03 if hidden == "eddies" else 0.005)
+    assert ("push held still" in found["next_experiment"]["text"]) == (hidden == "eddies")  # no step tells more of it
     whole = result.whole
     assert whole is not None
     model = corrected_model(result.prepared, whole.fit, whole)

@@ -264,6 +264,12 @@ def _next_experiment(
             + (", and once more in another operating region: what is left over must follow one of them"
                if verdict == "unnamed" else "")
         )  # fmt: skip
+        form = form_speaking(study) if verdict == "unnamed" else None
+        if form is not None and form.attachments[-1].gain_states:
+            text = (
+                f"Record with {moved} held still: a force that nobody recorded goes on in its band. Then switch off"
+                " what may make it, one after the other, or record what it may follow"
+            )
         sealed = study.prepared.split.sealed[0]
         return {"text": text, "minutes": float(np.ceil(2 * len(sealed.y) * sealed.step / 60)), "separates": []}
     return None
