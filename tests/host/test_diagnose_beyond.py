@@ -14,7 +14,7 @@ import pytest
 from small_cases import SWING_STEP as STEP
 from small_cases import swinging
 
-from aeolid.diagnose import beyond
+from aeolid.diagnose import beyond, pipeline
 from aeolid.diagnose.beyond import beyond_the_catalogue, form_beyond, reader, ringing
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import load_case
@@ -27,6 +27,7 @@ from aeolid.diagnose.noise import filter_var
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import is_accepted
+from aeolid.diagnose.sealed import Held
 from aeolid.diagnose.verdict import diagnose
 from aeolid.diagnose.waves import _LEVEL, _along, _Clock, _in_time, _Score, _scores, _seen
 from aeolid.models import expressions as ex
@@ -216,3 +217,22 @@ def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeyp
         assert form_beyond(stage, [], found, proof, 1)[0] == (form if takes else None)
     stage.surrogate = object()
     assert form_beyond(stage, [], [], None, 1) == (None, [])
+
+
+def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A damping that drifted beside a wrong stiffness, which the sealed data did not bear out, kept a form away."""
+    one, two, seen = object(), object(), []
+    stage: Any = None
+    chain: Any = [one, two]
+
+    def asked(_stage: Any, _candidates: Any, named: Any, _proof: Any, _seed: int) -> tuple[None, list[Any]]:
+        seen.append(list(named))
+        return None, []
+
+    monkeypatch.setattr(pipeline, "form_beyond", asked)
+    for kept in (0, 1):
+        monkeypatch.setattr(pipeline, "hold_against", lambda *_, kept=kept: Held(sets=tuple(chain), kept=kept))
+        pipeline._proven(stage, stage, [], chain, 1)
+    monkeypatch.setattr(pipeline, "hold_against", lambda *_: Held())
+    pipeline._proven(stage, stage, [], [], 1)
+    assert seen == [[one], [two], []]

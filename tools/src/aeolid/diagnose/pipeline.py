@@ -122,7 +122,7 @@ def _proven(
 ) -> tuple[Held, list[Candidate]]:
     """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted."""
     held = hold_against(prepared, unsealed, chain, seed)
-    form, forms = form_beyond(prepared, candidates, chain[-1:], held.proof, seed)
+    form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
 
 
