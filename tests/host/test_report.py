@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from aeolid.errors import UsageError
 from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
 from aeolid.report.bode import _deviation, _phase, _shade
-from aeolid.report.charts import AFTER, GREY, sketch, smooth_spectrum, thin
+from aeolid.report.charts import AFTER, GREY, decade, sketch, smooth_spectrum, thin
 from aeolid.report.diagnosis import verdict_sentence
 from aeolid.report.identification import _singular_values
 from aeolid.report.markup import Html, tag, write_page
@@ -233,6 +233,21 @@ def test_smoothing_a_spectrum_keeps_its_level() -> None:
     assert np.all(np.diff(centre) > 0) and centre[0] > 0 and centre[-1] <= 5.0
     peak = smooth_spectrum(frequency, np.exp(-(((frequency - 0.44) / 0.02) ** 2)))
     assert peak[0][np.argmax(peak[1])] == pytest.approx(0.44, rel=2 ** (1 / 12) - 1)
+
+
+@pytest.mark.parametrize(
+    ("ends", "labels"),
+    [((0.02, 30.0), {"0.1", "1", "10"}), ((2e-7, 0.3), {"10⁻⁶", "10⁻⁴", "10⁻²"}), ((0.21, 0.47), {"0.3", "0.4"})],
+)
+def test_logarithmic_axes_are_labelled_in_plain_text(ends: tuple[float, float], labels: set[str]) -> None:
+    with sketch((5.0, 3.0)) as drawing:
+        drawing.axes[0, 0].loglog([1.0, 2.0], ends)
+    texts = set(re.findall(r"<text[^>]*>([^<]+)</text>", drawing.svg))
+    assert labels <= texts and not any("$" in t or "e-" in t for t in texts)
+
+
+def test_a_power_of_ten_has_its_factor() -> None:
+    assert [decade(x, plain=False) for x in (1e-7, 2e5, 1.0, 0.05)] == ["10⁻⁷", "2·10⁵", "10⁰", "5·10⁻²"]
 
 
 def chromium_messages(page: Path, tmp_path: Path) -> list[str]:
