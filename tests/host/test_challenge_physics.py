@@ -108,6 +108,24 @@ def test_both_forms_of_a_late_drive_are_late_by_the_same_mean(kind: str, late: f
     assert np.sum(1 - y) * 1e-3 == pytest.approx(late, rel=0.01)
 
 
+@pytest.mark.parametrize(
+    ("kind", "a", "b", "late"),
+    [("lag", 0.03, 0.0, 0.03), ("second_order", 40.0, 0.7, 2 * 0.7 / 40), ("delay", 0.0234, 0.0, 0.0234)],
+)
+def test_the_told_size_of_a_late_drive_is_that_of_its_mean(kind: str, a: float, b: float, late: float) -> None:
+    """Whatever the fine step, ∫(1 − step response) dt is τ, 2ζ/ω, the dead time: half a step is 17 % of this lag."""
+    for dt in (0.01, 0.005, 1e-4):
+        y = stepped(kind, 0, a, b, n=round(4.0 / dt), dt=dt)
+        assert np.sum(1 - y) * dt == pytest.approx(late, rel=0.005)
+
+
+@pytest.mark.parametrize("dt", [0.01, 1e-4])
+def test_the_told_rate_of_a_drive_is_its_rate(dt: float) -> None:
+    """A step of 1 at a rate r misses the area 1/(2r), however long the fine step is."""
+    y = stepped("rate", 0, 30.0, n=round(1.0 / dt), dt=dt)
+    assert np.sum(1 - y) * dt == pytest.approx(1 / 60, rel=0.01)
+
+
 @pytest.mark.parametrize("form", [0, 1])
 def test_drives_with_limits_keep_them(form: int) -> None:
     dt = 1e-3
@@ -163,11 +181,19 @@ def test_sensors_do_what_they_are_said_to() -> None:
     assert np.allclose(seen(Sensor(0, "offset", 0, 0.1))[100:, 0], np.sin(2 * (t[::20] - 0.1))[100:], atol=1e-12)
     gain = np.abs(np.mean(seen(Sensor(0, "lag", 0, 0.5))[:, 0] * np.exp(-2j * t[::20]))) * 2
     assert gain == pytest.approx(1 / np.hypot(1, 2 * 0.5), rel=0.05)  # |1/(1 + iωτ)|
+    assert np.allclose(seen(Sensor(0, "offset", 0, 0.1005))[100:, 0], np.sin(2 * (t[::20] - 0.1005))[100:], atol=1e-6)
     swapped = seen(Sensor(0, "swap", b=1.0))
     assert np.array_equal(swapped, clean[:, ::-1])
     assert len(np.unique(np.diff(seen(Sensor(1, "stuck", a=0.4, b=0.3))[410:690, 1]))) == 1
     levels = seen(Sensor(0, "levels", 0, 0.25))[:, 0]
     assert np.abs(levels - clean[:, 0]).max() <= 0.125 + 1e-12
+
+
+@pytest.mark.parametrize(("kind", "a", "late"), [("lag", 7e-3, 7e-3), ("second_order", 200.0, 2 * 0.7 / 200)])
+def test_the_told_size_of_a_late_sensor_is_that_of_its_mean(kind: str, a: float, late: float) -> None:
+    ramp = np.arange(4000.0)[:, None] * 1e-3
+    seen = read((Sensor(0, kind, 0, a, 0.7),), ramp, np.zeros((200, 1)), 20, 1e-3)
+    assert ramp[::20][-1, 0] - seen[-1, 0] == pytest.approx(late, rel=1e-3)
 
 
 def test_a_clock_offset_is_told_by_the_sign_of_the_catalogue() -> None:

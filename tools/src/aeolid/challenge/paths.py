@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter
 
 Array = NDArray[np.float64]
+PARTS = 16  # of a fine step, for drives that follow
 RING = 16384  # fine steps of commands that are remembered: the longest dead time
 DRIVES = ("none", "lag", "second_order", "delay", "rate", "saturation", "deadband", "backlash", "levels", "hidden",
           "bent")  # fmt: skip
@@ -48,41 +49,63 @@ class Sensor:
 
 @njit(cache=True)
 def drive(row: Array, s: Array, ring: Array, k: int, command: float, dt: float, rest: float) -> float:
-    """Return what acts after a command at fine step k; s (3,) is the drive's state, ring starts at rest."""
+    """Return the mean over fine step k of what acts after a command; s (3,) is the drive's state, ring starts at rest.
+
+    The mean, not the end: a lag of τ held at what it ends each step with acts like one of τ − dt/2.
+    """
     kind, form, a, b = int(row[1]), int(row[2]), row[3], row[4]
     ring[k % RING] = command
-    if kind == 1:
+    if kind == 3:
         if form == 0:
-            s[0] += (command - s[0]) * -math.expm1(-dt / a)
-            return float(s[0])
+            return _late(ring, k, a / dt)
+        total = 0.0  # a bus that is busy by turns: dead times spread over a quarter to either side
+        for j in range(9):
+            total += _late(ring, k, a * (0.75 + j / 16.0) / dt)
+        return total / 9.0
+    if kind not in (1, 2, 4):
+        return _bent(kind, form, a, b, s, command, dt, rest)
+    mean, place = 0.0, 2 if kind == 1 and form == 1 else 0
+    for _ in range(PARTS):
+        before = s[place]
+        if kind == 4:  # a by second; other form: a servo whose speed levels off
+            gap, most = command - s[0], a * dt / PARTS
+            s[0] += most * math.tanh(gap / (4.0 * dt * a)) if form == 1 else min(max(gap, -most), most)
+        else:
+            _follow(kind, form, a, b, s, command, dt / PARTS)
+        mean += 0.5 * (before + s[place]) / PARTS
+    return mean
+
+
+@njit(cache=True)
+def _late(ring: Array, k: int, steps: float) -> float:
+    """Return the mean over fine step k of a held command that comes `steps` fine steps late."""
+    whole = math.floor(steps)
+    part = steps - whole
+    return float((1.0 - part) * ring[(k - whole) % RING] + part * ring[(k - whole - 1) % RING])
+
+
+@njit(cache=True)
+def _follow(kind: int, form: int, a: float, b: float, s: Array, command: float, dt: float) -> None:
+    """Advance a drive that lags or rings."""
+    if kind == 1 and form == 0:
+        s[0] += (command - s[0]) * -math.expm1(-dt / a)
+    elif kind == 1:
         s[0] += (command - s[0]) * -math.expm1(-dt / (0.75 * a))  # three lags in a row, of a in sum
         s[1] += (s[0] - s[1]) * -math.expm1(-dt / (0.15 * a))
         s[2] += (s[1] - s[2]) * -math.expm1(-dt / (0.10 * a))
-        return float(s[2])
-    if kind == 2:  # a rad/s, damping b; other form: behind a valve that is three times as fast
+    else:  # a rad/s, damping b; other form: behind a valve that is three times as fast
         if form == 1:
             s[2] += (command - s[2]) * -math.expm1(-dt * 5.0 * a)
             command = s[2]
-        s[1] += dt * (a * a * (command - s[0]) - 2 * b * a * s[1])
-        s[0] += dt * s[1]
-        return float(s[0])
-    if kind == 3:
-        if form == 0:
-            return float(ring[(k - round(a / dt)) % RING])
-        total = 0.0  # a bus that is busy by turns: dead times spread over a quarter to either side
-        for j in range(9):
-            total += ring[(k - round(a * (0.75 + j / 16.0) / dt)) % RING]
-        return float(total / 9.0)
-    return _bent(kind, form, a, b, s, command, dt, rest)
+        s[0] += 0.5 * dt * s[1]  # drift, kick, drift: neither early nor late
+        s[1] = (s[1] * (1 - b * a * dt) + dt * a * a * (command - s[0])) / (1 + b * a * dt)
+        s[0] += 0.5 * dt * s[1]
 
 
 @njit(cache=True)
 def _bent(kind: int, form: int, a: float, b: float, s: Array, command: float, dt: float, rest: float) -> float:
     """Return what acts behind a drive that is not linear, or that hides a state of its own."""
     gap, away = command - s[0], command - rest
-    if kind == 4:  # a by second; other form: a servo whose speed levels off
-        s[0] += a * dt * math.tanh(gap / (4.0 * dt * a)) if form == 1 else min(max(gap, -a * dt), a * dt)
-        return float(s[0])
     if kind == 5:  # at a above and below its rest
         return rest + (away / (1 + (away / a) ** 16) ** 0.0625 if form == 1 else min(max(away, -a), a))
     if kind == 6:  # of half width a about rest
@@ -111,10 +134,11 @@ def read(sensors: tuple[Sensor, ...], fine: Array, jitter: Array, every: int, dt
         if s.kind in ("lag", "second_order"):
             fine[:, s.which] = _filtered(s, fine[:, s.which], dt)
     late = next((s for s in sensors if s.kind == "offset"), None)
-    rows = np.arange(0, len(fine), every) - (0 if late is None else round(late.a / dt))
+    rows = np.arange(0.0, len(fine), every) - (0.0 if late is None else late.a / dt)
     if late is not None and late.form == 1:  # a clock that walks by a tenth of its offset
-        rows = rows - np.round(0.1 * late.a / dt * np.sin(np.arange(len(rows)) * 2 * np.pi / len(rows))).astype(int)
-    seen = fine[np.clip(rows, 0, len(fine) - 1)] + jitter
+        rows -= 0.1 * late.a / dt * np.sin(np.arange(len(rows)) * 2 * np.pi / len(rows))
+    steps = np.arange(len(fine))
+    seen = np.column_stack([np.interp(rows, steps, column) for column in fine.T]) + jitter
     times: Array = dt * every * np.arange(len(seen), dtype=float)
     for s in sensors:
         if s.kind == "swap":
@@ -127,8 +151,7 @@ def read(sensors: tuple[Sensor, ...], fine: Array, jitter: Array, every: int, dt
 def _filtered(s: Sensor, x: Array, dt: float) -> Array:
     if s.kind == "lag":
         for tau in (s.a,) if s.form == 0 else (0.8 * s.a, 0.2 * s.a):
-            keep = math.exp(-dt / tau)
-            x = lfilter([1 - keep], [1, -keep], x, zi=[keep * x[0]])[0]
+            x = lfilter(*bilinear([1.0], [tau, 1.0], 1 / dt), x - x[0]) + x[0]
         return np.asarray(x)
     top, bottom = bilinear([s.a**2], [1, 2 * s.b * s.a, s.a**2], 1 / dt)
     if s.form == 1:  # the filter works on an average over a quarter of its period
