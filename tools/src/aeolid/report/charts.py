@@ -71,7 +71,7 @@ def _write_decades(figure: Any) -> None:
         def __call__(self, x: float, pos: int | None = None) -> str:
             assert self.axis is not None
             low, high = self.axis.get_view_interval()
-            return decade(x, 1e-3 <= low and high < 1e5) if super().__call__(x, pos) else ""
+            return decade(x, low >= 1e-3 and high < 1e5) if super().__call__(x, pos) else ""
 
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if isinstance(axis.get_major_formatter(), LogFormatterSciNotation):
