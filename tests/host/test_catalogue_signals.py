@@ -90,11 +90,11 @@ class World:
 
     def run(self, values: Mapping[str, float] | None = None, y: Array | None = None) -> Array:
         """Return predictions (N, l) of the extended model with some parameters set; without y a free run."""
-        from aeolid.models.integrate import apply_filters
+        from aeolid.models.integrate import driven
 
         theta, model = self.theta(values or {}), self.full.model
         blank = np.full((len(self.u), 2), np.nan) if y is None else y
-        filtered = apply_filters(model, self.u, theta, STEP)
+        filtered = driven(self.full, self.u, theta, STEP)
         return self.full.predict(filtered, blank, theta, gain(model), model.x0, STEP, 4, 1, False)[1]
 
     def plain(self, u: Array, y: Array | None = None) -> Array:
@@ -218,7 +218,7 @@ def test_a_drive_acts_on_its_own_channel(world: World, key: str) -> None:
     assert world.found[key].location["inputs"] == ["y_drive"]
     values, kind, arguments = DRIVES[key]
     u = world.u.copy()
-    u[:, 1] = KINDS[kind].rule(np.ascontiguousarray(u[:, 1]), np.array(arguments), STEP)
+    u[:, 1] = KINDS[kind].rule(np.ascontiguousarray(u[:, 1]), np.array(arguments), STEP, 1.0)
     assert np.max(np.abs(u[:, 1] - world.u[:, 1])) > 0.1
     np.testing.assert_allclose(world.run(values), world.plain(u), rtol=1e-10, atol=1e-12)
 
@@ -493,5 +493,5 @@ def test_a_rate_limit_may_act_within_a_sample() -> None:
     slot = next(s for s in a.slots if s.label == "rate_per_s")
     fastest = float(np.quantile(np.abs(np.diff(site.u[:, 0])) / STEP, 0.999))
     assert slot.high > 10 * fastest and max(g[slot.name] for g in a.grid) > 3 * fastest
-    ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP)
+    ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP, 1.0)
     np.testing.assert_allclose(ramp, [0.0, 1.0 - 1 / 6, 1.0])  # the mean of a ramp that takes a third of the sample

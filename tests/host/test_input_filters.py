@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from aeolid.models import equations_file
-from aeolid.models.input_filters import KINDS
+from aeolid.models.input_filters import KINDS, SEEN
 from aeolid.models.integrate import apply_filters, compile_equations, simulate
 
 Array = NDArray[np.float64]
@@ -21,12 +21,13 @@ JUMPS = np.repeat(np.random.default_rng(4).normal(0.2, 1.0, 24), 5)
 SIGNALS = {"smooth": SMOOTH, "jumps": JUMPS, "constant": np.full(50, 1.3)}
 
 
-def apply(kind: str, u: Array, *values: float) -> Array:
-    return KINDS[kind].rule(np.ascontiguousarray(u), np.array(values), STEP)
+def apply(kind: str, u: Array, *values: float, part: float = 1.0) -> Array:
+    return KINDS[kind].rule(np.ascontiguousarray(u), np.array(values), STEP, part)
 
 
-def means(fine: Array) -> Array:
-    result: Array = fine.reshape(-1, FINE).mean(axis=1)
+def means(fine: Array, part: float = 1.0) -> Array:
+    """Return the mean over the first part of each step."""
+    result: Array = fine.reshape(-1, FINE)[:, : round(part * FINE)].mean(axis=1)
     return result
 
 
@@ -35,28 +36,30 @@ def held(u: Array) -> Array:
     return np.repeat(u, FINE)
 
 
-def second_order(u: Array, inverse: float, zeta: float) -> Array:
+def second_order(u: Array, inverse: float, zeta: float, part: float) -> Array:
     """Reference: the transfer function, held input, 1000 points a sample; trapezoidal mean."""
     w = 1 / inverse
     system = signal.cont2discrete(([w * w], [1, 2 * zeta * w, w * w]), STEP / FINE, method="zoh")
     b, a = system[0].ravel(), system[1]
     y = signal.lfilter(b, a, held(u) - u[0])
     after = np.concatenate([y[1:], [y[-1]]])  # y[n] answers to the command up to n − 1: it stands at the start of n
-    return means(0.5 * (y + after)) + u[0]
+    return means(0.5 * (y + after), part) + u[0]
 
 
+@pytest.mark.parametrize("part", [1.0, SEEN])
 @pytest.mark.parametrize("name", SIGNALS)
 @pytest.mark.parametrize(("omega", "zeta"), [(5.0, 0.5), (12.0, 0.9), (60.0, 0.25), (0.7, 0.7)])
-def test_a_second_order_drive_equals_its_transfer_function(name: str, omega: float, zeta: float) -> None:
+def test_a_second_order_drive_equals_its_transfer_function(name: str, omega: float, zeta: float, part: float) -> None:
     """Tolerance: the last sample lacks one fine point (1e-3 of a step), the trapezoid (omega h/1000)²/12."""
     u = SIGNALS[name]
-    found = apply("actuator_second_order", u, 1 / omega, zeta)
-    np.testing.assert_allclose(found[:-1], second_order(u, 1 / omega, zeta)[:-1], atol=2e-5)
+    found = apply("actuator_second_order", u, 1 / omega, zeta, part=part)
+    np.testing.assert_allclose(found[:-1], second_order(u, 1 / omega, zeta, part)[:-1], atol=2e-5)
 
 
+@pytest.mark.parametrize("part", [1.0, SEEN])
 @pytest.mark.parametrize("name", SIGNALS)
 @pytest.mark.parametrize(("tau", "gain"), [(0.6, -0.5), (0.2, -0.3), (2.5, -0.7)])
-def test_shed_vorticity_follows_the_two_terms_of_jones(name: str, tau: float, gain: float) -> None:
+def test_shed_vorticity_follows_the_two_terms_of_jones(name: str, tau: float, gain: float, part: float) -> None:
     """Reference: each term's differential equation, 1000 points a sample, trapezoidal means; weights as printed.
 
     0.165 and 0.335 are 0.33 and 0.67 of the half that lags; the fast term has the weight 0.335.
@@ -67,14 +70,15 @@ def test_shed_vorticity_follows_the_two_terms_of_jones(name: str, tau: float, ga
         keep = np.exp(-STEP / FINE / time)
         slow = signal.lfilter([0.0, 1 - keep], [1.0, -keep], held(u) - u[0]) + u[0]
         after = np.concatenate([slow[1:], slow[-1:]])
-        lagging += weight / 0.5 * means(held(u) - 0.5 * (slow + after))
-    found = apply("indicial", u, tau, gain)
+        lagging += weight / 0.5 * means(held(u) - 0.5 * (slow + after), part)
+    found = apply("indicial", u, tau, gain, part=part)
     np.testing.assert_allclose(found[:-1], (u + gain * lagging)[:-1], atol=1e-6)
 
 
+@pytest.mark.parametrize("part", [1.0, SEEN])
 @pytest.mark.parametrize("name", SIGNALS)
 @pytest.mark.parametrize("rate", [0.3, 2.0, 9.0, 80.0])
-def test_a_limited_rate_equals_a_small_stepped_follower(name: str, rate: float) -> None:
+def test_a_limited_rate_equals_a_small_stepped_follower(name: str, rate: float, part: float) -> None:
     u = SIGNALS[name]
     x, most = u[0], rate * STEP / FINE
     path = np.empty(len(u) * FINE)
@@ -82,7 +86,7 @@ def test_a_limited_rate_equals_a_small_stepped_follower(name: str, rate: float) 
         move = min(max(command - x, -most), most)
         path[k] = x + 0.5 * move
         x += move
-    np.testing.assert_allclose(apply("rate_limit", u, rate, 1.0), means(path), atol=2 * most)
+    np.testing.assert_allclose(apply("rate_limit", u, rate, 1.0, part=part), means(path, part), atol=2 * most)
 
 
 def play(u: Array, width: float) -> Array:
@@ -113,12 +117,14 @@ STATIC = {
 }
 
 
+@pytest.mark.parametrize("part", [1.0, SEEN])
 @pytest.mark.parametrize("name", SIGNALS)
 @pytest.mark.parametrize("kind", STATIC)
-def test_what_has_no_dynamics_equals_its_definition(kind: str, name: str) -> None:
+def test_what_has_no_dynamics_equals_its_definition(kind: str, name: str, part: float) -> None:
     values, reference = STATIC[kind]
     u = SIGNALS[name]
-    np.testing.assert_allclose(apply(kind, u, *values, 1.0), reference(u), atol=1e-12)
+    assert not KINDS[kind].lasting
+    np.testing.assert_allclose(apply(kind, u, *values, 1.0, part=part), reference(u), atol=1e-12)
 
 
 @pytest.mark.parametrize("kind", [*STATIC, "rate_limit"])
@@ -130,13 +136,14 @@ def test_a_share_blends_in_a_straight_line(kind: str) -> None:
     assert np.max(np.abs(all_of_it - none)) > 0.05
 
 
-def test_a_lead_is_the_input_and_what_is_left_of_its_changes() -> None:
+@pytest.mark.parametrize("part", [1.0, SEEN])
+def test_a_lead_is_the_input_and_what_is_left_of_its_changes(part: float) -> None:
     """u + g (u − lag): the lag by the exact recursion at 1000 points a sample."""
     decay = np.exp(-STEP / FINE / 0.3)
     slow = signal.lfilter([1 - decay], [1, -decay], held(SMOOTH), zi=[decay * SMOOTH[0]])[0]
     before = np.concatenate([[SMOOTH[0]], slow[:-1]])
-    expected = SMOOTH + 0.7 * (SMOOTH - means(0.5 * (before + slow)))
-    np.testing.assert_allclose(apply("lead_lag", SMOOTH, 0.3, 0.7), expected, atol=1e-5)
+    expected = SMOOTH + 0.7 * (SMOOTH - means(0.5 * (before + slow), part))
+    np.testing.assert_allclose(apply("lead_lag", SMOOTH, 0.3, 0.7, part=part), expected, atol=1e-5)
 
 
 def test_a_factor_is_a_factor() -> None:
@@ -145,12 +152,14 @@ def test_a_factor_is_a_factor() -> None:
     np.testing.assert_allclose(apply("input_scale", SMOOTH, -1.0, 0.25), 0.5 * SMOOTH, rtol=1e-14)
 
 
-@pytest.mark.parametrize("delay", [-3.7, -1.0, -0.25, 0.0, 0.4, 2.0])
-def test_a_shift_goes_either_way(delay: float) -> None:
+@pytest.mark.parametrize("part", [1.0, SEEN])
+@pytest.mark.parametrize("delay", [-3.7, -1.0, -0.25, 0.0, 0.04, 0.4, 2.0])
+def test_a_shift_goes_either_way(delay: float, part: float) -> None:
     """Samples before the first and after the last hold the end values."""
     fine = held(SMOOTH)
     where = np.clip(np.arange(len(fine)) - round(delay * FINE), 0, len(fine) - 1)
-    np.testing.assert_allclose(apply("transport_delay", SMOOTH, delay * STEP), means(fine[where]), atol=1e-9)
+    found = apply("transport_delay", SMOOTH, delay * STEP, part=part)
+    np.testing.assert_allclose(found, means(fine[where], part), atol=1e-9)
 
 
 def test_a_drive_at_rest_stays_at_rest() -> None:
@@ -191,4 +200,48 @@ def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:
         for m in (model, again):
             np.testing.assert_allclose(apply_filters(m, u, m.theta, STEP)[:, 0], expected, rtol=1e-12, atol=1e-12)
     y = simulate(compile_equations(again), u, again.theta, again.x0, STEP)
+    expected = apply(kind, SMOOTH, *(values[s] for s in rule.slots), part=SEEN)  # an output is a sample, no mean
     np.testing.assert_allclose(y[:, 0], expected, rtol=1e-12, atol=1e-12)
+
+
+CART = """
+[parameters]
+tau = 0.0
+[[state]]
+name = "v"
+derivative = "u - v"
+[[output]]
+name = "speed"
+equation = "v"
+[[output]]
+name = "push"
+equation = "2*u"
+[[input_filter]]
+input = "u"
+kind = "actuator_lag"
+tau_s = "tau"
+"""
+
+
+@pytest.mark.parametrize("tau", [0.02, 0.3])
+def test_states_follow_what_acts_and_outputs_see_a_sample(tau: float, tmp_path: Path) -> None:
+    """Against 1000 points a sample: the speed as before, the push as it is when the step begins; none at tau 0."""
+    (tmp_path / "model.toml").write_text(CART)
+    model = equations_file.load(tmp_path / "model.toml")
+    compiled, u = compile_equations(model), JUMPS[:, None]
+    assert compiled.looks
+    keep, forget = np.exp(-STEP / FINE / tau), np.exp(-STEP / FINE)
+    slow = signal.lfilter([0.0, 1 - keep], [1.0, -keep], held(JUMPS) - JUMPS[0]) + JUMPS[0]
+    after = np.concatenate([slow[1:], slow[-1:]])
+    speed = signal.lfilter([0.0, 1 - forget], [1.0, -forget], 0.5 * (slow + after))[::FINE]
+    y = simulate(compiled, u, np.array([tau]), model.x0, STEP)
+    np.testing.assert_allclose(y[:, 0], speed, atol=0.03 * np.ptp(JUMPS))  # the mean in place of the course: h²/8
+    np.testing.assert_allclose(y[:, 1], 2 * means(0.5 * (slow + after), SEEN), atol=1e-4)
+    np.testing.assert_array_equal(simulate(compiled, u, np.array([0.0]), model.x0, STEP)[:, 1], 2 * JUMPS)
+
+
+def test_what_begins_to_lag_has_the_slope_of_the_whole_step() -> None:
+    """A sample of a dead time of 1 % of a step is another signal already; a score at none must not take that for it."""
+    for kind in ("actuator_lag", "transport_delay", "actuator_second_order"):
+        values = (1e-6 * STEP, 0.7)[: len(KINDS[kind].slots)]
+        np.testing.assert_array_equal(apply(kind, JUMPS, *values, part=SEEN), apply(kind, JUMPS, *values))

@@ -16,7 +16,8 @@ import json
 import os
 import sys
 import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import traceback
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 
 Z90 = 1.6449
+PLACES = 4  # best scored, at which the entry is tried
 Facts = dict[str, Any]
 
 
@@ -54,7 +56,7 @@ def one(number: int, seed: int, samples: int) -> Facts:
         write_case(Path(folder) / "case", draw, samples)
         prepared = prepare(load_case(Path(folder) / "case"))
         bank = score_bank(prepared, prepared.hypotheses, 1)
-        found = fit_rows(prepared, [r for r in bank.rows if r.attachment.entry.id in item.accepted])
+        found = fit_rows(prepared, [r for r in bank.rows if r.attachment.entry in item.accepted][:PLACES])
     best = max((c for c in found if c.plausible), key=lambda c: c.score, default=None)
     if best is None:
         return row | {"key": None, "why": "; ".join(c.reason for c in found)[:200]}
@@ -63,6 +65,17 @@ def one(number: int, seed: int, samples: int) -> Facts:
         return row | {"key": best.key, "why": f"has no {label}"}
     told, std = values[label]
     return row | {"key": best.key, "told": told, "std": std if np.isfinite(std) else None, "gain": best.fit_gain}
+
+
+def ended(future: Future[Facts], number: int, seed: int) -> Facts:
+    """Return what a fit said; a crash is a result too."""
+    try:
+        return future.result()
+    except Exception as error:
+        traceback.print_exc()
+        item = valued()[number]
+        row = {"effect": item.what, "plant": item.plant, "label": item.quantity[0], "number": number, "seed": seed}
+        return row | {"key": None, "why": f"crash: {error}"}
 
 
 def table(rows: list[Facts]) -> str:
@@ -103,8 +116,9 @@ def main() -> int:
     done = {(r["number"], r["seed"]) for r in rows}
     jobs = [(n, s) for s in range(o.seeds) for n in kept if (n, s) not in done]
     with ProcessPoolExecutor(o.workers, mp_context=get_context("spawn")) as pool, o.out.open("a") as file:
-        for k, future in enumerate(as_completed([pool.submit(one, n, s, o.samples) for n, s in jobs]), 1):
-            rows.append(future.result())
+        begun = {pool.submit(one, n, s, o.samples): (n, s) for n, s in jobs}
+        for k, future in enumerate(as_completed(begun), 1):
+            rows.append(ended(future, *begun[future]))
             file.write(json.dumps(rows[-1]) + "\n")
             file.flush()
             print(f"{k} of {len(jobs)}: {rows[-1]['effect']}, {rows[-1]['plant']}", file=sys.stderr, flush=True)

@@ -18,7 +18,7 @@ from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_de
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.diagnose.steps import LEAST_VARIANCE, expected_gain, limited_step, limits_of, next_damping
-from aeolid.models.integrate import Compiled, apply_filters, substeps
+from aeolid.models.integrate import Compiled, driven, substeps
 from aeolid.models.machine_code import LANES
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ class Predictor:
     def ready(self, point: Point, index: int) -> tuple[Array, int]:
         """Return a segment's inputs behind their filters and its integration steps a sample; short runs share it."""
         segment = self.segments[index]
-        u = apply_filters(self.compiled.model, segment.u, point.theta, segment.fine_step)
+        u = driven(self.compiled, segment.u, point.theta, segment.fine_step)
         return u, substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
 
     def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
@@ -126,7 +126,7 @@ class Predictor:
         """
         segment, first = self.segments[index], points[0]
         lanes = [*points, *[first] * (LANES - len(points))]
-        u = apply_filters(self.compiled.model, segment.u, first.theta, segment.fine_step)
+        u = driven(self.compiled, segment.u, first.theta, segment.fine_step)
         count = substeps(self.compiled, segment.middle, base.theta, base.x0[index], segment.fine_step)
         theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
         gains = [self.gain(points[0])]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,7 +143,15 @@ class Equations:
 
     def names_used(self) -> set[str]:
         """Return every name that a state, output or memory depends on, through intermediates too."""
-        used = set().union(*(ex.names_in(tree) for tree in self.roots()))
+        return self._used(self.roots())
+
+    def names_seen(self) -> set[str]:
+        """Return every name that an output or memory depends on, through intermediates too."""
+        states = {id(s.derivative) for s in self.states}
+        return self._used([tree for tree in self.roots() if id(tree) not in states])
+
+    def _used(self, trees: Iterable[ast.expr]) -> set[str]:
+        used = set().union(*(ex.names_in(tree) for tree in trees))
         for a in reversed(self.auxiliaries):
             if a.name in used:
                 used |= ex.names_in(a.equation)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
-from aeolid.models.input_filters import KINDS
+from aeolid.models.input_filters import KINDS, SEEN
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import march, outputs, reading_jacobian, settle, slope, state_jacobian
 
@@ -34,6 +34,13 @@ class Compiled:
         return [i for i, s in enumerate(self.model.states) if s.name in rates]
 
     @cached_property
+    def looks(self) -> bool:
+        """Tell whether an output, or a memory, reads at once an input that passes a filter."""
+        behind = {f.channel for f in self.model.filters}
+        own = {symbol for s, symbol in zip(self.model.inputs, self.model.symbols, strict=True) if s.name in behind}
+        return bool(own & self.model.names_seen())
+
+    @cached_property
     def wide(self) -> MachineCode:
         """Return the code that runs LANES parameter sets side by side."""
         return translate(self.model, LANES)
@@ -42,10 +49,10 @@ class Compiled:
         self, U: Array, Y: Array, theta: Array, K: Array, x0: Array, step: float, count: int, stride: int,
         generate: bool,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
-        """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); see `march`."""
+        """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); U as `driven` gives it."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), step, count, stride, generate, True,
+            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, generate, True,
         )  # fmt: skip
 
     def innovations(
@@ -54,7 +61,7 @@ class Compiled:
         """Return the innovations (N, l) alone."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, False, False,
         )[0]  # fmt: skip
 
     def predict_wide(
@@ -66,9 +73,13 @@ class Compiled:
         """
         e = march(
             addresses(self.wide), LANES, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, False, False,
         )[0]  # fmt: skip
         return e.reshape(*Y.shape, LANES)
+
+    def _seen(self, U: Array) -> int:
+        """Return the column from which outputs read their inputs."""
+        return int(U.shape[1]) - len(self.model.inputs)
 
     def slope(self, x: Array, u: Array, theta: Array) -> Array:
         """Return dx/dt (n,), or the next state in discrete time; x (n + memories,), memories renewed."""
@@ -113,7 +124,7 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     Raises DataError where the model leaves the finite numbers, naming the sample.
     """
     _check_step(compiled.model, step)
-    filtered = apply_filters(compiled.model, u, theta, step)
+    filtered = driven(compiled, u, theta, step)
     blank = np.full((len(u), len(compiled.model.outputs)), np.nan)
     gain = np.zeros((len(compiled.model.states), blank.shape[1]))
     middle = np.median(u, axis=0) if len(u) else np.zeros(u.shape[1])
@@ -169,17 +180,34 @@ def output_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array, step: 
     return result
 
 
-def apply_filters(model: Equations, u: Array, theta: Array, step: float) -> Array:
-    """Pass the recorded inputs (N, r) through what lies in front of the plant, in the order of the model's filters."""
+def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
+    """Return what acts (N, r) over each step, all filters passed; beside it what is seen (N, 2r) where outputs look.
+
+    An output is sampled as a step begins, the states follow what acts over all of it.
+    """
+    model = compiled.model
+    acting = apply_filters(model, u, theta, step)
+    return np.hstack([acting, apply_filters(model, u, theta, step, SEEN)]) if compiled.looks else acting
+
+
+def apply_filters(model: Equations, u: Array, theta: Array, step: float, part: float = 1.0) -> Array:
+    """Pass the recorded inputs (N, r) through what lies in front of the plant, in the order of the model's filters.
+
+    Returns their means over the first `part` of each step; what comes after another filter follows that one's means
+    over whole steps.
+    """
     if not model.filters:
         return np.ascontiguousarray(u)
-    result = np.array(u, dtype=float)
+    acting, seen = np.array(u, dtype=float), np.array(u, dtype=float)
     names = [s.name for s in model.inputs]
     for f in model.filters:
-        column = names.index(f.channel)
+        kind, column = KINDS[f.kind], names.index(f.channel)
         values = np.array([theta[model.index(p)] for p in f.parameters])
-        result[:, column] = KINDS[f.kind].rule(np.ascontiguousarray(result[:, column]), values, step)
-    return result
+        driving = np.ascontiguousarray((acting if kind.lasting else seen)[:, column])
+        if part < 1:
+            seen[:, column] = kind.rule(driving, values, step, part)
+        acting[:, column] = kind.rule(np.ascontiguousarray(acting[:, column]), values, step, 1.0)
+    return seen if part < 1 else acting
 
 
 def _check_step(model: Equations, step: float) -> None:

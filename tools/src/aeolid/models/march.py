@@ -46,14 +46,15 @@ _renew4: Any = intrinsic(_three_and_number)
 @njit(cache=True, error_model="numpy", nogil=True)
 def march(
     code: tuple[int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
-    step: float, count: int, stride: int, generate: bool, whole: bool,
+    seen: int, step: float, count: int, stride: int, generate: bool, whole: bool,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
 
-    U (N · stride, r) and Y (N, l) are the same for all lanes; th (np, lanes), K (n, l, lanes), x0 (n + memories,
-    lanes). The model runs at the inputs' rate, `count` classical Runge–Kutta steps a row of U (or one step of a
-    discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s is the slope of a folding
-    sensor. With `generate` Y holds innovations and the states follow from them. All arrays C-contiguous.
+    U (N · stride, r) and Y (N, l) are the same for all lanes, and outputs read U from column `seen` on; th (np, lanes),
+    K (n, l, lanes), x0 (n + memories, lanes). The model runs at the inputs' rate, `count` classical Runge–Kutta steps a
+    row of U (or one step of a discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s
+    is the slope of a folding sensor. With `generate` Y holds innovations and the states follow from them. All arrays
+    C-contiguous.
     Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes); of the last
     two only the last row unless `whole`: megabytes that several lanes would write for nobody.
     """
@@ -71,8 +72,8 @@ def march(
         row = k if whole else 0
         X[row] = x
         u = U.ctypes.data + _WORD * U.shape[1] * k * stride
-        _renew4(renew, at, u, thetas, step * stride)
-        _call5(read, at, u, thetas, P.ctypes.data + _WORD * m * lanes * row, at_s)
+        _renew4(renew, at, u + _WORD * seen, thetas, step * stride)
+        _call5(read, at, u + _WORD * seen, thetas, P.ctypes.data + _WORD * m * lanes * row, at_s)
         mid[:] = x
         for part in range(stride * (1 if discrete else count)):
             if discrete:

@@ -34,7 +34,8 @@ def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[
     step, at, drift = f"{tag}_step", f"{tag}_time_s", f"{tag}_drift"
     half = 0.5 * _WIDTH * span
     size = Slot(step, what.label, what.unit, 0.0, -what.most, what.most, 1e-4 * what.most)
-    when = Slot(at, "time_s", "s", first + span / 2, first, last, 0.1 * span, local=False)
+    change = step, site.row_step
+    when = Slot(at, "time_s", "s", first + span / 2, first, last, 0.1 * span, local=False, change=change)
     stepped = force_on(
         motion, number, what.entry, (size, when),
         f"-{step}*0.5*(1 + tanh(({channel.symbol} - {at})/{half!r}))*{what.term}",
