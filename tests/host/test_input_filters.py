@@ -11,7 +11,7 @@ from scipy import signal
 
 from aeolid.models import equations_file
 from aeolid.models.input_filters import KINDS, SEEN
-from aeolid.models.integrate import apply_filters, compile_equations, simulate
+from aeolid.models.integrate import apply_filters, compile_equations, driven, simulate
 
 Array = NDArray[np.float64]
 FINE = 1000
@@ -238,6 +238,23 @@ def test_states_follow_what_acts_and_outputs_see_a_sample(tau: float, tmp_path: 
     np.testing.assert_allclose(y[:, 0], speed, atol=0.03 * np.ptp(JUMPS))  # the mean in place of the course: h²/8
     np.testing.assert_allclose(y[:, 1], 2 * means(0.5 * (slow + after), SEEN), atol=1e-4)
     np.testing.assert_array_equal(simulate(compiled, u, np.array([0.0]), model.x0, STEP)[:, 1], 2 * JUMPS)
+
+
+@pytest.mark.parametrize("kind", ["actuator_lag", None])
+def test_columns_that_a_model_does_not_use_change_nothing(kind: str | None, tmp_path: Path) -> None:
+    """A recording's further channels stand behind the inputs; outputs once read them in place of what was seen."""
+    text = CART if kind else CART[: CART.index("[[input_filter]]")]
+    (tmp_path / "model.toml").write_text(text)
+    model = equations_file.load(tmp_path / "model.toml")
+    compiled, theta = compile_equations(model), np.array([0.02])
+    found = []
+    for u in (JUMPS[:, None], np.column_stack([JUMPS, SMOOTH, 9 * SMOOTH])):
+        blank, gain = np.full((len(u), 2), np.nan), np.zeros((1, 2))
+        found.append(
+            compiled.predict(driven(compiled, u, theta, STEP), blank, theta, gain, model.x0, STEP, 1, 1, False)[1]
+        )
+    np.testing.assert_array_equal(found[0], found[1])
+    assert compiled.looks is (kind is not None)
 
 
 def test_what_begins_to_lag_has_the_slope_of_the_whole_step() -> None:

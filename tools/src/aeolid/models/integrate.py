@@ -78,8 +78,8 @@ class Compiled:
         return e.reshape(*Y.shape, LANES)
 
     def _seen(self, U: Array) -> int:
-        """Return the column from which outputs read their inputs."""
-        return int(U.shape[1]) - len(self.model.inputs)
+        """Return the column from which outputs read their inputs; U may have more columns than the model inputs."""
+        return int(U.shape[1]) // 2 if self.looks else 0
 
     def slope(self, x: Array, u: Array, theta: Array) -> Array:
         """Return dx/dt (n,), or the next state in discrete time; x (n + memories,), memories renewed."""
