@@ -8,7 +8,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site
 
 def _attach(site: Site) -> list[Attachment]:
     return power_level.scaled(
-        site, "cp_change", "cp_change", ("speed",), "Q_aero = (1 + cp_change)*Q_aero_model",
+        site, "cp_change", "cp_change", ("speed",), 0.6, "Q_aero = (1 + cp_change)*Q_aero_model",
         lambda change: (
             f"the rotor's torque is {change:+.1%} of what the model's power coefficient gives (soiled, iced or worn"
             " blades would do that)"

@@ -18,9 +18,12 @@ _WIND = re.compile(r"wind|(^|_)v_?(hub|inf|wind|rel)")
 
 
 def scaled(
-    site: Site, entry: str, label: str, kinds: tuple[str, ...], equation: str, says: Callable[[float], str]
+    site: Site, entry: str, label: str, kinds: tuple[str, ...], most: float, equation: str, says: Callable[[float], str]
 ) -> list[Attachment]:
-    """Offer one relative change of the aerodynamic terms on all motions of these kinds; none where one is missing."""
+    """Offer one relative change of the aerodynamic terms on all motions of these kinds; none where one is missing.
+
+    most: the largest that is believed, up or down.
+    """
     if not rotor.is_turbine(site) or site.linear is not None:
         return []
     found = [(m, aerodynamic(site, m, kind)) for kind in kinds for m in [_motion(site, kind)] if m is not None]
@@ -28,7 +31,7 @@ def scaled(
     if len(forces) < len(kinds):
         return []
     loads = _loads(site, [m for m, _ in forces]) if "fore_aft" in kinds else {}
-    slot = Slot(entry, label, "1", 0.0, -0.6, 0.6, 1e-3)
+    slot = Slot(entry, label, "1", 0.0, -most, most, 1e-3)
 
     def edit(model: Equations) -> Equations:
         extra = Parameter(entry, 0.0, "1", slot.low, slot.high)
