@@ -24,7 +24,7 @@ from aeolid.diagnose.exogenous import Exogenous, with_exogenous, without_unused
 from aeolid.diagnose.forensics import examine
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
-from aeolid.models.input_filters import KINDS
+from aeolid.models.input_filters import KINDS, WHOLE
 from aeolid.models.integrate import Compiled, compile_equations
 from aeolid.record import Channel, Record
 
@@ -218,7 +218,7 @@ def test_a_drive_acts_on_its_own_channel(world: World, key: str) -> None:
     assert world.found[key].location["inputs"] == ["y_drive"]
     values, kind, arguments = DRIVES[key]
     u = world.u.copy()
-    u[:, 1] = KINDS[kind].rule(np.ascontiguousarray(u[:, 1]), np.array(arguments), STEP, 1.0)
+    u[:, 1] = KINDS[kind].rule(np.ascontiguousarray(u[:, 1]), np.array(arguments), STEP, WHOLE)
     assert np.max(np.abs(u[:, 1] - world.u[:, 1])) > 0.1
     np.testing.assert_allclose(world.run(values), world.plain(u), rtol=1e-10, atol=1e-12)
 
@@ -493,5 +493,5 @@ def test_a_rate_limit_may_act_within_a_sample() -> None:
     slot = next(s for s in a.slots if s.label == "rate_per_s")
     fastest = float(np.quantile(np.abs(np.diff(site.u[:, 0])) / STEP, 0.999))
     assert slot.high > 10 * fastest and max(g[slot.name] for g in a.grid) > 3 * fastest
-    ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP, 1.0)
+    ramp = KINDS["rate_limit"].rule(np.array([0.0, 1.0, 1.0]), np.array([3.0 / STEP, 1.0]), STEP, WHOLE)
     np.testing.assert_allclose(ramp, [0.0, 1.0 - 1 / 6, 1.0])  # the mean of a ramp that takes a third of the sample

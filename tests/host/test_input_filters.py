@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from aeolid.models import equations_file
-from aeolid.models.input_filters import KINDS, SEEN
+from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
 from aeolid.models.integrate import apply_filters, compile_equations, driven, simulate
 
 Array = NDArray[np.float64]
 FINE = 1000
+SEEN = float(SPLIT[0])
 STEP = 0.05
 SMOOTH = np.convolve(np.random.default_rng(3).standard_normal(140), np.hanning(9) / 4, "same")[:120]
 JUMPS = np.repeat(np.random.default_rng(4).normal(0.2, 1.0, 24), 5)
@@ -22,7 +23,13 @@ SIGNALS = {"smooth": SMOOTH, "jumps": JUMPS, "constant": np.full(50, 1.3)}
 
 
 def apply(kind: str, u: Array, *values: float, part: float = 1.0) -> Array:
-    return KINDS[kind].rule(np.ascontiguousarray(u), np.array(values), STEP, part)
+    """Return the mean over the first part of each step; the second of two pieces must make the mean of the whole."""
+    whole = KINDS[kind].rule(np.ascontiguousarray(u), np.array(values), STEP, WHOLE)
+    if part == 1:
+        return whole
+    both = KINDS[kind].rule(np.repeat(u, 2), np.array(values), STEP, SPLIT).reshape(-1, 2)
+    np.testing.assert_allclose(both @ SPLIT, whole, rtol=1e-10, atol=1e-10)
+    return both[:, 0]
 
 
 def means(fine: Array, part: float = 1.0) -> Array:
@@ -123,7 +130,6 @@ STATIC = {
 def test_what_has_no_dynamics_equals_its_definition(kind: str, name: str, part: float) -> None:
     values, reference = STATIC[kind]
     u = SIGNALS[name]
-    assert not KINDS[kind].lasting
     np.testing.assert_allclose(apply(kind, u, *values, 1.0, part=part), reference(u), atol=1e-12)
 
 
@@ -261,4 +267,26 @@ def test_what_begins_to_lag_has_the_slope_of_the_whole_step() -> None:
     """A sample of a dead time of 1 % of a step is another signal already; a score at none must not take that for it."""
     for kind in ("actuator_lag", "transport_delay", "actuator_second_order"):
         values = (1e-6 * STEP, 0.7)[: len(KINDS[kind].slots)]
-        np.testing.assert_array_equal(apply(kind, JUMPS, *values, part=SEEN), apply(kind, JUMPS, *values))
+        np.testing.assert_allclose(apply(kind, JUMPS, *values, part=SEEN), apply(kind, JUMPS, *values), rtol=1e-14)
+
+
+@pytest.mark.parametrize("delay", [0.24, 0.05, 1.4])
+def test_one_behind_another_sees_what_the_first_lets_through(delay: float) -> None:
+    """A lead behind a dead time passes each jump when it comes, and a lag of nothing changes nothing.
+
+    Reference: 1000 points a sample. A lead that is told the means of the dead time alone sees jumps before they come.
+    """
+    u = np.repeat(JUMPS, 2)
+    late = KINDS["transport_delay"].rule(u, np.array([delay * STEP]), STEP, SPLIT)
+    for kind, values in {
+        "actuator_lag": (0.0,),
+        "transport_delay": (0.0,),
+        "actuator_second_order": (0.0, 0.7),
+    }.items():
+        np.testing.assert_array_equal(KINDS[kind].rule(late, np.array(values), STEP, SPLIT), late)
+    found = KINDS["lead_lag"].rule(late, np.array([0.3, 0.7]), STEP, SPLIT)[::2]
+    fine = np.concatenate([np.full(round(delay * FINE), JUMPS[0]), held(JUMPS)])[: len(JUMPS) * FINE]
+    decay = np.exp(-STEP / FINE / 0.3)
+    slow = signal.lfilter([1 - decay], [1, -decay], fine, zi=[decay * fine[0]])[0]
+    before = np.concatenate([[fine[0]], slow[:-1]])
+    np.testing.assert_allclose(found, means(fine + 0.7 * (fine - 0.5 * (before + slow)), SEEN), atol=0.02)

@@ -2,7 +2,8 @@
 
 What moves the states over a step is the mean of what acts in it. An output that reads an input at once, as an
 accelerometer does, is sampled as the step begins: it sees the mean of the first tenth. Told by the mean of the whole
-step, a dead time of 24 ms in a pitch drive came out at 81 ± 5 ms beside an acceleration every 100 ms.
+step, a dead time of 24 ms in a pitch drive came out at 81 ± 5 ms beside an acceleration every 100 ms. So a step comes
+in pieces, of which each filter says the mean of what it lets through: one, or two where an output looks.
 """
 
 from __future__ import annotations
@@ -16,70 +17,93 @@ from numba import njit
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-
-
-SEEN = 0.1  # of a step: what a sample of the input is the mean of
-_NONE = 1e-3  # steps: what is faster begins to lag; its slope at none is that of the mean over the whole step
+WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees
+_ROUNDING = 1e-12  # steps
+_NONE = 1e-3  # steps: what is faster only begins to lag, and is spread over the step; its slope at none is known
 
 
 @dataclass(frozen=True)
 class FilterKind:
     """Hold a kind of input filter: the parameters it takes, and its rule.
 
-    rule(u (N,), values (k,), step in s, part) → (N,) is the mean over the first `part` of each step. lasting: it moves
-    within a step; what does not gives the same whatever the part is.
+    rule(u (N·p,), values (k,), step in s, pieces (p,) of a step) → (N·p,): means over the pieces, one after another.
     """
 
     slots: tuple[str, ...]
-    rule: Callable[[Array, Array, float, float], Array]
-    lasting: bool = True
+    rule: Callable[[Array, Array, float, Array], Array]
 
 
-def _lag(u: Array, values: Array, step: float, part: float) -> Array:
-    return lag_held_input(u, float(values[0]) / step, part)
+def _lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    return lag_held_input(u, float(values[0]) / step, pieces)
 
 
-def _delay(u: Array, values: Array, step: float, part: float) -> Array:
-    return delay_held_input(u, float(values[0]) / step, part)
+def _delay(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    return delay_held_input(u, float(values[0]) / step, pieces)
 
 
 @njit(cache=True)
-def lag_held_input(u: Array, tau: float, part: float = 1.0) -> Array:
-    """Return the mean over each step's first `part` of a lag driven by a held input; tau in samples, 0 is no lag.
+def lag_held_input(u: Array, tau: float, pieces: Array = WHOLE) -> Array:
+    """Return each piece's mean of a first-order lag driven by a held input; tau in samples, 0 is no lag.
 
-    Over one step w(t) = u + (w_k − u) e^(−t/τ): mean u + (w_k − u) τ/p (1 − e^(−p/τ)), exact for a held input.
+    Over a time p w(t) = u + (w₀ − u) e^(−t/τ): mean u + (w₀ − u) τ/p (1 − e^(−p/τ)), exact for a held input.
     """
     out = np.empty_like(u)
     if tau <= 1e-9:
         out[:] = u
         return out
-    part = 1.0 if tau < _NONE else part
-    decay, share = math.exp(-1.0 / tau), tau / part * -math.expm1(-part / tau)
+    count = len(pieces)
+    decay, share = np.exp(-pieces / tau), -np.expm1(-pieces / tau) * tau / pieces
     w = u[0]
     for k in range(len(u)):
-        out[k] = u[k] + (w - u[k]) * share
-        w = u[k] + (w - u[k]) * decay
+        i = k % count
+        out[k] = u[k] + (w - u[k]) * share[i]
+        w = u[k] + (w - u[k]) * decay[i]
+    if tau < _NONE:
+        _spread(u, out, pieces)
     return out
 
 
 @njit(cache=True)
-def delay_held_input(u: Array, delay: float, part: float = 1.0) -> Array:
-    """Return the mean over each step's first `part` of a held input delayed by `delay` samples; below 0 it is early."""
-    out = np.empty_like(u)
-    part = 1.0 if abs(delay) < _NONE else part
-    whole = math.floor(delay)
-    late = min((delay - whole) / part, 1.0)
-    last = len(u) - 1
+def _spread(u: Array, out: Array, pieces: Array) -> None:
+    """Give every piece of a step the mean of what has changed in it."""
+    count = len(pieces)
+    for k in range(0, len(u), count):
+        mean = 0.0
+        for i in range(count):
+            mean += pieces[i] * (out[k + i] - u[k + i])
+        for i in range(count):
+            out[k + i] = u[k + i] + mean
+
+
+@njit(cache=True)
+def delay_held_input(u: Array, delay: float, pieces: Array = WHOLE) -> Array:
+    """Return each piece's mean of a held input delayed by `delay` samples (exact); below 0 it comes early.
+
+    Before the first sample and after the last it holds.
+    """
+    out, count, last = np.empty_like(u), len(pieces), len(u) - 1
+    starts = np.cumsum(pieces) - pieces
     for k in range(len(u)):
-        near = u[min(max(k - whole, 0), last)]
-        far = u[min(max(k - whole - 1, 0), last)]
-        out[k] = (1.0 - late) * near + late * far
+        i = k % count
+        at, left, total = starts[i] - delay, pieces[i], 0.0  # in steps, from the start of this one on
+        while left > 0.0:
+            whole = math.floor(at)
+            j = count - 1
+            while j > 0 and at - whole < starts[j] - _ROUNDING:
+                j -= 1
+            end = starts[j] + pieces[j] + whole
+            room = min(max(end - at, _ROUNDING), left)
+            total += room * u[min(max(k - i + whole * count + j, 0), last)]
+            at, left = max(at + room, end) if room < left else at + room, left - room
+        out[k] = total / pieces[i]
+    if abs(delay) < _NONE:
+        _spread(u, out, pieces)
     return out
 
 
 @njit(cache=True)
-def _second_order(u: Array, values: Array, step: float, part: float) -> Array:
-    """Follow w'' = ω² (u − w) − 2ζω w' from rest, values (1/ω in s, ζ); the mean over each step's first part, exact.
+def _second_order(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Follow w'' = ω² (u − w) − 2ζω w' from rest, values (1/ω in s, ζ); the mean over each piece, exact.
 
     The mean of w over a time p is u − (w'_end − w'_start)/(ω² p) − 2ζ (w_end − w_start)/(ω p).
     """
@@ -87,45 +111,42 @@ def _second_order(u: Array, values: Array, step: float, part: float) -> Array:
     if values[0] <= 1e-9 * step:
         out[:] = u
         return out
-    part = 1.0 if values[0] < _NONE * step else part
-    zeta = min(max(values[1], 0.05), 0.999)
-    w = part * step / values[0]
-    seen, whole = _turn(w, zeta), _turn(step / values[0], zeta)
+    count, zeta = len(pieces), min(max(values[1], 0.05), 0.999)
+    w, root = pieces * step / values[0], math.sqrt(1.0 - zeta * zeta)
+    decay, c, s = np.exp(-zeta * w), np.cos(w * root), np.sin(w * root)
     x, v = u[0], 0.0  # v is w'/ω
     for k in range(len(u)):
+        i = k % count
         d = x - u[k]
-        d_seen, v_seen = seen[0] * d + seen[1] * v, seen[2] * v - seen[1] * d
-        out[k] = u[k] - ((v_seen - v) + 2.0 * zeta * (d_seen - d)) / w
-        x, v = u[k] + whole[0] * d + whole[1] * v, whole[2] * v - whole[1] * d
+        d_next = decay[i] * (d * (c[i] + zeta / root * s[i]) + v / root * s[i])
+        v_next = decay[i] * (v * (c[i] - zeta / root * s[i]) - d / root * s[i])
+        out[k] = u[k] - ((v_next - v) + 2.0 * zeta * (d_next - d)) / w[i]
+        x, v = u[k] + d_next, v_next
+    if values[0] < _NONE * step:
+        _spread(u, out, pieces)
     return out
 
 
 @njit(cache=True)
-def _turn(w: float, zeta: float) -> tuple[float, float, float]:
-    """Return what deviation d and rate v/ω become after an angle w: d a + v b, v c − d b."""
-    root = math.sqrt(1.0 - zeta * zeta)
-    decay, c, s = math.exp(-zeta * w), math.cos(w * root), math.sin(w * root)
-    return decay * (c + zeta / root * s), decay / root * s, decay * (c - zeta / root * s)
-
-
-@njit(cache=True)
-def _rate_limit(u: Array, values: Array, step: float, part: float) -> Array:
-    """Follow the command at no more than values[0] a second; blended in by values[1]; the mean over each first part."""
+def _rate_limit(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Follow the command at no more than values[0] a second; blended in by values[1]; the mean over each piece."""
     out = np.empty_like(u)
-    most, x = values[0] * step, u[0]
+    count, x = len(pieces), u[0]
     for k in range(len(u)):
-        gap = u[k] - x
-        if abs(gap) <= most * part:
-            mean = u[k] - 0.5 * gap * abs(gap) / (most * part) if most > 0 else u[k]  # a ramp, then there
+        gap, most = u[k] - x, values[0] * step * pieces[k % count]
+        if abs(gap) <= most:
+            mean = u[k] - 0.5 * gap * abs(gap) / most if most > 0 else u[k]  # a ramp, then there
+            x = u[k]
         else:
-            mean = x + 0.5 * math.copysign(most * part, gap)
-        x = u[k] if abs(gap) <= most else x + math.copysign(most, gap)
+            move = math.copysign(most, gap)
+            mean = x + 0.5 * move
+            x += move
         out[k] = u[k] + values[1] * (mean - u[k])
     return out
 
 
 @njit(cache=True)
-def _saturation(u: Array, values: Array, step: float, part: float) -> Array:
+def _saturation(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Keep the input within values (low, high); blended in by values[2]."""
     out = np.empty_like(u)
     for k in range(len(u)):
@@ -134,7 +155,7 @@ def _saturation(u: Array, values: Array, step: float, part: float) -> Array:
 
 
 @njit(cache=True)
-def _deadband(u: Array, values: Array, step: float, part: float) -> Array:
+def _deadband(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Hold the last value until the command has moved by values[0]; blended in by values[1]."""
     out = np.empty_like(u)
     x = u[0]
@@ -146,7 +167,7 @@ def _deadband(u: Array, values: Array, step: float, part: float) -> Array:
 
 
 @njit(cache=True)
-def _dead_zone(u: Array, values: Array, step: float, part: float) -> Array:
+def _dead_zone(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Let nothing through within ±values[0], beyond it what exceeds that; blended in by values[1]."""
     out = np.empty_like(u)
     for k in range(len(u)):
@@ -156,7 +177,7 @@ def _dead_zone(u: Array, values: Array, step: float, part: float) -> Array:
 
 
 @njit(cache=True)
-def _backlash(u: Array, values: Array, step: float, part: float) -> Array:
+def _backlash(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Follow with a play of full width values[0]; blended in by values[1]."""
     out = np.empty_like(u)
     x, half = u[0], 0.5 * values[0]
@@ -167,7 +188,7 @@ def _backlash(u: Array, values: Array, step: float, part: float) -> Array:
 
 
 @njit(cache=True)
-def _quantisation(u: Array, values: Array, step: float, part: float) -> Array:
+def _quantisation(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Round to multiples of values[0]; blended in by values[1]."""
     out = np.empty_like(u)
     for k in range(len(u)):
@@ -177,27 +198,27 @@ def _quantisation(u: Array, values: Array, step: float, part: float) -> Array:
 
 
 @njit(cache=True)
-def _lead_lag(u: Array, values: Array, step: float, part: float) -> Array:
+def _lead_lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Add values[1] times what is left of the input's changes, which die away with time constant values[0] s."""
-    slow = lag_held_input(u, values[0] / step, part)
+    slow = lag_held_input(u, values[0] / step, pieces)
     out: Array = u + values[1] * (u - slow)
     return out
 
 
 @njit(cache=True)
-def _indicial(u: Array, values: Array, step: float, part: float) -> Array:
+def _indicial(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Add values[1] times what is left of the input's changes: two thirds of it die away 6.6 times as fast as the rest.
 
     The two terms of Jones' approximation to Wagner's function, 0.165 e^(-0.0455 s) and 0.335 e^(-0.3 s); values[0] is
     the slow time constant in s.
     """
-    fast = lag_held_input(u, values[0] * (0.0455 / 0.3) / step, part)
-    slow = lag_held_input(u, values[0] / step, part)
+    fast = lag_held_input(u, values[0] * (0.0455 / 0.3) / step, pieces)
+    slow = lag_held_input(u, values[0] / step, pieces)
     out: Array = u + values[1] * (u - 0.67 * fast - 0.33 * slow)
     return out
 
 
-def _scale(u: Array, values: Array, step: float, part: float) -> Array:
+def _scale(u: Array, values: Array, step: float, pieces: Array) -> Array:
     scaled: Array = u * (1.0 + values[1] * (values[0] - 1.0))
     return scaled
 
@@ -207,12 +228,12 @@ KINDS: dict[str, FilterKind] = {
     "transport_delay": FilterKind(("delay_s",), _delay),
     "actuator_second_order": FilterKind(("inverse_omega_s", "damping"), _second_order),
     "rate_limit": FilterKind(("rate_per_s", "share"), _rate_limit),
-    "input_saturation": FilterKind(("low", "high", "share"), _saturation, lasting=False),
-    "deadband": FilterKind(("width", "share"), _deadband, lasting=False),
-    "dead_zone": FilterKind(("width", "share"), _dead_zone, lasting=False),
-    "backlash": FilterKind(("width", "share"), _backlash, lasting=False),
-    "input_quantisation": FilterKind(("spacing", "share"), _quantisation, lasting=False),
-    "input_scale": FilterKind(("factor", "share"), _scale, lasting=False),
+    "input_saturation": FilterKind(("low", "high", "share"), _saturation),
+    "deadband": FilterKind(("width", "share"), _deadband),
+    "dead_zone": FilterKind(("width", "share"), _dead_zone),
+    "backlash": FilterKind(("width", "share"), _backlash),
+    "input_quantisation": FilterKind(("spacing", "share"), _quantisation),
+    "input_scale": FilterKind(("factor", "share"), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
     "indicial": FilterKind(("tau_s", "gain"), _indicial),
 }

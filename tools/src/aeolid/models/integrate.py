@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
-from aeolid.models.input_filters import KINDS, SEEN
+from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import march, outputs, reading_jacobian, settle, slope, state_jacobian
 
@@ -185,29 +185,27 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
 
     An output is sampled as a step begins, the states follow what acts over all of it.
     """
-    model = compiled.model
-    acting = apply_filters(model, u, theta, step)
-    return np.hstack([acting, apply_filters(model, u, theta, step, SEEN)]) if compiled.looks else acting
+    if not compiled.looks:
+        return apply_filters(compiled.model, u, theta, step)
+    both = apply_filters(compiled.model, np.repeat(u, 2, axis=0), theta, step, SPLIT)
+    first, second = both[::2], both[1::2]
+    return np.hstack([SPLIT[0] * first + SPLIT[1] * second, first])
 
 
-def apply_filters(model: Equations, u: Array, theta: Array, step: float, part: float = 1.0) -> Array:
-    """Pass the recorded inputs (N, r) through what lies in front of the plant, in the order of the model's filters.
+def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> Array:
+    """Pass inputs (N·p, r) through what lies in front of the plant, in the order of the model's filters.
 
-    Returns their means over the first `part` of each step; what comes after another filter follows that one's means
-    over whole steps.
+    pieces (p,): of a step, of which the rows are the means, one after another; in one piece the recorded inputs.
     """
     if not model.filters:
         return np.ascontiguousarray(u)
-    acting, seen = np.array(u, dtype=float), np.array(u, dtype=float)
+    result = np.array(u, dtype=float)
     names = [s.name for s in model.inputs]
     for f in model.filters:
-        kind, column = KINDS[f.kind], names.index(f.channel)
+        column = names.index(f.channel)
         values = np.array([theta[model.index(p)] for p in f.parameters])
-        driving = np.ascontiguousarray((acting if kind.lasting else seen)[:, column])
-        if part < 1:
-            seen[:, column] = kind.rule(driving, values, step, part)
-        acting[:, column] = kind.rule(np.ascontiguousarray(acting[:, column]), values, step, 1.0)
-    return seen if part < 1 else acting
+        result[:, column] = KINDS[f.kind].rule(np.ascontiguousarray(result[:, column]), values, step, pieces)
+    return result
 
 
 def _check_step(model: Equations, step: float) -> None:
