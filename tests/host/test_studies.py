@@ -2,6 +2,7 @@
 
 import json
 
+import pytest
 from study_modules import load_study
 
 
@@ -81,3 +82,19 @@ def test_known_cases_that_are_absent_are_said(tmp_path, capsys):
     study = load_study("known")
     assert study.main(["--cases", str(tmp_path / "none"), "--out", str(tmp_path)]) == 2
     assert str(tmp_path / "none") in capsys.readouterr().err
+
+
+def test_told_values_are_held_against_the_truth(tmp_path, capsys):
+    """One effect fitted as itself; the table counts bands that hold the truth, and a crash as nothing fitted."""
+    study = load_study("told_values")
+    number = next(n for n, i in enumerate(study.valued()) if (i.what, i.plant) == ("drive lags", "heater"))
+    row = study.one(number, 0, 1500)
+    assert row["key"] == "actuator_lag input:power" and abs(row["told"] - row["true"]) < 4 * row["std"]
+    away = row | {"told": row["true"] + 3 * row["std"], "seed": 1}
+    nothing = {k: row[k] for k in ("effect", "plant", "label", "number")} | {"seed": 2, "key": None, "why": "crash: 1"}
+    said = study.table([row | {"told": row["true"]}, away, nothing])
+    assert "1 of 2 in their 90 % band" in said and "+0, +3 | 2 of 3 |" in said
+    out = tmp_path / "rows.jsonl"
+    out.write_text(json.dumps(row) + "\n")
+    with pytest.raises(SystemExit, match="no effect or plant is called nonsense"):
+        study.main(["--only", "nonsense", "--out", str(out)])

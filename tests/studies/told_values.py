@@ -98,7 +98,7 @@ def table(rows: list[Facts]) -> str:
     return "\n".join([*lines, "", f"median error {np.median(errors):.2%}; {share}" if errors else "nothing fitted"])
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """Run what FILE does not hold yet and print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=3)
@@ -106,7 +106,7 @@ def main() -> int:
     parser.add_argument("--samples", type=int, default=6000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("build/told_values.jsonl"))
-    o = parser.parse_args()
+    o = parser.parse_args(arguments)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     kept = [n for n, i in enumerate(valued()) if not o.only or any(w in (i.what, i.plant) for w in o.only)]
     if not kept:
