@@ -168,6 +168,16 @@ def test_a_shift_goes_either_way(delay: float, part: float) -> None:
     np.testing.assert_allclose(found, means(fine[where], part), atol=1e-9)
 
 
+@pytest.mark.parametrize("delay", [*np.random.default_rng(2).uniform(-9e4, 9e4, 40).tolist(), 65536.1, 12345.1, 1e15])
+def test_the_longest_dead_time_ends(delay: float) -> None:
+    """However coarse the numbers are out there: pieces once were counted from a start that no step could reach."""
+    u = np.repeat(SMOOTH, 2)
+    found = KINDS["transport_delay"].rule(u, np.array([delay * STEP]), STEP, SPLIT)
+    np.testing.assert_allclose(found, u[0] if delay > 0 else u[-1], rtol=1e-9)
+    for nothing in (np.nan, np.inf, -np.inf):
+        assert np.all(np.isnan(KINDS["transport_delay"].rule(u, np.array([nothing]), STEP, SPLIT)))
+
+
 def test_a_drive_at_rest_stays_at_rest() -> None:
     """Every kind leaves a command that never moves alone, from the first sample on (dead zone and levels aside)."""
     u = SIGNALS["constant"]

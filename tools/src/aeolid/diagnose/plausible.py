@@ -117,7 +117,7 @@ def _deviation(slot: Slot, place: int, fit: Fit, model: Equations) -> float:
     z deviations, borne out over n rows, 90 % lie within 7.7 n/z² rows (20,000 walks drawn: 7.8).
     """
     std = float(fit.std[place])
-    if slot.change is None:
+    if slot.change is None or model.index(slot.change[0]) not in fit.free.theta:
         return std
     name, row_s = slot.change
     size = fit.free.theta.index(model.index(name))

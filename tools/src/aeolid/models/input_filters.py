@@ -79,13 +79,15 @@ def _spread(u: Array, out: Array, pieces: Array) -> None:
 def delay_held_input(u: Array, delay: float, pieces: Array = WHOLE) -> Array:
     """Return each piece's mean of a held input delayed by `delay` samples (exact); below 0 it comes early.
 
-    Before the first sample and after the last it holds.
+    Before the first sample and after the last it holds. Of a delay that is no number nothing comes but NaN.
     """
-    out, count, last = np.empty_like(u), len(pieces), len(u) - 1
-    starts = np.cumsum(pieces) - pieces
+    out, count, last = np.full_like(u, np.nan), len(pieces), len(u) - 1
+    if not math.isfinite(delay):
+        return out
+    starts, far = np.cumsum(pieces) - pieces, math.floor(delay)
     for k in range(len(u)):
         i = k % count
-        at, left, total = starts[i] - delay, pieces[i], 0.0  # in steps, from the start of this one on
+        at, left, total = starts[i] - (delay - far), pieces[i], 0.0  # steps, from the start of the one `far` before
         while left > 0.0:
             whole = math.floor(at)
             j = count - 1
@@ -93,7 +95,7 @@ def delay_held_input(u: Array, delay: float, pieces: Array = WHOLE) -> Array:
                 j -= 1
             end = starts[j] + pieces[j] + whole
             room = min(max(end - at, _ROUNDING), left)
-            total += room * u[min(max(k - i + whole * count + j, 0), last)]
+            total += room * u[min(max(k - i + (whole - far) * count + j, 0), last)]
             at, left = max(at + room, end) if room < left else at + room, left - room
         out[k] = total / pieces[i]
     if abs(delay) < _NONE:
