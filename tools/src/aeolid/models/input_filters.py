@@ -84,6 +84,9 @@ def delay_held_input(u: Array, delay: float, pieces: Array = WHOLE) -> Array:
     out, count, last = np.full_like(u, np.nan), len(pieces), len(u) - 1
     if not math.isfinite(delay):
         return out
+    if delay == 0.0:
+        out[:] = u
+        return out
     starts, far = np.cumsum(pieces) - pieces, math.floor(delay)
     for k in range(len(u)):
         i = k % count
