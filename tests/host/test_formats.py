@@ -152,6 +152,18 @@ def test_damaged_matlab_files_are_refused_or_read(
     read_damaged(tmp_path_factory.mktemp("damaged") / name, name, data)
 
 
+@pytest.mark.parametrize("cell", [b"\xa01.5", b"1_5", b"1.5\x85", b"nought"])
+def test_a_cell_that_is_no_number_is_named_whatever_blanks_it_has(tmp_path: Path, cell: bytes) -> None:
+    """A blank of Latin-1 is one to text and none to bytes: the search for the bad cell found none, and crashed."""
+    as_out(tmp_path / "a.out")
+    lines = (tmp_path / "a.out").read_bytes().split(b"\n")
+    cells = lines[10].split()
+    lines[10] = b" ".join([*cells[:-1], cell])
+    (tmp_path / "a.out").write_bytes(b"\n".join(lines))
+    with pytest.raises(DataError, match=r"a\.out: .*sample 3 \(line 11\)"):
+        read_record(tmp_path / "a.out", ROLES)
+
+
 def test_a_reader_that_crashes_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     as_mat(tmp_path / "a.mat")
     monkeypatch.setattr("aeolid.formats.matlab._CONVERT", "import os; os.abort()")

@@ -76,12 +76,24 @@ def _out_rows(
             continue
         if len(cells) != len(names):
             raise _ragged(path, number, first, len(names), len(cells))
-        try:
-            yield [float(cells[i]) for i in index]
-        except ValueError:
-            bad = next(i for i in index if not _is_number(cells[i].decode("latin-1")))
-            place = f"sample {number + 1} (line {first + number})"
-            raise text_error(path, names[bad], place, cells[bad].decode("latin-1")) from None
+        bad = next((i for i in index if b"_" in cells[i]), None) if b"_" in line else None
+        if bad is None:
+            try:
+                yield [float(cells[i]) for i in index]
+                continue
+            except ValueError:
+                bad = next(i for i in index if not _reads(cells[i]))
+        place = f"sample {number + 1} (line {first + number})"
+        raise text_error(path, names[bad], place, cells[bad].decode("latin-1"))
+
+
+def _reads(cell: bytes) -> bool:
+    """Tell whether the bytes are a number; as text a blank beyond ASCII would be stripped."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _open(path: Path) -> IO[bytes]:
