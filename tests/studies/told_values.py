@@ -25,7 +25,8 @@ from typing import Any
 
 import numpy as np
 
-Z90 = 1.6449
+from aeolid.challenge.judge import Z90
+
 PLACES = 4  # best scored, at which the entry is tried
 Facts = dict[str, Any]
 
