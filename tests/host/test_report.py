@@ -21,6 +21,7 @@ from aeolid.report import identification_facts, render_demo, render_diagnosis, r
 from aeolid.report.bode import _deviation, _phase, _shade
 from aeolid.report.charts import AFTER, GREY, decade, sketch, smooth_spectrum, thin
 from aeolid.report.diagnosis import verdict_sentence
+from aeolid.report.evidence import score_bank
 from aeolid.report.identification import _singular_values
 from aeolid.report.markup import Html, tag, write_page
 from aeolid.report.numbers import number, with_std
@@ -141,6 +142,13 @@ def test_every_verdict_has_a_sentence(verdict: str, tmp_path: Path) -> None:
     sentence = verdict_sentence(diagnosis)
     assert len(sentence) > 20 and sentence.endswith(".")
     assert sentence in Text(page_of(lambda p: render_diagnosis(diagnosis, {}, p), tmp_path)).seen
+
+
+def test_what_is_named_is_shown_among_the_effects_tried_however_softly_it_speaks() -> None:
+    loud = [{"id": "backlash", "entry": f"output:y{i}", "statistic": 9.0, "threshold": 4.4} for i in range(40)]
+    named = {"id": "actuator_lag", "entry": "input:pitch", "statistic": 2.98, "threshold": 4.4}
+    assert "actuator_lag" in score_bank([*loud, named], {("actuator_lag", "input:pitch")})
+    assert "actuator_lag" not in score_bank([*loud, named], set())
 
 
 @pytest.mark.parametrize("key", ["none", *report_examples.evidence()])

@@ -104,7 +104,7 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     if not bank:
         return Html("")
     ranked = sorted(bank, key=lambda e: -(e.get("statistic") or 0.0))
-    shown = ranked[:_MOST_BARS]
+    shown = [e for i, e in enumerate(ranked) if i < _MOST_BARS or (e.get("id"), e.get("entry")) in found]
     names = [f"{e.get('id')}, {e['entry']}" if e.get("entry") else str(e.get("id")) for e in shown]
     with charts.sketch((charts.WIDE[0], 0.9 + 0.27 * len(shown))) as drawing:
         marked = {i for i, e in enumerate(shown) if (e.get("id"), e.get("entry")) in found}
@@ -119,8 +119,11 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     head = ["effect", "where", "#statistic", "#p value", "#one-step estimate", "#minimum detectable", "unit"]
     caption = (
         f"{len(bank)} effects tried. Right of its orange tick an effect is beyond what chance gives; blue: the effect"
-        " named above. What the model's own parameters could imitate has been projected out."
+        " named above. What the model's own parameters could imitate has been projected out. The score looks at"
+        " an effect of size zero and says what is worth a fit; what the fitted effect gains decides the name."
     )
+    if len(shown) < len(bank):
+        caption += f" Shown: the {_MOST_BARS} that speak loudest, and what is named."
     return section("Every effect that was tried", figure(drawing.svg, caption), table(head, rows))
 
 
