@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from small_cases import SWING_STEP as STEP
 from small_cases import swinging
+from test_diagnose_known import with_rounding
 
 from aeolid.diagnose import beyond, pipeline
 from aeolid.diagnose.beyond import beyond_the_catalogue, form_beyond, reader, ringing
@@ -71,6 +72,13 @@ def test_a_form_that_no_entry_has_is_described_and_not_named(
     assert whole is not None
     model = corrected_model(result.prepared, whole.fit, whole)
     assert any(p.name.startswith(hidden_as(hidden)) for p in model.parameters)
+
+
+def test_rounding_does_not_choose_between_a_name_and_a_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A drive whose action bends was a saturated one, that or a mass 4 % off, or `unnamed`, by the 13th digit."""
+    with_rounding(monkeypatch, 3)
+    found = diagnose(study(load_case(swinging(tmp_path, bend=-0.15)), sham=0, seed=1, progress=lambda *_: None))
+    assert (found["verdict"], found["effects"]) == ("unnamed", []), found["statement"]
 
 
 def hidden_as(hidden: str) -> str:

@@ -14,9 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.gains import forgets, kalman_gain
+from aeolid.diagnose.kinks import beyond_kinks
 from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density, touched
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.reflection import reflected
 from aeolid.diagnose.sensitivity import sensitivity
+from aeolid.diagnose.settling import settled
 from aeolid.diagnose.steps import LEAST_VARIANCE, expected_gain, limited_step, limits_of, next_damping
 from aeolid.models.integrate import Compiled, driven, substeps
 from aeolid.models.machine_code import LANES
@@ -227,39 +230,60 @@ class Predictor:
         """Minimise the objective from `start` by damped Gauss–Newton; None where the start itself diverges.
 
         Sensitivities serve several steps, as long as each still gains a fifth of the first one. Stops when one set of
-        them gains less than `tolerance` nats. Cost: k + 1 filter passes an iteration, a few for each further step.
+        them gains less than `tolerance` nats and promises no more; where it does, kinks are looked beyond, then the
+        values on them held. Cost: k + 1 filter passes an iteration, a few for each further step.
         """
         value, point, damping = self.objective(start), start, 1e-3
+        held: tuple[int, ...] = ()
         if value >= _HUGE:
             return None
         for _ in range(iterations):
             begun, slopes, first = value, None, 0.0
             for _ in range(_STEPS):
                 before, kept = value, damping
-                slopes, value, point, damping = self._step(value, point, free, damping, slopes)
+                slopes, value, point, damping = self._step(value, point, free, damping, slopes, held)
                 damping = kept if value == before else damping  # old sensitivities failed, new ones need not
                 first = max(first, before - value)
                 if before - value < max(tolerance, 0.2 * first):
                     break
             if begun - value < tolerance:
-                break
+                promised = self._promised(point, free, slopes, tolerance)
+                found = beyond_kinks(self, value, point, free, promised)
+                if found.value > value - tolerance and (held or not found.kinks):
+                    break
+                held = found.kinks if found.value > value - tolerance else ()
+                value, point, damping = found.value, found.point, 1e-3
         return value, point
 
+    def _promised(self, point: Point, free: Free, slopes: _Slopes | None, tolerance: float) -> Array:
+        """Return the nats that each free θ alone would gain by its slope, 0 below the tolerance or out of its range."""
+        count = len(free.theta)
+        if slopes is None or not count:
+            return np.zeros(count)
+        downhill = self._downhill(point, slopes, self._noise_and_base(point)[1])[:count]
+        theta, low, high = (v[list(free.theta)] for v in (point.theta, self.scales.low, self.scales.high))
+        blocked = ((theta <= low) & (downhill < 0)) | ((theta >= high) & (downhill > 0))
+        alone = downhill**2 / np.maximum(2 * np.diag(slopes.gram)[:count], 1e-300)
+        return np.where((alone > tolerance) & ~blocked, alone, 0.0)
+
     def _step(
-        self, value: float, point: Point, free: Free, damping: float, slopes: _Slopes | None
+        self, value: float, point: Point, free: Free, damping: float, slopes: _Slopes | None, held: tuple[int, ...]
     ) -> tuple[_Slopes, float, Point, float]:
-        """Take one damped step with given or new sensitivities; returns them, the value, the point, the damping."""
-        innovations = self.innovations(point)
-        noise = self.noise_of(innovations)
-        assert noise is not None  # the objective was finite here
-        base = self.whitened(innovations, noise)
+        """Take one damped step with given or new sensitivities; returns them, the value, the point, the damping.
+
+        held: places in the free θ that stay.
+        """
+        noise, base = self._noise_and_base(point)
         slopes = self._slopes(sensitivity(self, point, noise, base, free), free) if slopes is None else slopes
-        downhill = slopes.jacobian.T @ base + slopes.prior.T @ self.scales.prior.residual(point.theta)
-        limits = limits_of(self, point, free, len(downhill))
+        downhill = self._downhill(point, slopes, base)
+        limits = limits_of(self, point, free, len(downhill)).holding(held)
         for _ in range(_TRIES):
             step = limited_step(slopes.gram, downhill, damping, limits)
-            trial = self._move(point, free, step)
+            trial = self.move(point, free, step)
             trial_value = self.objective(trial)
+            if trial_value >= _HUGE and trial.K is not None:  # most often through the unit circle: go on behind it
+                trial = reflected(self.compiled, self.middle, trial, free, noise.covariance, self.segments[0].step)
+                trial_value = self.objective(trial)
             if trial_value < value:
                 squares = float(downhill @ step - 0.5 * step @ slopes.gram @ step)
                 share = (value - trial_value) / expected_gain(squares, len(base))
@@ -267,16 +291,23 @@ class Predictor:
             damping = min(damping * 10 + 1e-6, 1e6)
         return slopes, value, point, damping
 
+    def _noise_and_base(self, point: Point) -> tuple[Noise, Array]:
+        innovations = self.innovations(point)
+        noise = self.noise_of(innovations)
+        assert noise is not None  # the objective was finite here
+        return noise, self.whitened(innovations, noise)
+
+    def _downhill(self, point: Point, slopes: _Slopes, base: Array) -> Array:
+        found: Array = slopes.jacobian.T @ base + slopes.prior.T @ self.scales.prior.residual(point.theta)
+        return found
+
     def _slopes(self, jacobian: Array, free: Free) -> _Slopes:
         prior = self._prior_columns(free, jacobian.shape[1])
         return _Slopes(jacobian, prior, jacobian.T @ jacobian + prior.T @ prior)
 
     def at(self, point: Point, free: Free) -> Fit:
         """Return residuals, sensitivities and likelihood at a point, noise model estimated there."""
-        innovations = self.innovations(point)
-        noise = self.noise_of(innovations)
-        assert noise is not None
-        base = self.whitened(innovations, noise)
+        noise, base = self._noise_and_base(point)
         per_sample = log_density(base, noise, self.segments[0].y.shape[1])
         jacobian = sensitivity(self, point, noise, base, free)
         prior = self.scales.prior.residual(point.theta), self._prior_columns(free, jacobian.shape[1])
@@ -287,7 +318,8 @@ class Predictor:
         root: Array = self.scales.prior.root
         return np.hstack([root[:, list(free.theta)], np.zeros((len(root), width - len(free.theta)))])
 
-    def _move(self, point: Point, free: Free, step: Array) -> Point:
+    def move(self, point: Point, free: Free, step: Array) -> Point:
+        """Return the point a step (k,) further: free θ, noise variances, gains and starts, in that order."""
         theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]
         K = None if point.K is None else point.K.copy()
         c = len(free.theta)
@@ -311,40 +343,7 @@ class Predictor:
         amplitude), estimated on it for every model alike, so that what counts is the size of the errors.
         """
         other = self.on(segments)
-        point = replace(fit.point, x0=tuple(_settle(self.on([s.head(s.burn)]), fit) for s in segments))
+        point = replace(fit.point, x0=tuple(settled(self.on([s.head(s.burn)]), fit) for s in segments))
         white = other.whitened(other.innovations(point), fit.noise)
         lengths = [len(s.y) - s.burn for s in segments]
         return levelled_density(white, fit.noise, lengths), other, point
-
-
-def _settle(head: Predictor, fit: Fit) -> Array:
-    """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start."""
-    free = Free((), (), (), fit.free.x0)  # states of effects that are not in the fit stay at rest
-    best, choice = np.inf, fit.point.x0[0]
-    for start in (head.compiled.model.x0, fit.point.x0[0]):
-        point, damping = replace(fit.point, x0=(start,)), 1e-3
-        value, base = _squares(head, point, fit.noise)
-        for _ in range(15):
-            if not np.isfinite(value):
-                break
-            jacobian = sensitivity(head, point, fit.noise, base, free)
-            normal = jacobian.T @ jacobian, jacobian.T @ base  # no prior knows of the start
-            limits = limits_of(head, point, free, jacobian.shape[1])
-            before = value
-            for _ in range(8):
-                trial = head._move(point, free, limited_step(*normal, damping, limits))
-                trial_value, trial_base = _squares(head, trial, fit.noise)
-                if trial_value < value:
-                    point, value, base, damping = trial, trial_value, trial_base, damping * 0.1
-                    break
-                damping = damping * 10 + 1e-6
-            if before - value < 1e-3 * (1 + value):
-                break
-        if value < best:
-            best, choice = value, point.x0[0]
-    return choice
-
-
-def _squares(predictor: Predictor, point: Point, noise: Noise) -> tuple[float, Array]:
-    base = predictor.whitened(predictor.innovations(point), noise)
-    return (float(base @ base) if np.all(np.abs(base) < 1e9) else np.inf), base

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,12 @@ class Limits:
     high: Array
     slopes: Array
     slack: Array
+
+    def holding(self, places: Sequence[int]) -> Limits:
+        """Return the limits with some of the first entries held where they are."""
+        low, high = self.low.copy(), self.high.copy()
+        low[list(places)] = high[list(places)] = self.value[list(places)]
+        return replace(self, low=low, high=high)
 
 
 def limits_of(predictor: Predictor, point: Point, free: Free, width: int) -> Limits:

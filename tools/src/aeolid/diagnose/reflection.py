@@ -1,0 +1,57 @@
+"""Bring a gain whose predictor does not forget back: the gain that forgets, of the same spectrum."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import schur, solve_discrete_lyapunov
+
+from aeolid.diagnose.gains import closed_loop
+from aeolid.diagnose.point import Free, Point
+from aeolid.models.integrate import Compiled
+
+Array = NDArray[np.float64]
+
+
+def reflected(
+    compiled: Compiled, middle: tuple[Array, Array], point: Point, free: Free, covariance: Array, step: float
+) -> Point:
+    """Return the point with its gain reflected at the unit circle; itself where that cannot be or nothing is outside.
+
+    covariance (l, l): that of the innovations. All of the gain must be free, or its changes fall on what is.
+    """
+    assert point.K is not None
+    closed, C = closed_loop(compiled, middle, point.theta, point.K, step)
+    if not np.all(np.isfinite(closed)) or not np.all(np.isfinite(C)):
+        return point
+    K = reflect(closed, C, point.K, covariance)
+    if K is None:
+        return point
+    held = np.ones(K.shape, dtype=bool)
+    if free.gain:
+        held[tuple(np.array(free.gain).T)] = False
+    return replace(point, K=K) if np.array_equal(K[held], point.K[held]) else point
+
+
+def reflect(closed: Array, C: Array, K: Array, covariance: Array) -> Array | None:
+    """Return the gain (n, l) of the same output spectrum whose A − K C has each outer eigenvalue λ at 1/λ̄.
+
+    closed (n, n): F = A − K C; C (l, n); covariance R (l, l). x⁺ = A x + K e, y = C x + e has one spectrum and many
+    gains; the Kalman filter's is the one that forgets: K + F P Cᵀ (R + C P Cᵀ)⁻¹ with P = F (P⁻¹ + Cᵀ R⁻¹ C)⁻¹ Fᵀ on
+    the outer eigenspace (Anderson & Moore 1979, section 9.3), there a Stein equation for P⁻¹. None where it has no
+    solution: a mode outside that no output shows.
+    """
+    T, Z, outer = schur(closed, output="real", sort="ouc")
+    if not outer:
+        return None
+    V, F = Z[:, :outer], T[:outer, :outer]
+    seen, back = C @ V, np.linalg.inv(F)
+    information = seen.T @ np.linalg.solve(covariance, seen)
+    X = solve_discrete_lyapunov(back.T, back.T @ information @ back)
+    if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(0.5 * (X + X.T))[0] <= 0:
+        return None
+    P = V @ np.linalg.solve(X, V.T)
+    change = np.linalg.solve(covariance + C @ P @ C.T, C @ P @ closed.T).T
+    return K + change if np.all(np.isfinite(change)) else None
