@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from aeolid.diagnose.predictor import Predictor
 
 Array = NDArray[np.float64]
-_LADDER = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)  # steps along one value, in typical sizes, to both sides
+_LADDER = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # steps along one value, in typical sizes, to both sides
 _MOST = 8  # values that are looked along
 
 
@@ -32,7 +32,7 @@ def beyond_kinks(predictor: Predictor, value: float, point: Point, free: Free, p
 
     The likelihood of a limit has a kink wherever it meets a recorded sample, and a local optimum at many of them: a
     saturated drive stood at one, 100 nats short, and held all other values where they were, for no step that moved it
-    gained. Cost: up to 14 filter passes a value, eight values.
+    gained. Cost: twelve filter passes a value, eight values at most.
     """
     scales, found, kinks = predictor.scales, (value, point), []
     loudest = sorted(range(len(free.theta)), key=lambda place: -promised[place])[:_MOST]
