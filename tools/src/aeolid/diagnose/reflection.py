@@ -18,9 +18,10 @@ Array = NDArray[np.float64]
 def reflected(
     compiled: Compiled, middle: tuple[Array, Array], point: Point, free: Free, covariance: Array, step: float
 ) -> Point:
-    """Return the point with its gain reflected at the unit circle; itself where that cannot be or nothing is outside.
+    """Return the point with its gain reflected at the unit circle.
 
-    covariance (l, l): that of the innovations. All of the gain must be free, or its changes fall on what is.
+    Itself where nothing lies outside, where that cannot be, or where entries of the gain would move that are not free.
+    covariance (l, l): that of the innovations. Cost: a few decompositions of n × n matrices.
     """
     assert point.K is not None
     closed, C = closed_loop(compiled, middle, point.theta, point.K, step)
