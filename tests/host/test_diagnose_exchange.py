@@ -81,6 +81,7 @@ def rows_of(prepared: Prepared, *keys: str) -> list[Row]:
 LAG, FILTER, DRY = "sensor_lag output:speed", "sensor_second_order output:speed", "coulomb_friction state:v"
 
 
+@pytest.mark.timeout(900)  # seven fits, four with sticking, whose passes take small steps: two minutes of one core
 def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(tmp_path: Path) -> None:
     """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first."""
     case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(20.0, 0.4)))
