@@ -53,6 +53,16 @@ def test_the_spectrum_stays_and_each_outer_eigenvalue_is_reflected(seed: int, ra
     assert np.linalg.det(covariances[0].real) > np.linalg.det(R)  # what cannot be predicted is larger than R
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("outer", [1.0, 1 + 2.3e-16, 1 + 1e-12, 1.2, 1e160])
+@pytest.mark.parametrize("covariance", [0.0, 1e-300, 1.0, np.nan])
+@pytest.mark.parametrize("seen", [0.0, 1e-160, 1.0])
+def test_at_the_edge_of_what_numbers_hold_it_is_a_gain_or_none(outer: float, covariance: float, seen: float) -> None:
+    C = np.array([[seen, 1.0]])
+    found = reflect(np.diag([outer, 0.5]), C, np.full((2, 1), 0.1), np.array([[covariance]]))
+    assert found is None or bool(np.all(np.isfinite(found)))
+
+
 def test_a_gain_that_forgets_stays_and_what_no_output_shows_cannot_be_reflected() -> None:
     A, C, K, R = innovations_form(1, (0.9, 0.5, -0.4, 0.3))
     assert reflect(A - K @ C, C, K, R) is None

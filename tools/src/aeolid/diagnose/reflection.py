@@ -41,18 +41,29 @@ def reflect(closed: Array, C: Array, K: Array, covariance: Array) -> Array | Non
 
     closed (n, n): F = A − K C; C (l, n); covariance R (l, l). x⁺ = A x + K e, y = C x + e has one spectrum and many
     gains; the Kalman filter's is the one that forgets: K + F P Cᵀ (R + C P Cᵀ)⁻¹ with P = F (P⁻¹ + Cᵀ R⁻¹ C)⁻¹ Fᵀ on
-    the outer eigenspace (Anderson & Moore 1979, section 9.3), there a Stein equation for P⁻¹. None where it has no
-    solution: a mode outside that no output shows.
+    the outer eigenspace (Anderson & Moore 1979, section 9.3), there a Stein equation for P⁻¹, which stays solvable next
+    to the circle. None where nothing is outside or there is no solution: a mode outside that no output shows, a
+    singular R.
     """
+    try:
+        with np.errstate(all="ignore"):
+            P = _excess(closed, C, covariance)
+            if P is None:
+                return None
+            change = np.linalg.solve(covariance + C @ P @ C.T, C @ P @ closed.T).T
+    except (np.linalg.LinAlgError, ValueError):
+        return None
+    return K + change if np.all(np.isfinite(change)) else None
+
+
+def _excess(closed: Array, C: Array, covariance: Array) -> Array | None:
+    """Return P (n, n), what the state's error is on top of none; None where nothing is outside or nothing shows it."""
     T, Z, outer = schur(closed, output="real", sort="ouc")
     if not outer:
         return None
-    V, F = Z[:, :outer], T[:outer, :outer]
-    seen, back = C @ V, np.linalg.inv(F)
-    information = seen.T @ np.linalg.solve(covariance, seen)
-    X = solve_discrete_lyapunov(back.T, back.T @ information @ back)
+    V, back = Z[:, :outer], np.linalg.inv(T[:outer, :outer])
+    seen = C @ V
+    X = solve_discrete_lyapunov(back.T, back.T @ seen.T @ np.linalg.solve(covariance, seen) @ back)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(0.5 * (X + X.T))[0] <= 0:
         return None
-    P = V @ np.linalg.solve(X, V.T)
-    change = np.linalg.solve(covariance + C @ P @ C.T, C @ P @ closed.T).T
-    return K + change if np.all(np.isfinite(change)) else None
+    return np.asarray(V @ np.linalg.solve(X, V.T), dtype=np.float64)
