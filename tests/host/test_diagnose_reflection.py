@@ -63,6 +63,14 @@ def test_at_the_edge_of_what_numbers_hold_it_is_a_gain_or_none(outer: float, cov
     assert found is None or bool(np.all(np.isfinite(found)))
 
 
+@pytest.mark.filterwarnings("error")
+def test_eigenvalues_far_outside_and_on_the_circle_at_once_warn_nobody() -> None:
+    """The equations are then solved to few digits (1/condition 1e-18); what the gain is worth shows how well."""
+    C = np.array([[1.0, 1.0]])
+    found = reflect(np.array([[1e9, 1.0], [0.0, 1 + 1e-10]]), C, np.full((2, 1), 0.1), np.eye(1))
+    assert found is None or bool(np.all(np.isfinite(found)))
+
+
 def test_a_gain_that_forgets_stays_and_what_no_output_shows_cannot_be_reflected() -> None:
     A, C, K, R = innovations_form(1, (0.9, 0.5, -0.4, 0.3))
     assert reflect(A - K @ C, C, K, R) is None

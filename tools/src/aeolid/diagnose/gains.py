@@ -86,10 +86,16 @@ def closed_loop(
     compiled: Compiled, middle: tuple[Array, Array], theta: Array, K: Array, step: float
 ) -> tuple[Array, Array]:
     """Return A − K C (n, n) of one row and C (l, n), linearised at middle = (x, u); NaN where they are not finite."""
-    A = numeric_jacobian(compiled, *middle, theta)
+    A = row_matrix(compiled, middle, theta, step)
     if not np.all(np.isfinite(A)):
-        return np.full_like(A, np.nan), np.full(K.T.shape, np.nan)
-    if not compiled.model.sample_time_s:
-        A = np.asarray(expm(A * step))
+        return A, np.full(K.T.shape, np.nan)
     C = output_jacobian(compiled, *middle, theta, step)
     return A - K @ C, C
+
+
+def row_matrix(compiled: Compiled, middle: tuple[Array, Array], theta: Array, step: float) -> Array:
+    """Return A (n, n), which takes small deviations from middle = (x, u) on by one row; NaN where it is not finite."""
+    A = numeric_jacobian(compiled, *middle, theta)
+    if not np.all(np.isfinite(A)):
+        return np.full_like(A, np.nan)
+    return A if compiled.model.sample_time_s else np.asarray(expm(A * step))

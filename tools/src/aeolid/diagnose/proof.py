@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from aeolid.diagnose.gains import row_matrix
 from aeolid.diagnose.noise import colour_var
 from aeolid.diagnose.point import Point, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -16,6 +17,7 @@ from aeolid.diagnose.predictor import Fit, Predictor
 Array = NDArray[np.float64]
 _DRAWS = 2000
 PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
+_LEAST_ROWS = 20  # of a prediction restarted from the filtered state
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
@@ -41,7 +43,8 @@ def prove(
 
     Fit errors are those of predictions restarted from the filtered state every settling time (three of the model's
     slowest decaying time constants, at most a twentieth of the sealed data, at least 20 samples): long enough to show
-    the dynamics, short enough for a model that integrates.
+    the dynamics, short enough for a model that integrates. Where a linear one grows, it
+    starts again before errors of its start have grown by e: they would hide all else.
     """
     runs = []
     for predictor, fit in (before, after):
@@ -49,7 +52,9 @@ def prove(
         runs.append((np.where(np.isfinite(density), density, -1e3), other, point))
     difference = runs[1][0] - runs[0][0]
     interval = block_interval(difference, seed)
-    horizon = max(20, min(int(settle_s / sealed[0].step), sum(len(s.y) for s in sealed) // 20))
+    rows = sum(len(s.y) for s in sealed)
+    most = min(settle_s / sealed[0].step, rows // 20, *(_memory(*pair) for pair in (before, after)))
+    horizon = max(_LEAST_ROWS, int(most))
     names = [o.name for o in before[0].compiled.model.outputs]
     long_run = [_restarted(other, point, horizon) for _, other, point in runs]
     measured = np.vstack([s.y[s.burn :] for s in sealed])
@@ -61,6 +66,20 @@ def prove(
         dict(zip(names, nrmse[1], strict=True)), horizon * sealed[0].step, profile, series,
         _spectra(measured, long_run, names, sealed[0].step),
     )  # fmt: skip
+
+
+def _memory(predictor: Predictor, fit: Fit) -> float:
+    """Return in how many rows a linear model lets an error of its start grow by e; infinite where none grows.
+
+    Other models are not asked: what grows about one state (a friction that falls with speed) is bounded elsewhere.
+    """
+    if not predictor.compiled.model.sample_time_s:
+        return np.inf
+    A = row_matrix(predictor.compiled, predictor.middle, fit.point.theta, predictor.segments[0].step)
+    if not len(A) or not np.all(np.isfinite(A)):
+        return np.inf
+    growth = float(np.max(np.abs(np.linalg.eigvals(A))))
+    return 1.0 / np.log(growth) if growth > 1.0 else np.inf
 
 
 def block_interval(values: Array, seed: int, level: float = 0.9) -> tuple[float, float]:

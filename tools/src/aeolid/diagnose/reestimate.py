@@ -10,9 +10,11 @@ from aeolid.diagnose.moved import moved_in
 from aeolid.diagnose.plausible import objection, values_of, without_the_mute
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.recorded_modes import Known, recorded_modes
 from aeolid.diagnose.refit import without_slopes
 from aeolid.diagnose.split import Split
 
+_DEAR = 0.1  # of the effect's gain: a mode that costs more as the recording shows it is not what was fitted
 _ITERATIONS = 10  # Gauss–Newton iterations: the start is the best of half the data
 
 
@@ -45,10 +47,27 @@ def estimated_on_all(prepared: Prepared, candidate: Candidate) -> Candidate:
     fit = without_the_mute(candidate.attachments, fit, model)
     if objection(candidate.attachments, fit, model, candidate.fit_gain, candidate.parameters):
         return candidate
+    fit, known = _with_recorded_modes(prepared, candidate, predictor, fit)
     own = {s.name for a in candidate.attachments for s in a.slots}
     moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
-    values = {a.key: values_of(a, fit, model) for a in candidate.attachments}
+    values = {a.key: values_of(a, fit, model, known) for a in candidate.attachments}
     return replace(candidate, fit=without_slopes(fit), predictor=predictor, values=values, moved=moved)
+
+
+def _with_recorded_modes(prepared: Prepared, candidate: Candidate, predictor: Predictor, fit: Fit) -> tuple[Fit, Known]:
+    """Return the fit with modes held as the recording itself shows them, and these; as it was where that costs much."""
+    model = predictor.compiled.model
+    known = recorded_modes(prepared, candidate.attachments, fit, model)
+    places = {model.index(name): value for name, (value, _) in known.items()}
+    if not places:
+        return fit, {}
+    theta = fit.point.theta.copy()
+    theta[list(places)] = list(places.values())
+    free = replace(fit.free, theta=tuple(i for i in fit.free.theta if i not in places))
+    held = fit_quietly(predictor, replace(fit.point, theta=theta), free, iterations=_ITERATIONS)
+    if held is None or fit.log_posterior - held.log_posterior > _DEAR * candidate.fit_gain:
+        return fit, {}
+    return without_the_mute(candidate.attachments, held, model), known
 
 
 def _fitted_to_all(predictor: Predictor, fit: Fit, split: Split) -> tuple[Predictor, Fit] | None:

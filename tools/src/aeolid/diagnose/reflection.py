@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import schur, solve_discrete_lyapunov
+from scipy.linalg import schur
 
 from aeolid.diagnose.gains import closed_loop
 from aeolid.diagnose.point import Free, Point
@@ -63,7 +63,17 @@ def _excess(closed: Array, C: Array, covariance: Array) -> Array | None:
         return None
     V, back = Z[:, :outer], np.linalg.inv(T[:outer, :outer])
     seen = C @ V
-    X = solve_discrete_lyapunov(back.T, back.T @ seen.T @ np.linalg.solve(covariance, seen) @ back)
+    X = _stein(back.T, back.T @ seen.T @ np.linalg.solve(covariance, seen) @ back)
     if not np.all(np.isfinite(X)) or np.linalg.eigvalsh(0.5 * (X + X.T))[0] <= 0:
         return None
     return np.asarray(V @ np.linalg.solve(X, V.T), dtype=np.float64)
+
+
+def _stein(F: Array, Q: Array) -> Array:
+    """Return X (k, k) = F X Fᵀ + Q from its k² equations, k few; raises LinAlgError where they have no solution.
+
+    How well it solves them is not asked: what the gain is worth is. (scipy's solver warns the user of each.)
+    """
+    k = len(F)
+    X = np.linalg.solve(np.eye(k * k) - np.kron(F, F), Q.ravel())
+    return np.asarray(X, dtype=np.float64).reshape(k, k)

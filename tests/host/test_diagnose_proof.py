@@ -1,0 +1,73 @@
+"""Predictions over the sealed data are followed as far as they say something."""
+
+from __future__ import annotations
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.proof import prove
+from aeolid.models import equations_file
+from aeolid.models.integrate import compile_equations
+
+STEP, ROWS = 0.1, 4000
+MODEL = """
+[model]
+time = "discrete"
+sample_time_s = 0.1
+[parameters]
+a = { value = 0.5, min = -2.0, max = 2.0, free = true }
+[[state]]
+name = "x"
+next = "a*x + u"
+[[output]]
+name = "y"
+equation = "x"
+"""
+
+
+def pair(pole: float, sealed: Segment):  # type: ignore[no-untyped-def]
+    """Return a predictor whose gain holds a state of this pole, and the fit there."""
+    model = compile_equations(equations_file.from_toml(tomllib.loads(MODEL), MODEL, "model.toml"))
+    scales = Scales(
+        np.ones(1), np.ones((1, 1)), np.ones(1), np.array([-2.0]), np.array([2.0]),
+        Prior(np.zeros(1), np.zeros((0, 1))), np.ones(1),
+    )  # fmt: skip
+    predictor = Predictor(model, (sealed,), scales, 0)
+    point = Point(np.array([pole]), np.zeros(2), np.array([[pole - 0.3]]), (np.zeros(1),))
+    return predictor, predictor.at(point, Free((0,), (), (), (0,)))
+
+
+def held(pole: float) -> Segment:
+    """Play a state of this pole that feedback holds, the noise of the sensor fed back too."""
+    rng = np.random.default_rng(4)
+    u, y, x = np.empty((ROWS, 1)), np.empty((ROWS, 1)), 0.0
+    for k in range(ROWS):
+        y[k] = x + 0.1 * rng.standard_normal()
+        u[k] = (0.6 - pole) * y[k] + rng.choice([-1.0, 1.0])
+        x = pole * x + u[k, 0]
+    return Segment(u, y, STEP, "sealed", 0.0, 20)
+
+
+@pytest.mark.parametrize(("pole", "rows"), [(1.04, 25), (1.3, 20), (1.0, 100), (0.9, 100)])
+def test_predictions_end_where_a_growing_model_has_lost_its_start(pole: float, rows: int) -> None:
+    """1/ln 1.04 = 25.5 rows; no fewer than 20; all of the settling time, 100 rows, where nothing grows."""
+    sealed = held(pole)
+    proof = prove(pair(pole, sealed), pair(pole, sealed), (sealed,), 100 * STEP, 1)
+    assert proof.horizon_s == pytest.approx(rows * STEP)
+    assert proof.nrmse_before == proof.nrmse_after
+    assert proof.gain == 0.0
+
+
+def test_one_growing_model_ends_the_predictions_of_both() -> None:
+    """Errors are compared over the same stretches, whichever of the two models grows; over 100 rows 1.04 makes 50."""
+    sealed = held(1.04)
+    fits = pair(0.98, sealed), pair(1.04, sealed)
+    for before, after in (fits, fits[::-1]):
+        proof = prove(before, after, (sealed,), 100 * STEP, 1)
+        assert proof.horizon_s == pytest.approx(25 * STEP)
+    error = prove(*fits, (sealed,), 100 * STEP, 1).nrmse_after["y"]
+    assert error < 0.5  # noise of a tenth through a start that grows by e, on outputs that spread by more than one
