@@ -39,6 +39,12 @@ equation = "q"
 name = "speed"
 equation = "v"
 """
+DISTURBANCE = """
+pole = { value = 0.5, min = 0.0, max = 10.0, free = true }
+[[state]]
+name = "sway"
+derivative = "-pole*sway"
+"""
 TRUTH = np.array([3.4, 0.9, 2.6])
 STEP = 0.1
 
@@ -125,6 +131,36 @@ def test_sensitivities_are_the_derivatives(gain: bool, order: int) -> None:
             where,
             error,
         )  # the gain's own tolerance is 1e-10/1e-10
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_moves_nothing_but_rounding_has_no_slope(seed: int) -> None:
+    """The pole of a disturbance without a gain: its slope was 1e-9 of rounding, its first step as far as it could go.
+
+    Baselines begin so. Which end it ran to differed between processors, and with it where fits ended (40 nats).
+    """
+    text = OSCILLATOR.replace('position"\nequation = "q', 'position"\nequation = "q + sway').replace(
+        "[[state]]", DISTURBANCE + "[[state]]", 1
+    )
+    model, plain = (
+        compile_equations(equations_file.from_toml(tomllib.loads(text), text, "model.toml")),
+        predictor((recording(seed),)),
+    )
+    assert [s.name for s in model.model.states] == ["sway", "q", "v"] and model.model.index("pole") == 3
+    theta = np.append(TRUTH, 0.5)
+    scales = replace(
+        plain.scales, theta=theta, x0=np.ones(3), gain=np.ones((3, 2)), low=np.append(plain.scales.low, 0.0),
+        high=np.append(plain.scales.high, 10.0), prior=Prior(theta, np.zeros((0, 4))),
+    )  # fmt: skip
+    other = Predictor(model, plain.segments, scales, 0)
+    start = Point(theta, np.zeros(5), np.array([[0.0, 0.0], [0.3, 0.05], [0.1, 0.2]]), (np.zeros(3),))
+    free = Free((0, 1, 2, 3), (), tuple(np.ndindex(3, 2)), (0, 1, 2))
+    noise = other.noise_of(other.innovations(start))
+    assert noise is not None
+    slopes = sensitivity(other, start, noise, other.whitened(other.innovations(start), noise), free)
+    assert np.flatnonzero(~np.any(slopes, axis=0)).tolist() == [3]
+    found = other.climb(start, free, iterations=1)
+    assert found is not None and found[1].theta[3] == 0.5 and np.all(found[1].theta[:3] != TRUTH)
 
 
 def test_noise_model_sensitivities_are_the_derivatives() -> None:

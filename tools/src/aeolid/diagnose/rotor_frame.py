@@ -15,7 +15,7 @@ from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
 _CONTENT = 0.95  # of an output's power lies below the frequency that sets the rate
-_PER_PERIOD = 4.0  # samples a period of that frequency
+_PER_PERIOD = 6.0  # samples a period of that frequency
 _FEWEST = 1500  # samples that must remain
 
 
@@ -52,7 +52,7 @@ def to_fixed_frame(record: Record, sets: Sequence[tuple[str, tuple[str, ...]]]) 
 
 
 def worth_rate(record: Record) -> int:
-    """Return by how much to decimate so that four samples remain a period of the outputs' fastest content."""
+    """Return by how much to decimate so that six samples remain a period of the outputs' fastest content."""
     fastest = 0.0
     for name in record.names("output"):
         y = record.column(name)
