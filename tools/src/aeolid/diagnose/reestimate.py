@@ -12,6 +12,7 @@ from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.recorded_modes import Known, recorded_modes
 from aeolid.diagnose.refit import without_slopes
+from aeolid.diagnose.reflection import reflected
 from aeolid.diagnose.split import Split
 
 _DEAR = 0.1  # of the effect's gain: a mode that costs more as the recording shows it is not what was fitted
@@ -64,7 +65,10 @@ def _with_recorded_modes(prepared: Prepared, candidate: Candidate, predictor: Pr
     theta = fit.point.theta.copy()
     theta[list(places)] = list(places.values())
     free = replace(fit.free, theta=tuple(i for i in fit.free.theta if i not in places))
-    held = fit_quietly(predictor, replace(fit.point, theta=theta), free, iterations=_ITERATIONS)
+    start, step = replace(fit.point, theta=theta), predictor.segments[0].step
+    if start.K is not None:  # that gain may not forget with this mode
+        start = reflected(predictor.compiled, predictor.middle, start, free, fit.noise.covariance, step)
+    held = fit_quietly(predictor, start, free, iterations=_ITERATIONS)
     if held is None or fit.log_posterior - held.log_posterior > _DEAR * candidate.fit_gain:
         return fit, {}
     return without_the_mute(candidate.attachments, held, model), known
