@@ -22,7 +22,6 @@ Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
 _DIVERGED = 1e100
 _LEAST = 1e-8  # step of a noise variance, in squares of its typical size
-_ROUNDING = 1e-13  # of the residual, up to which a change of it is none
 _STEP = 1e-6  # of a typical size, for finite differences; at 1e-5 scores moved by 2e-4 when the channels changed units
 
 
@@ -38,18 +37,20 @@ class Variant:
 def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, free: Free) -> Array:
     """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
 
-    Zero for a parameter whose small step makes the model run away, and for one that moves the residual by no more than
-    rounding does: a fit leaves both where they are. One filter pass for every LANES parameters, on two threads.
+    Zero for a parameter whose small step makes the model run away, and for one that moves nothing: a fit leaves both
+    where they are. One filter pass for every LANES parameters, on two threads.
     """
     variants = [theta_variant(point, {i: step_of(predictor, i, point)}) for i in free.theta]
     variants += [noise_variant(point, i) for i in free.noise]
     variants += [gain_variant(predictor, point, i, j) for i, j in free.gain]
     segments = range(len(predictor.segments))
     variants += [_x0_variant(predictor, point, s, i) for s in segments for i in free.x0]
-    own = columns(predictor, point, noise, base, variants)
+    found = columns(predictor, point, noise, base, [*variants, Variant(point, 1.0)])
+    own = found[:, :-1]
+    for column, v in zip(own.T, variants, strict=True):
+        if v.segment is None:  # less what rounds otherwise side by side: divided by h it is no slope of zero
+            column -= found[:, -1] / v.h
     own[:, ~np.all(np.abs(own) < _DIVERGED, axis=0)] = 0.0  # NaN too: a small step made the model run away
-    moved = np.linalg.norm(own, axis=0) * np.array([abs(v.h) for v in variants])
-    own[:, moved < _ROUNDING * np.linalg.norm(base)] = 0.0
     return np.hstack([own, _var_columns(predictor, point, noise)]) if variants else np.zeros((len(base), 0))
 
 
