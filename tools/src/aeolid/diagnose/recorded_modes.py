@@ -44,7 +44,8 @@ def recorded_modes(prepared: Prepared, attachments: Sequence[Attachment], fit: F
         if pair is None or entry(attachment.entry).family != "structural_mode":  # bands of noise have both values too
             continue
         near = float(fit.point.theta[model.index(pair[0].name)])
-        modes = [_mode(prepared, attachment, near, past) for past in _windows(prepared, near)]
+        outputs = attachment.location["outputs"]
+        modes = [_mode(prepared, outputs, pair[1], near, past) for past in _windows(prepared, near)]
         found = [m for m in modes if m is not None]
         if len(found) == len(_PERIODS) and is_off(fit, model, own := _together(pair, found)):
             known |= own
@@ -81,18 +82,16 @@ def _windows(prepared: Prepared, frequency_hz: float) -> list[int]:
     return windows if rows >= _NEEDED * windows[-1] else []
 
 
-def _mode(prepared: Prepared, attachment: Attachment, near: float, past: int) -> Mode | None:
-    """Return the mode nearest to the fitted one that shows most in its output; None where there is none."""
+def _mode(prepared: Prepared, outputs: Sequence[str], damping: Slot, near: float, past: int) -> Mode | None:
+    """Return the mode nearest to a frequency in Hz that shows most in one of these outputs; None where there is none."""
     segments = [s for s in (*prepared.split.fit, *prepared.split.select) if len(s.y) > 2 * past]
     try:
         modes = identify_varx(_records(prepared, segments), past=past).modes
     except AeolidError:
         return None
-    pair, outputs = _pair(attachment), attachment.location["outputs"]
-    assert pair is not None
     own = [
         m for m in modes
-        if abs(m.frequency_hz - near) < _NEAR * near and pair[1].low < m.damping < pair[1].high
+        if abs(m.frequency_hz - near) < _NEAR * near and damping.low < m.damping < damping.high
         and max(m.shares, key=m.shares.__getitem__) in outputs and m.damping_std is not None
     ]  # fmt: skip
     return min(own, key=lambda m: abs(m.frequency_hz - near), default=None)
