@@ -83,7 +83,7 @@ def _windows(prepared: Prepared, frequency_hz: float) -> list[int]:
 
 
 def _mode(prepared: Prepared, outputs: Sequence[str], damping: Slot, near: float, past: int) -> Mode | None:
-    """Return the mode nearest to a frequency in Hz that shows most in one of these outputs; None where there is none."""
+    """Return the mode nearest to a frequency (Hz) that shows most in one of these outputs; None where there is none."""
     segments = [s for s in (*prepared.split.fit, *prepared.split.select) if len(s.y) > 2 * past]
     try:
         modes = identify_varx(_records(prepared, segments), past=past).modes
