@@ -69,7 +69,8 @@ def _with_recorded_modes(prepared: Prepared, candidate: Candidate, predictor: Pr
     if start.K is not None:  # that gain may not forget with this mode
         start = reflected(predictor.compiled, predictor.middle, start, free, fit.noise.covariance, step)
     held = fit_quietly(predictor, start, free, iterations=_ITERATIONS)
-    if held is None or fit.log_posterior - held.log_posterior > _DEAR * candidate.fit_gain:
+    gain = candidate.fit_gain * len(fit.per_sample) / len(candidate.fit_density)  # on all the data of this fit
+    if held is None or fit.log_posterior - held.log_posterior > _DEAR * gain:
         return fit, {}
     return without_the_mute(candidate.attachments, held, model), known
 
