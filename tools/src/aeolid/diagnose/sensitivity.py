@@ -47,9 +47,10 @@ def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, f
     variants += [_x0_variant(predictor, point, s, i) for s in segments for i in free.x0]
     found = columns(predictor, point, noise, base, [*variants, Variant(point, 1.0)])
     own = found[:, :-1]
-    for column, v in zip(own.T, variants, strict=True):
-        if v.segment is None:  # less what rounds otherwise side by side: divided by h it is no slope of zero
-            column -= found[:, -1] / v.h
+    with np.errstate(invalid="ignore"):
+        for column, v in zip(own.T, variants, strict=True):
+            if v.segment is None:  # less what rounds otherwise side by side: divided by h it is no slope of zero
+                column -= found[:, -1] / v.h
     own[:, ~np.all(np.abs(own) < _DIVERGED, axis=0)] = 0.0  # NaN too: a small step made the model run away
     return np.hstack([own, _var_columns(predictor, point, noise)]) if variants else np.zeros((len(base), 0))
 
@@ -82,7 +83,8 @@ def _fill(
         still = base[first : first + rows[i], None]
         e, moved = predictor.wide(at, [v.point for v in chosen], i), np.empty((rows[i], LANES))
         whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, moved)
-        result[first : first + rows[i], places] = (still - moved[:, : len(places)]) / steps
+        with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away
+            result[first : first + rows[i], places] = (still - moved[:, : len(places)]) / steps
         first += rows[i]
 
 
