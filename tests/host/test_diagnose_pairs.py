@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from aeolid.cli.main import main
+from aeolid.diagnose.rotor_frame import worth_rate
 from aeolid.identify.decimate import decimate
 from aeolid.record import Channel, Record
 
@@ -230,3 +231,12 @@ def test_held_inputs_are_read_in_the_middle_of_the_longer_sample(factor: int) ->
     np.testing.assert_allclose(slow.column("y"), np.sin(0.9 * slow.time_s), atol=2e-3)
     np.testing.assert_allclose(slow.column("u"), np.sin(0.9 * (slow.time_s + (factor - 1) / 2 * STEP)), atol=2e-3)
     assert slow.sample_time_s == pytest.approx(factor * STEP)
+
+
+@pytest.mark.parametrize("hertz", [0.3, 0.7])
+def test_a_run_keeps_six_samples_a_period_of_its_fastest_content(hertz: float) -> None:
+    """Of a wave the spectrum is a line two bins of 0.01 Hz wide. What has a hundredth of the power sets no rate."""
+    t = STEP * np.arange(20_000)
+    y = np.sin(2 * np.pi * hertz * t) + 0.1 * np.sin(2 * np.pi * 3.0 * t)
+    found = worth_rate(Record(t, y[:, None], (Channel("y", "m", "output"),), STEP, "test", ""))
+    assert 1 / (6 * (hertz + 0.02) * STEP) - 1 <= found <= 1 / (6 * (hertz - 0.02) * STEP)

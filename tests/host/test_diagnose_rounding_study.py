@@ -26,7 +26,8 @@ def test_names_and_verdict_make_an_answer_not_their_order() -> None:
 
 def test_cases_are_what_has_a_case_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert study.main([str(tmp_path), "--out", str(tmp_path / "o" / "rows.jsonl")]) == 2
-    assert "no case.toml" in capsys.readouterr().err
+    assert study.main([str(tmp_path / "nowhere"), "--out", str(tmp_path / "o" / "rows.jsonl")]) == 2
+    assert capsys.readouterr().err.count("no case.toml") == 2
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / "case.toml").touch()
     assert study.cases_in([tmp_path]) == study.cases_in([tmp_path / "b"]) == [tmp_path / "b"]
@@ -40,3 +41,5 @@ def test_what_cannot_be_read_is_an_answer_with_its_reason(tmp_path: Path, capsys
     assert "exit code 3" in said and "1 of 1 answers are the same with Haswell" in said
     assert study.main([str(tmp_path), "--kernels", "Haswell", "--out", str(out)]) == 0  # goes on where it stopped
     assert len(out.read_text().splitlines()) == 1
+    assert study.main([str(tmp_path), "--kernels", "Prescott", "--out", str(out)]) == 0  # another question
+    assert len(out.read_text().splitlines()) == 2

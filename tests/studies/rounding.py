@@ -26,7 +26,7 @@ Facts = dict[str, Any]
 
 def cases_in(folders: list[Path]) -> list[Path]:
     """Return the folders with a case.toml among these and what they hold."""
-    return [c for f in folders for c in (f, *sorted(f.iterdir())) if (c / "case.toml").is_file()]
+    return [c for f in folders if f.is_dir() for c in (f, *sorted(f.iterdir())) if (c / "case.toml").is_file()]
 
 
 def said(case: Path, kernel: str) -> Facts:
@@ -80,6 +80,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     o.out.parent.mkdir(parents=True, exist_ok=True)
     rows = [json.loads(text) for text in o.out.read_text().splitlines()] if o.out.exists() else []
+    rows = [row for row in rows if [a["kernel"] for a in row["answers"]] == o.kernels]
     known = {row["case"] for row in rows}
     with ThreadPoolExecutor(o.workers) as pool, o.out.open("a") as file:
         for case in cases:

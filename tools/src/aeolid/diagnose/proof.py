@@ -43,8 +43,8 @@ def prove(
 
     Fit errors are those of predictions restarted from the filtered state every settling time (three of the model's
     slowest decaying time constants, at most a twentieth of the sealed data, at least 20 samples): long enough to show
-    the dynamics, short enough for a model that integrates. Where a linear one grows, it
-    starts again before errors of its start have grown by e: they would hide all else.
+    the dynamics, short enough for a model that integrates. Where a linear one
+    grows, it starts again before errors of its start have grown by e: they would hide all else.
     """
     runs = []
     for predictor, fit in (before, after):

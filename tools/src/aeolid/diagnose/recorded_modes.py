@@ -47,12 +47,12 @@ def recorded_modes(prepared: Prepared, attachments: Sequence[Attachment], fit: F
         outputs = attachment.location["outputs"]
         modes = [_mode(prepared, outputs, pair[1], near, past) for past in _windows(prepared, near)]
         found = [m for m in modes if m is not None]
-        if len(found) == len(_PERIODS) and is_off(fit, model, own := _together(pair, found)):
+        if len(found) == len(_PERIODS) and _is_off(fit, model, own := _together(pair, found)):
             known |= own
     return known
 
 
-def is_off(fit: Fit, model: Equations, known: Known) -> bool:
+def _is_off(fit: Fit, model: Equations, known: Known) -> bool:
     """Tell whether fitted values are off by more than chance lets them where the fit's structure is right.
 
     The deviation of the difference from a fit that is as sharp as can be is the root of the difference of the squares.
