@@ -65,7 +65,7 @@ def test_at_the_edge_of_what_numbers_hold_it_is_a_gain_or_none(outer: float, cov
 
 @pytest.mark.filterwarnings("error")
 def test_a_chain_of_eigenvalues_just_outside_warns_nobody() -> None:
-    """The equations have a condition of 1e19, of which a general solver warns; what the gain is worth shows the rest."""
+    """The equations have a condition of 1e19, of which a general solver warns; the gain shows what it is worth."""
     C = np.array([[1.0, 1.0]])
     found = reflect(np.array([[1.0001, 100.0], [0.0, 1.0001]]), C, np.full((2, 1), 0.1), np.eye(1))
     assert found is None or bool(np.all(np.isfinite(found)))
