@@ -13,7 +13,7 @@ from scipy.linalg import expm, solve_discrete_are
 from study_modules import load_study
 
 from aeolid.diagnose import pipeline, scores
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.declared import Moved
 from aeolid.diagnose.gains import kalman_gain
 from aeolid.diagnose.magnitudes import visible_sizes
@@ -22,6 +22,7 @@ from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.models import equations_file
 from aeolid.models.equations import Parameter
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, simulate
+from aeolid.models.state_space import StateSpace
 
 rig = load_study("rigs/turbine")
 STEP = 0.05
@@ -153,3 +154,38 @@ def test_a_baseline_that_lacks_nothing_is_fitted_as_well_from_any_noise(tmp_path
         noise[list(prepared.free.noise)] = 10 ** rng.uniform(-2, 0.5, len(prepared.free.noise))
         other = prepared.predictor.fit(replace(prepared.fit.point, noise=noise), prepared.free, 40)
         assert other is not None and other.log_likelihood < prepared.fit.log_likelihood + 2
+
+
+@pytest.mark.parametrize(("drive", "reading"), [(2.0**30, 2.0**30), (2.0**-30, 2.0**30), (1.0, 2.0**-30)])
+def test_a_linear_baseline_fits_alike_in_any_units(tmp_path: Path, drive: float, reading: float) -> None:
+    """Powers of two scale exactly: the likelihood differs by the units alone, and the operating point moves with them.
+
+    Offsets with a size of 1e-6 in whatever unit stayed where they were in units a thousand million times smaller, for
+    7.4 nats. 1e-6 nats: the order in which sums round.
+    """
+    study = load_study("diagnosis")
+    hidden = study.Hidden("null", "state_space", noise=(1.0, 0.02, 0.01))
+    case = load_case(study.write_case(tmp_path, hidden, 1500, 5))
+    plain, other = prepare(in_units(case, 1.0, 1.0)), prepare(in_units(case, drive, reading))
+    rows = plain.fit.per_sample.size
+    assert other.fit.log_likelihood + 2 * rows * np.log(reading) == pytest.approx(plain.fit.log_likelihood, abs=1e-6)
+    found, units = by_name(other), {"bias_u1": drive, "bias_y1": reading, "bias_y2": reading}
+    assert abs(by_name(plain)["bias_y2"]) > 0.05  # a speed has no offset but a sensor's
+    for name, unit in units.items():
+        assert found[name] / unit == pytest.approx(by_name(plain)[name], rel=1e-6), name
+
+
+def by_name(prepared: Prepared) -> dict[str, float]:
+    names = [p.name for p in prepared.extended.parameters]
+    return dict(zip(names, prepared.fit.point.theta.tolist(), strict=True))
+
+
+def in_units(case: Case, drive: float, reading: float) -> Case:
+    """Move every channel off the declared operating point; write it, and the model, in other units."""
+    (record,), model = case.records, case.baseline
+    values, names = record.values.copy(), [c.name for c in record.channels]
+    for name, offset, unit in (("drive", 0.3, drive), ("position", 0.2, reading), ("speed", -0.1, reading)):
+        values[:, names.index(name)] = (values[:, names.index(name)] + offset) * unit
+    assert isinstance(model, StateSpace) and model.K is None
+    scaled = replace(model, B=model.B / drive, C=model.C * reading, D=model.D * reading / drive)
+    return replace(case, baseline=scaled, records=(replace(record, values=values),))

@@ -17,6 +17,7 @@ from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 FELT = "felt_"  # what an accelerometer feels of a state's equation: name of the intermediate, before the state's
+_STILL = 1e-9  # spread of an input, in its value, below which only rounding moves it
 
 
 def discretise(model: StateSpace, step: float) -> StateSpace:
@@ -70,6 +71,18 @@ def equations_of(model: StateSpace, *, shaped_noise: bool, modal: ModalForm | No
         ),
         model.inputs, tuple(inputs), (), tuple(acting),
     )  # fmt: skip
+
+
+def offset_sizes(u: Array, spreads: Array) -> dict[str, float]:
+    """Return the typical sizes of the offsets b_u, b_y of `equations_of`: how far their channels move.
+
+    u (N, r) recorded inputs; spreads (l,) of the outputs. An input that never moves has the size of its value, or one
+    unit where that is zero.
+    """
+    moves, levels = np.nanstd(u, axis=0), np.abs(np.nanmedian(u, axis=0))
+    moves = np.where(moves > _STILL * levels, moves, np.where(levels > 0, levels, 1.0))
+    sizes = {f"bias_u{i + 1}": float(v) for i, v in enumerate(moves)}
+    return sizes | {f"bias_y{j + 1}": float(v) for j, v in enumerate(spreads)}
 
 
 def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equations, tuple[str, ...]]:

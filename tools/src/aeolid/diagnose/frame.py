@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,7 +27,7 @@ class Frame:
 
     working: the baseline with all channels as inputs and no effect; rough: a stabilising start for its own states;
     sizes (n,), spreads (l,): typical magnitudes of the declared states and of the outputs; forces: sizes of the
-    unmeasured forces by state.
+    unmeasured forces by state; offsets: those of a linear model's offsets by parameter.
     """
 
     working: Equations
@@ -35,6 +35,7 @@ class Frame:
     sizes: Array
     spreads: Array
     forces: dict[str, float]
+    offsets: dict[str, float]
     surrogate: Surrogate | None
     compiled: dict[tuple[str, ...], Compiled] = field(default_factory=dict)
 
@@ -73,7 +74,7 @@ class Frame:
                 full[names.index(g)] = self.spreads[outputs.index(a.location["outputs"][0])]
         for name, size in self.forces.items():
             full[names.index(name)] = size
-        scales = scales_of(model, full, self.spreads)
+        scales = scales_of(model, full, self.spreads, self.offsets)
         known = {s.name: s.size for a in attachments for s in a.slots}
         theta = np.array([known.get(p.name, t) for p, t in zip(model.parameters, scales.theta, strict=True)])
         noise = np.concatenate([self.rough.noise[:n], np.zeros(extra), self.rough.noise[n:]])
@@ -93,18 +94,18 @@ class Frame:
         return replace(scales, theta=theta), free, Point(model.theta, noise, K, x0)
 
 
-def scales_of(model: Equations, x_size: Array, spreads: Array) -> Scales:
-    """Return the typical sizes of a model's quantities, from declared values and ranges where nothing else is known."""
+def scales_of(model: Equations, x_size: Array, spreads: Array, known: Mapping[str, float]) -> Scales:
+    """Return the typical sizes of a model's quantities: known by parameter, else from declared values and ranges."""
     spans = [p.maximum - p.minimum for p in model.parameters]
     theta = np.array(
         [
-            max(abs(p.value), 1e-3 * span if np.isfinite(span) else 0.0, 1e-6)
+            known.get(p.name) or max(abs(p.value), 1e-3 * span if np.isfinite(span) else 0.0, 1e-6)
             for p, span in zip(model.parameters, spans, strict=True)
         ]
     )
-    known = [i for i, p in enumerate(model.parameters) if p.prior_std]
-    root = np.zeros((len(known), len(model.parameters)))
-    root[range(len(known)), known] = [1.0 / (model.parameters[i].prior_std or np.inf) for i in known]
+    informed = [i for i, p in enumerate(model.parameters) if p.prior_std]
+    root = np.zeros((len(informed), len(model.parameters)))
+    root[range(len(informed)), informed] = [1.0 / (model.parameters[i].prior_std or np.inf) for i in informed]
     low, high = (np.array([getattr(p, end) for p in model.parameters]) for end in ("minimum", "maximum"))
     return Scales(theta, np.outer(x_size, 1.0 / spreads), x_size, low, high, Prior(model.theta, root), spreads)
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose import modal
 from aeolid.diagnose.anatomy import Motion, motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import mass_of, noisy_states, shape_forces
+from aeolid.diagnose.baseline import mass_of, noisy_states, offset_sizes, shape_forces
 from aeolid.diagnose.baselines import baseline_of
 from aeolid.diagnose.between import motions_between
 from aeolid.diagnose.case import Case
@@ -96,7 +96,8 @@ def prepare(case: Case) -> Prepared:
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
-    rough, scales = _rough(compiled, split.fit, spreads, linear, settle)
+    offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
+    rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
     declared = base.bare(working.auxiliaries)
@@ -105,7 +106,7 @@ def prepare(case: Case) -> Prepared:
         working.symbols[:r], exogenous, u[:, d:], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
-    frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, base.surrogate)
+    frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, offsets, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
@@ -171,13 +172,15 @@ def _spread(y: Array, outputs: list[str], case: Case) -> Array:
 
 
 def _rough(
-    compiled: Compiled, segments: tuple[Segment, ...], spreads: Array, linear: StateSpace | None, settle_s: float
-) -> tuple[tuple[Predictor, Point], Scales]:
+    compiled: Compiled, segments: tuple[Segment, ...], known: tuple[Array, dict[str, float]], linear: StateSpace | None,
+    settle_s: float,
+) -> tuple[tuple[Predictor, Point], Scales]:  # fmt: skip
     """Find a stabilising noise gain to start from: the given K, or the best of Riccati gains over a noise ladder."""
-    model = compiled.model
+    model, (spreads, offsets) = compiled.model, known
     n, m = len(model.states), len(model.outputs)
     u = np.nanmedian(np.vstack([s.u for s in segments]), axis=0)
-    scales = scales_of(model, visible_sizes(compiled, u, spreads, segments[0].step, settle_s), spreads)
+    visible = visible_sizes(compiled, u, spreads, segments[0].step, settle_s)
+    scales = scales_of(model, visible, spreads, offsets)
     predictor = Predictor(compiled, segments, scales, 0 if linear is not None else 1)
     x0 = tuple(model.x0.copy() for _ in segments)
     if linear is not None:
