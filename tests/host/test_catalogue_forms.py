@@ -18,8 +18,8 @@ from test_catalogue_turbine import everything, site_of
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
 from aeolid.diagnose.catalogue.blade_response import responses
+from aeolid.diagnose.correction import corrected_model
 from aeolid.diagnose.exogenous import with_exogenous
-from aeolid.diagnose.export import corrected_model
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
 from aeolid.diagnose.starts import turns

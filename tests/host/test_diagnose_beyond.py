@@ -23,7 +23,7 @@ from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Slot, location
 from aeolid.diagnose.catalogue.places import Follows, places
 from aeolid.diagnose.catalogue.shapes import shapes
-from aeolid.diagnose.export import corrected_model
+from aeolid.diagnose.correction import corrected_model
 from aeolid.diagnose.noise import filter_var
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import Prepared, prepare

@@ -81,7 +81,7 @@ def test_the_tanks_run_over(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
     assert "leave brim_level and share_into_next open" in first["statement"]  # its level is nobody's: any scale will do
     beside = d["beside"]  # the outlet follows no square root: high up less runs out than that
     assert beside["location"]["entry"] == "state:h2" and beside["statement"].startswith("a gain at state:h2")
-    assert free_run_error(tmp_path / "model" / "model.toml", tmp_path) < 0.4  # 0.31 V; 0.51 V without the form beside
+    assert free_run_error(tmp_path / "model" / "model.toml", tmp_path) <= 0.30  # 0.25 V; 0.304 V with the values told
 
 
 def free_run_error(model: Path, folder: Path) -> float:

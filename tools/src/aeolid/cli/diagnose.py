@@ -72,6 +72,7 @@ def run(
     render_diagnosis(diagnosis, evidence, out / "report.html")
     if json_target != "-":
         _print_verdict(diagnosis)
+        _print_free_run(evidence, out)
         console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
@@ -98,3 +99,13 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             console.print(
                 f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after", markup=False
             )
+
+
+def _print_free_run(evidence: dict[str, Any], out: Path) -> None:
+    """Say what the corrected model's own values are worth, where they are not those just told."""
+    file = out / "model" / "model.toml"
+    for o in (evidence.get("free_run") or {"outputs": []})["outputs"]:
+        told = (
+            f"{o['one_step']:.3g} {o['unit']} with these values, {o['free_run']:.3g} {o['unit']} with those of {file}"
+        )
+        console.print(f"  {o['name']}: free run on data held back errs by {told}", soft_wrap=True, markup=False)

@@ -4,63 +4,29 @@ from __future__ import annotations
 
 import csv
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.candidate import Candidate, finite
-from aeolid.diagnose.exogenous import with_exogenous, without_unused
+from aeolid.diagnose.candidate import finite
+from aeolid.diagnose.correction import correct
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.predictor import Fit
-from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations
 from aeolid.models.equations_file import to_toml
-
-
-def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -> Equations:
-    """Return the baseline with fitted values, plus the named effects and nothing of the others.
-
-    Effects are attached anew to the declared model so that the file shows only what was named; a switched effect
-    stays on. Start values of the states are those of the fitted record.
-    """
-    model = with_exogenous(prepared.declared, prepared.exogenous)
-    attachments = candidate.attachments if candidate is not None else ()
-    for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):
-        model = a.edit(model)
-    fitted = prepared.extended if candidate is None else candidate.predictor.compiled.model
-    values = dict(zip([p.name for p in fitted.parameters], fit.point.theta.tolist(), strict=True))
-    for a in attachments:
-        values.update(a.fixed)
-    names = [s.name for s in fitted.states]
-    start = dict(zip(names, fit.point.x0[0][: len(names)].tolist(), strict=True))  # memories start settled
-    switches = {k for a in attachments for k in a.fixed}
-    parameters = tuple(
-        replace(p, value=float(np.clip(values[p.name], p.minimum, p.maximum)), free=p.free or p.name not in switches)
-        if p.free or any(p.name == s.name for a in attachments for s in a.slots)
-        else p
-        for p in model.parameters
-    )
-    states = tuple(replace(s, initial=start[s.name]) for s in model.states)
-    model = replace(model, name=f"{model.name} (corrected)", parameters=parameters, states=states).pruned()
-    return without_unused(model, prepared.exogenous)
 
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    chosen = study.whole if shown_proof(study) is not None else None
-    if shown_proof(study) is study.declared_proof:
-        chosen = None  # the declared values were re-fitted, no effect was added
-    fit = study.unsealed.fit if chosen is None else chosen.fit
-    model = corrected_model(study.unsealed, fit, chosen)
+    correction = correct(study)
     (folder / "model").mkdir(exist_ok=True)
-    (folder / "model" / "model.toml").write_text(to_toml(model), encoding="utf-8")
+    (folder / "model" / "model.toml").write_text(to_toml(correction.model), encoding="utf-8")
     facts = evidence(study)
+    if correction.free_run is not None:
+        facts["free_run"] = correction.free_run.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
     (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
     return facts

@@ -190,6 +190,7 @@ def appendix(evidence: Facts) -> Html:
         section("Checks of the recording", _forensics(evidence.get("forensics") or []), level="h3"),
         section("Use of the data", _split(evidence.get("split") or []), level="h3"),
         section("Parameters of the model, refitted", _parameters(evidence.get("parameters") or []), level="h3"),
+        section("Values of the corrected model", *_free_run(evidence.get("free_run") or {}), level="h3"),
         section("Prediction horizon", *_horizon(evidence.get("horizon") or {}), level="h3"),
         section("Times", _timing(evidence.get("timing_s") or {}), level="h3"),
     )
@@ -213,6 +214,23 @@ def _parameters(entries: list[Facts]) -> Html:
     ]  # fmt: skip
     note = tag("p", "Pull: how many prior standard deviations the fit moved the parameter.", class_="soft")
     return join([table(["parameter", "#declared", "#fitted ± std", "unit", "#pull"], rows), note]) if rows else Html("")
+
+
+def _free_run(facts: Facts) -> Sequence[Html]:
+    """Show where the file's values are other than those told, and what that is worth."""
+    if not facts:
+        return ()
+    said = (
+        "The corrected model is there to be run, with no measurement to hold it. Its file has the values with which it"
+        " runs free best; those told above predict one step ahead, whatever the noise between two steps may hide."
+        " Error of the free run on data that neither fit has seen:"
+    )
+    errors = [(o["name"], number(o["one_step"]), number(o["free_run"]), o["unit"]) for o in facts["outputs"]]
+    values = [(p["name"], number(p["one_step"]), number(p["free_run"]), p["unit"]) for p in facts["parameters"]]
+    return (
+        tag("p", said), table(["output", "#values told above", "#values in the file", "unit"], errors),
+        table(["parameter", "#one step ahead", "#run free, in the file", "unit"], values),
+    )  # fmt: skip
 
 
 def _horizon(horizon: dict[str, Facts]) -> Sequence[Html]:
