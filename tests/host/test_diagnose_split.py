@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from aeolid.diagnose.forensics import examine
+from aeolid.diagnose.forensics import examine, rails
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable
@@ -209,3 +209,24 @@ def test_every_recording_is_examined(tmp_path: Path) -> None:
     bad = record(2000, "bad.csv", values=np.column_stack([noise(), np.zeros(2000)]))
     good = record(2000, "good.csv", values=np.column_stack([noise(), noise()]))
     assert [f.channel for f in examine([good, bad])] == ["y (bad.csv)"]
+
+
+def clipped(seed: int, *, step: float = 0.0) -> Array:
+    """Return a swing that a range of 2.6 deviations cuts a few times of 3000, read to nine digits or in steps."""
+    rng = np.random.default_rng(seed)
+    x = np.convolve(rng.standard_normal(3200), np.exp(-np.arange(200) / 6.0), "valid")[:3000]
+    x = np.clip(x / x.std(), -2.6, 2.6)
+    return step * np.rint(x / step) if step else x
+
+
+def test_a_few_samples_at_the_very_same_extreme_are_a_rail() -> None:
+    """A limit that takes 0.1 to 1 % of the samples, never five in a row: values of nine digits do not repeat.
+
+    Where values come in steps they do, and nothing is said; nor of swings that nothing cuts.
+    """
+    for seed in range(20):
+        x = clipped(seed)
+        often = {s: int(np.sum(x == end)) for s, end in (("low", x.min()), ("high", x.max()))}
+        assert rails(x) == {s: 2.6 if s == "high" else -2.6 for s, n in often.items() if n >= 3}, often
+        assert rails(clipped(seed, step=0.1)) == {} or max(often.values()) > 0.005 * len(x)
+        assert rails(np.random.default_rng(seed).standard_normal(3000)) == {}

@@ -19,6 +19,7 @@ from aeolid.record import Channel, Record
 Array = NDArray[np.float64]
 _STUCK_SHARE = 0.2  # of the samples equal to their predecessor in one run: no live sensor does that
 _RAIL_SHARE = 0.005
+_FINE, _AGAIN = 0.9, 3  # share of different values of a finely resolved channel; times that its extreme comes then
 _PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
 _CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
 _FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
@@ -115,12 +116,16 @@ def _rails(v: Array, where: str) -> list[Finding]:
 
 
 def rails(v: Array) -> dict[str, float]:
-    """Return the ends of the range ("low", "high") at which values pile up: exactly, or far more than next to them."""
+    """Return the ends of the range ("low", "high") at which values pile up: exactly, or far more than next to them.
+
+    Where hardly any value comes twice, the same extreme a few times over is no chance, however short each time was.
+    """
     found: dict[str, float] = {}
+    fine = len(np.unique(v)) > _FINE * len(v)
     for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
         at = v == rail
         runs = _longest_run(np.where(at, 0.0, np.arange(1, len(v) + 1)))
-        if float(np.mean(at)) > _RAIL_SHARE and runs >= 5:
+        if (float(np.mean(at)) > _RAIL_SHARE and runs >= 5) or (fine and int(at.sum()) >= _AGAIN):
             found[side] = rail
             continue
         depth = np.abs(v - rail) / np.ptp(v)
