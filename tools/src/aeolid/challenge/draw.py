@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 DECIDABLE = 5.0  # nats on sealed data below which nobody can tell
 SHARES = {"null": 0.14, "parameter": 0.13, "outside": 0.12, "double": 0.08, "fault": 0.08, "impossible": 0.07}
 _TRIES, _MOST_VAF, _AIMS = 5, 0.9, (30.0, 250.0)  # nats aimed at, drawn evenly in the logarithm
-_LEAST, _MOST = 1 / 8, 8.0  # strengths beyond which a size is no longer that of a real machine
+_LEAST = 1 / 8  # strength below which a size is no longer that of a real machine
 _WRONG = {"spring": ("k", "c", "g", "M"), "shaft": ("k", "bm", "Jl", "g"), "tanks": ("a", "b"),
           "heater": ("p", "h1", "h3"), "turbine": ("kf", "Qb", "Tb", "M")}  # fmt: skip
 
@@ -215,7 +215,7 @@ def _tuned(draw: Draw, samples: int, aim: float, faint: bool) -> float:
         below, above = (size, above) if ratio > 1 else (below, size)
         step = size * float(np.clip(ratio, 1e-4, 16.0)) ** 0.5
         size = (below * above) ** 0.5 if below > 0 and above < np.inf else step
-        size = float(np.clip(size, 1e-3 if faint else _LEAST, _MOST))
+        size = float(np.clip(size, 1e-3 if faint else _LEAST, draw.items[0].most))
     return float(f"{found:.3g}")
 
 

@@ -31,7 +31,7 @@ class Item:
 
     accepted: ids that name it rightly, the best first (none: outside the catalogue); quantity: label of a parameter of
     the diagnosis and its true value in form 0, of the setup; random: the effect is noise itself; fixed: it has no size;
-    outputs, roles: what must be recorded.
+    outputs, roles: what must be recorded; most: strength beyond which no machine has it.
     """
 
     plant: str
@@ -46,6 +46,7 @@ class Item:
     outputs: tuple[str, ...] = ()
     roles: tuple[str, ...] = ()
     forms: int = 2
+    most: float = 8.0
 
 
 def snapped(value: float) -> float:

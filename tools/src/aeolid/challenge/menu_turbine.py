@@ -39,7 +39,7 @@ def turbine() -> list[Item]:
         Item(t, ("dynamic_inflow",), declared(in_plant({"wake": 0.2}, {"wake_s": 8.0}), **held), (1, 22),
              "slow wake", BOTH, roles=_TURN),
         Item(t, ("unsteady_aero",), declared(in_plant({"lift": 0.11}, {"lift_s": 0.9}), **held), (1, 6),
-             "lift builds up slowly", BOTH, roles=_TURN, forms=1),
+             "lift builds up slowly", BOTH, roles=_TURN, forms=1, most=0.5 / 0.11),  # half comes at once (Wagner 1925)
         Item(t, ("aero_nonlinearity",), in_plant({"bend": 0.02}), (12, 6), "pitch gain grows with wind", BOTH,
              roles=("azimuth", "wind")),
         Item(t, ("operating_region_switch",), in_plant({"region": -0.1}), (12, 6), "pitch gain drops above", BOTH,
