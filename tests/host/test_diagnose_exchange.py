@@ -197,11 +197,13 @@ def test_a_fit_ends_at_one_optimum_wherever_it_starts(tmp_path: Path) -> None:
 
 
 def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Over the threshold, plausible, with a name, worth more than chance, and no value moves beside it; best first."""
+    """Not by chance alone, plausible, with a name, worth its parameters, and no value moves beside it; best first."""
     monkeypatch.setattr(declared, "explains_away", lambda c: c.key != "beside")
 
-    def row(key: str, z: float) -> Any:
-        return SimpleNamespace(attachment=SimpleNamespace(key=key), z=z, fair=-np.inf)
+    def row(key: str, z: float, chance: float = 0.001) -> Any:
+        return SimpleNamespace(
+            attachment=SimpleNamespace(key=key, entry=key), z=z, fair=-np.inf, testable=True, p_value=chance
+        )
 
     def candidate(name: str, score: float, **more: Any) -> Any:
         usual = {"plausible": True, "unlisted": False, "fit_gain": score + 1}
@@ -210,10 +212,10 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
 
     candidates = [
         candidate("drag", 7.0), candidate("lag", 9.0), candidate("delay", 9.0, plausible=False),
-        candidate("quiet", 9.0), candidate("unlisted", 9.0, unlisted=True), candidate("little", 2.0),
-        candidate("parameter_error", 9.0), candidate("beside", 9.0),
+        candidate("quiet", 9.0), candidate("unlisted", 9.0, unlisted=True), candidate("little", -0.5),
+        candidate("parameter_error", 9.0), candidate("beside", 9.0), candidate("whisper", 2.0),
     ]  # fmt: skip
     names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error", "beside"]
-    bank = Bank((*(row(n, 6.0) for n in names), row("quiet", 3.0)), 4.0)
+    bank = Bank((*(row(n, 6.0) for n in names), row("quiet", 3.0, 0.2), row("whisper", 3.5, 0.005)), 4.0)
     study: Any = SimpleNamespace(candidates=candidates, bank=bank, prepared=None)
-    assert [c.key for c in also_speaking(study)] == ["lag", "drag"]
+    assert [c.key for c in also_speaking(study)] == ["lag", "drag", "whisper"]

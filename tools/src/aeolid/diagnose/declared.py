@@ -9,8 +9,9 @@ from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.moved import SURE, Moved, moved_in
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.race import whispering
 
-_SPEAKS = 4.0  # nats of score from which an effect that was not proven still forbids "the structure is right"
+_SPEAKS = 4.0  # nats of score from which a form without a name still forbids "the structure is right"
 
 
 def moved(study: Study) -> list[Moved]:
@@ -25,16 +26,17 @@ def contradicted(study: Study) -> bool:
 
 
 def also_speaking(study: Study) -> list[Candidate]:
-    """Return effects over the threshold that fit better though they were not proven, best first.
+    """Return effects that fit better, for what their parameters cost, though they were not proven, best first.
 
     Only those that make the declared values right again: values that move may be stand-ins for an effect (a drag of
     10 nats bent two stiffnesses and a friction; beside it, all were as declared). Where a stiffness stays 50 deviations
-    off beside the effect, it is wrong whatever else there is.
+    off beside the effect, it is wrong whatever else there is. That something is there the values tell; which of two
+    tells it better is no question of a threshold against chance among all entries.
     """
-    loud = {r.attachment.key for r in study.bank.loud}
+    heard = {r.attachment.key for r in (*study.bank.loud, *whispering(study.bank))}
     found = [
         c for c in study.candidates
-        if c.plausible and not c.unlisted and c.key in loud and c.fit_gain > 0 and c.score > _SPEAKS
+        if c.plausible and not c.unlisted and c.key in heard and min(c.fit_gain, c.score) > 0
         and c.attachments[0].entry != "parameter_error" and explains_away(c)
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.score)

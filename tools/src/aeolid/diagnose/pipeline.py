@@ -23,8 +23,8 @@ from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.proof import Proof, imitate
-from aeolid.diagnose.race import fit_finalists, fit_rows, is_accepted, select_density
+from aeolid.diagnose.proof import PROVEN, Proof, imitate
+from aeolid.diagnose.race import fit_finalists, fit_rows, fit_whispering, is_accepted, select_density
 from aeolid.diagnose.reestimate import baseline_of_all
 from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.rivals import are_kin, leading, outdone_by
@@ -103,7 +103,8 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done = step("sealed proof", 0.6)
     unsealed = baseline_of_all(prepared)
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
-    declared, bands = declared_against(unsealed, seed), band_power(prepared.predictor, prepared.fit, seed)
+    declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
+    bands = band_power(prepared.predictor, prepared.fit, seed)
     done()
     done = step("sham runs", 0.7)
     hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
@@ -111,7 +112,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     progress("done", 1.0)
     own = {c.key: c for c in [held.single] if c is not None}
     return Study(
-        case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms)),
+        case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
         declared, top, bands, after_bank, (sham, hits, tuple(largest)), held.completed, timing,
     )  # fmt: skip
@@ -124,6 +125,16 @@ def _proven(
     held = hold_against(prepared, unsealed, chain, seed)
     form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
+
+
+def _accused(
+    prepared: Prepared, unsealed: Prepared, bank: Bank, candidates: Sequence[Candidate], seed: int
+) -> tuple[Proof | None, list[Candidate]]:
+    """Hold the declared values against the sealed data; where these accuse them, fit also what only whispers."""
+    declared = declared_against(unsealed, seed)
+    if declared is None or declared.interval[0] <= PROVEN:
+        return declared, []
+    return declared, fit_whispering(prepared, bank, candidates)
 
 
 def _all_effects(

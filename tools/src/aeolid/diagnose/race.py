@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import begin, finalists, finish, left_behind
+from aeolid.diagnose.refit import MAX_FINALISTS, begin, finalists, finish, left_behind
 from aeolid.diagnose.scores import Bank, Row
 
 Array = NDArray[np.float64]
 _LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
+_ALONE = 0.01  # chance of a score that high, of one entry for itself
 _CLEAR = 20.0  # nats on the fit data beyond one a parameter: the selection data need only not refute it
 # Brief fits of a simulator's run reached at least a quarter of what full fits gain (OpenFAST pairs, 12 hypotheses).
 _FAR_SHARE, _FAR = 0.1, 200.0  # less than this share of the leader's gain, and so many nats below it: out of the race
@@ -52,6 +54,21 @@ def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
             leader = candidate if candidate.survived else leader
         found.append(candidate)
     return found
+
+
+def whispering(bank: Bank) -> list[Row]:
+    """Return entries under the threshold that chance alone gives once in a hundred recordings, each by itself.
+
+    They name nothing; but where values moved surely, something is there, and one of them may be what.
+    """
+    quiet = [r for r in bank.rows if r.testable and r.z <= bank.limit(r) and r.p_value <= _ALONE]
+    return [r for r in quiet if r.attachment.entry not in ("parameter_error", unlisted.ID)]
+
+
+def fit_whispering(prepared: Prepared, bank: Bank, fitted: Sequence[Candidate]) -> list[Candidate]:
+    """Fit the best of those that whisper and were not fitted yet."""
+    known = {c.key for c in fitted}
+    return fit_rows(prepared, [r for r in whispering(bank) if r.attachment.key not in known][:MAX_FINALISTS])
 
 
 def hopeless(gain: float, leader: Candidate | None) -> str:
