@@ -22,7 +22,7 @@ _EVEN = 1.64  # deviations by which selection data bear a choice out, as they do
 
 @dataclass(frozen=True, eq=False)
 class FreeRun:
-    """Hold a fit of the free run, and the errors (l,) of both fits' free runs on data that neither of them saw.
+    """Hold a fit of the free run, and the errors (l,) of both fits' free runs on the selection data.
 
     one_step: the fit that predicts one step ahead, which the values told are of; model: that of both.
     """
@@ -50,12 +50,12 @@ class FreeRun:
 def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun | None:
     """Return the values with which a model runs free best, where the selection data bear out that they are better.
 
-    `fit` stands on fit and selection data and predicts one step ahead: whatever its noise model takes for noise does
-    not move its values, and a model that is only nearly right has noise that is not noise. With no gain at all the
-    likelihood is that of the output error (Ljung 1999, section 7.4); in open loop its values are consistent whatever
-    the noise is. Both are fitted to the fit data and held against the selection data; then to all of these. None where
-    the model does not forget its start (it cannot run free), where the fit fails or where it is not clearly better.
-    Cost: 20 iterations of as many filter passes as there are free values, twice.
+    `fit`, to the fit data and most often the selection data, predicts one step ahead: whatever its noise model takes
+    for noise does not move its values, and a model that is only nearly right has noise that is not noise. With no gain
+    at all the likelihood is that of the output error (Ljung 1999, section 7.4); in open loop its values are consistent
+    whatever the noise is. It is maximised on the fit data, held against `fit` on the selection data, then maximised on
+    both. None where the model does not forget its start (it cannot run free), where the fit fails or where it is not
+    clearly better. Cost: 20 iterations of as many filter passes as there are free values, twice.
     """
     told = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
     model = predictor.compiled.model
@@ -70,7 +70,8 @@ def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun 
     (before, _), (after, x0) = (_elsewhere(part, f, split.select) for f in (one_step, tried))
     if not _is_better(before, after, part.scales.spread):
         return None
-    final = fit_quietly(predictor.with_order(0), replace(tried.point, x0=(*tried.point.x0, *x0)), free)
+    both = part.on((*split.fit, *split.select))
+    final = fit_quietly(both, replace(tried.point, x0=(*tried.point.x0, *x0)), free)
     if final is None:
         return None
     return FreeRun(model, final, fit, *(np.sqrt(np.nanmean(e**2, axis=0)) for e in (before, after)))

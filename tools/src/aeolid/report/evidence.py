@@ -223,7 +223,7 @@ def _free_run(facts: Facts) -> Sequence[Html]:
     said = (
         "The corrected model is there to be run, with no measurement to hold it. Its file has the values with which it"
         " runs free best; those told above predict one step ahead, whatever the noise between two steps may hide."
-        " Error of the free run on data that neither fit has seen:"
+        " Error of the free run on the selection data, to which only the values told above had been fitted:"
     )
     errors = [(o["name"], number(o["one_step"]), number(o["free_run"]), o["unit"]) for o in facts["outputs"]]
     values = [(p["name"], number(p["one_step"]), number(p["free_run"]), p["unit"]) for p in facts["parameters"]]
