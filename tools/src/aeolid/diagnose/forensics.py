@@ -22,6 +22,7 @@ _RAIL_SHARE = 0.005
 _FINE, _AGAIN = 0.9, 3  # share of different values of a finely resolved channel; times that its extreme comes then
 _PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
 _CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
+_WHOLE = 0.01  # steps by which rounding of the numbers themselves may miss a grid
 _FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
 _ALIKE = 0.8  # correlation with a free run from which channels are recognised
 _CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
@@ -264,6 +265,19 @@ def _folded(v: Array) -> str | None:
     if visits >= 3 and inside < 0.4:
         return f"never negative, yet reaches zero {visits} times: an absolute value or one-sided sensor would do that"
     return None
+
+
+def grid_of(v: Array) -> float | None:
+    """Return the step of which all values are whole multiples from each other, however many there are; None elsewhere.
+
+    Numbers that were written with so many digits lie on a grid, too: a far finer one than any converter's.
+    """
+    distinct = np.unique(v)
+    if len(distinct) < 2:
+        return None
+    step = float(np.min(np.diff(distinct)))
+    places = (distinct - distinct[0]) / step
+    return step if np.all(np.abs(places - np.rint(places)) < _WHOLE) else None
 
 
 def spacing_of(v: Array) -> float | None:

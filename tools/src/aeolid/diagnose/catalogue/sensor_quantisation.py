@@ -10,10 +10,12 @@ import numpy as np
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.catalogue.wiring import SHARE_SIZE, unit_of_output, with_reading
-from aeolid.diagnose.forensics import spacing_of
+from aeolid.diagnose.forensics import grid_of, spacing_of
 from aeolid.models.equations import Equations, Parameter
 
-_COARSE = 0.05  # of the spread: a finer spacing is far below what any model predicts
+_COARSE = 0.05  # of the spread: a finer spacing is far below what any model predicts …
+_FINE = 1e-3  # … but a converter that truncates leaves half of it as a bias, which adds up over a recording
+_SURE = 1e-3  # of the spacing, which the recorded values show as they are
 _TERMS = 6  # of the Fourier series of the rounding error; the staircase is rounded over a tenth of a step
 
 
@@ -23,13 +25,15 @@ def _statement(name: str, unit: str, truncated: bool, v: Mapping[str, float]) ->
 
 
 def _attach(site: Site) -> list[Attachment]:
-    """Attach where the recorded values themselves lie on a coarse grid."""
+    """Attach where the recorded values themselves lie on a grid: a coarse one, or of truncation a finer one too."""
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
-        step = spacing_of(y)
-        if step is not None and step > _COARSE * float(np.std(y)):
-            result += [_on(site, j, name, step, float(y[0]), truncated) for truncated in (False, True)]
+        step = spacing_of(y) or grid_of(y)
+        if step is None:
+            continue
+        ways = {False: _COARSE, True: _FINE}
+        result += [_on(site, j, name, step, float(y[0]), way) for way, w in ways.items() if step > w * float(np.std(y))]
     return result
 
 
@@ -43,7 +47,7 @@ def _on(site: Site, j: int, name: str, step: float, level: float, truncated: boo
     tag, way = f"sensor_{'floors' if truncated else 'steps'}_{j + 1}", "down " if truncated else ""
     share, spacing, blur, unit = f"{tag}_share", f"{tag}_spacing", f"{tag}_blur", unit_of_output(site, name)
     lower = f"{spacing}/2" if truncated else "0"
-    terms = []
+    ends, terms = ((1 - _SURE) * step, (1 + _SURE) * step), []
     for n in range(1, _TERMS + 1):
         ratio = math.pi * n / (_TERMS + 1)
         weight = (-1) ** (n + 1) * math.sin(ratio) / ratio / (math.pi * n)
@@ -51,7 +55,7 @@ def _on(site: Site, j: int, name: str, step: float, level: float, truncated: boo
             f"({weight!r})*exp(-2*({n}*pi*{blur})**2)*sin({2 * n}*pi*(reading - {lower} - ({level!r}))/{spacing})"
         )
     parameters = (
-        Parameter(spacing, step, unit, 0.98 * step, 1.02 * step), Parameter(blur, 0.1, "1", 0.0, 1.0),
+        Parameter(spacing, step, unit, *ends), Parameter(blur, 0.1, "1", 0.0, 1.0),
         Parameter(share, 0.0, "", 0.0, 1.0),
     )  # fmt: skip
 
@@ -61,7 +65,7 @@ def _on(site: Site, j: int, name: str, step: float, level: float, truncated: boo
     return Attachment(
         "sensor_quantisation", f"sensor_quantisation {way}output:{name}", location(f"output:{name}", outputs=(name,)),
         edit,
-        (Slot(spacing, "spacing", unit, step, 0.98 * step, 1.02 * step, 1e-3 * step, local=False),
+        (Slot(spacing, "spacing", unit, step, *ends, 1e-4 * step, local=False),
          Slot(blur, None, "1", 0.1, 0.0, 1.0, 0.05, local=False),
          Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
         fixed={share: 1.0}, grid=tuple({spacing: step, blur: b} for b in (0.05, 0.2, 0.5)), share=share,
@@ -77,7 +81,7 @@ ENTRY = Entry(
     equation="y_recorded = spacing*round(y/spacing)",
     source="Widrow and Kollár 2008, Quantization Noise",
     quantities=(Quantity("spacing", "unit of the output", 0.0, 1e12, 0.0, "distance of two values"),),
-    attaches_to="every output whose recorded values lie on a coarse grid",
+    attaches_to="every output whose recorded values lie on a grid, a coarse one where they are rounded",
     signature="few distinct values, equally spaced",
     confused_with=(
         ("sensor_bias", "a bias of just half a step, recorded values on a grid: the converter truncates"),
