@@ -109,10 +109,13 @@ def _features(
 ) -> tuple[Array, Array, list[str]]:
     rows, targets = [], []
     groups: list[str] = []
+    model = predictor.compiled.model
+    before = 0 if set(model.symbols[: len(sizes[2])]) & model.names_seen() else 1
     for i, segment in enumerate(predictor.segments):
         e, _, X = predictor.run(point, i)
         white = filter_var(np.where(np.isfinite(e), e, 0.0), fit.noise.var) @ fit.noise.factor
-        columns, groups = _columns(_coarse(segment, len(sizes[2])), white, X[: len(e), : len(sizes[0])], sizes)
+        u = _coarse(segment, len(sizes[2]))
+        columns, groups = _columns(u, white, X[: len(e), : len(sizes[0])], sizes, before)
         rows.append(np.nan_to_num(columns)[segment.burn :])
         good = np.all(np.isfinite(e), axis=1)[segment.burn :, None]
         targets.append(np.where(good, white[segment.burn :], 0.0))
@@ -132,7 +135,14 @@ def _sizes(predictor: Predictor, point: Point, inputs: int) -> tuple[Array, Arra
     return X.mean(axis=0), X.std(axis=0), u.mean(axis=0), u.std(axis=0)
 
 
-def _columns(u: Array, white: Array, X: Array, sizes: tuple[Array, Array, Array, Array]) -> tuple[Array, list[str]]:
+def _columns(
+    u: Array, white: Array, X: Array, sizes: tuple[Array, Array, Array, Array], before: int
+) -> tuple[Array, list[str]]:
+    """Return the features (N, q) and their groups; curves are of the input `before` samples ago.
+
+    What an input does shows one sample later, unless an output looks at it. A controller that answers a measurement
+    within the sample puts the error of the prediction into the input: of it at once, the error looks foretold.
+    """
     columns, groups = [], []
     for lag in range(1, _LAGS + 1):
         for source, name in ((u, "past inputs"), (white, "past innovations")):
@@ -141,7 +151,8 @@ def _columns(u: Array, white: Array, X: Array, sizes: tuple[Array, Array, Array,
                 groups.append(name)
     for j, (centre, size) in enumerate(zip(sizes[2], sizes[3], strict=True)):
         if size > 0:  # as in the fit part, so that every part has the same columns
-            bent, names = _bent((u[:, j] - centre) / size, "an input")
+            own = lfilter(np.eye(before + 1)[before], 1.0, (u[:, j] - centre) / size)
+            bent, names = _bent(own, "an input")
             columns += bent
             groups += names
     moving = sizes[1] > 1e-9 * max(float(sizes[1].max(initial=0.0)), 1e-300)
