@@ -43,7 +43,7 @@ def kalman_gain(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def _solve_at(
-    code: tuple[int, int, int], discrete: bool, x: Array, u: Array, th: Array, units: Array, process: Array,
+    code: tuple[int, int, int, int], discrete: bool, x: Array, u: Array, th: Array, units: Array, process: Array,
     sensor: Array, step: float, floor: float, gain: Array,
 ) -> bool:  # fmt: skip
     """Linearise at x (n + memories,) in units (n,) of each state and write the gain; variances (n,) and (l,)."""

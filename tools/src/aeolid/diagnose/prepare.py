@@ -96,7 +96,7 @@ def prepare(case: Case) -> Prepared:
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))
     spreads = _spread(y, outputs, case)
-    offsets = {} if linear is None or base.surrogate is not None else offset_sizes(u[:, : len(linear.inputs)], spreads)
+    offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)

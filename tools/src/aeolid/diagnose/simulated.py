@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline import equations_of
+from aeolid.diagnose.baseline import equations_of, offset_sizes
 from aeolid.diagnose.modal import ModalForm, modal_form
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -73,7 +73,9 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     spreads = np.nanstd(run.matrix("output"), axis=0)
     form = modal_form(found.model, spreads)
     model = equations_of(form.model, shaped_noise=True, modal=form)
-    predictor = Predictor(compile_equations(model), _whole(run, form), _scales(model, form, spreads), 0)
+    whole = _whole(run, form)
+    sizes = modal_sizes(form) | offset_sizes(whole.u, spreads)
+    predictor = Predictor(compile_equations(model), [whole], _scales(model, sizes, spreads), 0)
     fit = predictor.fit(_start(model, form, len(spreads)), _free(model, form, len(spreads)), iterations=_ITERATIONS)
     if fit is None:
         raise NotIdentifiable(f"{run.source}: no stable linear model predicts the simulation; lengthen the run")
@@ -111,16 +113,15 @@ def _past(run: Record) -> int:
     return min(_PAST, len(run) // 30)
 
 
-def _whole(run: Record, form: ModalForm) -> Sequence[Segment]:
+def _whole(run: Record, form: ModalForm) -> Segment:
     u, y = run.columns([s.name for s in form.model.inputs]), run.columns([s.name for s in form.model.outputs])
     good = np.all(np.isfinite(u), axis=1)
     if not np.all(good):
         raise NotIdentifiable(f"{run.source}: the simulation misses inputs from sample {int(np.argmin(good))} on")
-    return [Segment(np.ascontiguousarray(u), np.ascontiguousarray(y), run.sample_time_s, run.source, 0.0, 0)]
+    return Segment(np.ascontiguousarray(u), np.ascontiguousarray(y), run.sample_time_s, run.source, 0.0, 0)
 
 
-def _scales(model: Equations, form: ModalForm, spreads: Array) -> Scales:
-    sizes = modal_sizes(form)
+def _scales(model: Equations, sizes: Mapping[str, float], spreads: Array) -> Scales:
     theta = np.array([sizes.get(p.name, max(abs(p.value), 1e-3)) for p in model.parameters])
     x_size = np.ones(len(model.states))
     low, high = (np.array([getattr(p, end) for p in model.parameters]) for end in ("minimum", "maximum"))

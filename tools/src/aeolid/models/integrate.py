@@ -107,9 +107,9 @@ def contiguous(values: Array) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
-def addresses(code: MachineCode) -> tuple[int, int, int]:
-    """Return where the three functions of a model lie."""
-    return code.flow, code.read, code.renew
+def addresses(code: MachineCode) -> tuple[int, int, int, int]:
+    """Return where the four functions of a model lie."""
+    return code.flow, code.read, code.renew, code.correct
 
 
 def compile_equations(model: Equations) -> Compiled:

@@ -34,18 +34,23 @@ def _five(typing: Any, address: Any, x: Any, u: Any, th: Any, y: Any, s: Any) ->
     return types.void(*[types.int64] * 6), _pointers(5, False)
 
 
+def _six(typing: Any, address: Any, x: Any, z: Any, y: Any, e: Any, K: Any, s: Any) -> Any:
+    return types.void(*[types.int64] * 7), _pointers(6, False)
+
+
 def _three_and_number(typing: Any, address: Any, x: Any, u: Any, th: Any, step: Any) -> Any:
     return types.void(*[types.int64] * 4, types.float64), _pointers(4, True)
 
 
 _call4: Any = intrinsic(_four)
 _call5: Any = intrinsic(_five)
+_call6: Any = intrinsic(_six)
 _renew4: Any = intrinsic(_three_and_number)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def march(
-    code: tuple[int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
+    code: tuple[int, int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
     seen: int, step: float, count: int, stride: int, generate: bool, whole: bool,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
@@ -58,28 +63,28 @@ def march(
     Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes); of the last
     two only the last row unless `whole`: megabytes that several lanes would write for nobody.
     """
-    flow, read, renew = code
+    flow, read, renew, correct = code
     N, m, n = len(Y), Y.shape[1], K.shape[0] * lanes
     rows = N if whole else 1
     E, P, X = np.empty((N, m * lanes)), np.empty((rows, m * lanes)), np.empty((rows + whole, x0.size))
-    x, s = x0.copy().ravel(), np.empty(m * lanes)
+    x, s, nothing = x0.copy().ravel(), np.empty(m * lanes), np.zeros(m * lanes)
     k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), x.copy()
     at, at_mid, at_s, thetas = x.ctypes.data, mid.ctypes.data, s.ctypes.data, th.ctypes.data
     d1, d2, d3, d4 = k1.ctypes.data, k2.ctypes.data, k3.ctypes.data, k4.ctypes.data
-    gains = K.ravel()
-    h = step / count
+    at_nothing, width, h = nothing.ctypes.data, _WORD * m * lanes, step / count
     for k in range(N):
         row = k if whole else 0
-        X[row] = x
+        if whole:
+            X[k] = x
         u = U.ctypes.data + _WORD * U.shape[1] * k * stride
         _renew4(renew, at, u + _WORD * seen, thetas, step * stride)
-        _call5(read, at, u + _WORD * seen, thetas, P.ctypes.data + _WORD * m * lanes * row, at_s)
-        mid[:] = x
-        for part in range(stride * (1 if discrete else count)):
-            if discrete:
-                _call4(flow, at, u + _WORD * U.shape[1] * part, thetas, d1)
-                x[:n] = k1
-                continue
+        _call5(read, at, u + _WORD * seen, thetas, P.ctypes.data + width * row, at_s)
+        if discrete:
+            for part in range(stride):
+                _call4(flow, at, u + _WORD * U.shape[1] * part, thetas, at)
+        else:
+            mid[:] = x
+        for part in range(0 if discrete else stride * count):
             held = u + _WORD * U.shape[1] * (part // count)
             _call4(flow, at, held, thetas, d1)
             for i in range(n):
@@ -93,32 +98,11 @@ def march(
             _call4(flow, at_mid, held, thetas, d4)
             for i in range(n):
                 x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
-        _correct(x, Y[k], P[row], E[k], gains, s, lanes, generate)
+        y = at_nothing if generate else P.ctypes.data + width * row
+        _call6(correct, at, Y.ctypes.data + _WORD * m * k, y, E.ctypes.data + width * k, K.ctypes.data, at_s)
     X[-1] = x
+    s[:] = nothing  # used to the last: numba frees an array after the last line that names it
     return E, P, X
-
-
-@njit(cache=True, error_model="numpy", nogil=True, inline="always")
-def _correct(x: Array, y: Array, p: Array, e: Array, K: Array, s: Array, lanes: int, generate: bool) -> None:
-    m = len(y)
-    n = len(K) // (m * lanes) if m else 0
-    for j in range(m):
-        known = y[j] == y[j]  # a missing output is NaN and corrects nothing
-        for q in range(j * lanes, (j + 1) * lanes):
-            e[q] = y[j] if generate else y[j] - p[q]
-            if known and e[q] == e[q]:
-                s[q] *= e[q]
-            else:
-                s[q] = 0.0
-    if lanes == 1:
-        for i in range(n):
-            for j in range(m):
-                x[i] += K[i * m + j] * s[j]
-        return
-    for i in range(n):
-        for j in range(m):
-            for q in range(lanes):
-                x[i * lanes + q] += K[(i * m + j) * lanes + q] * s[j * lanes + q]
 
 
 @njit(cache=True, error_model="numpy")
