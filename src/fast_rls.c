@@ -124,7 +124,7 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
     memset(&self->count, 0, sizeof self->count);
     self->tail = tail;
     self->length = (uint16_t)AEO_FAST_RLS_LENGTH(config->past, config->block, tail);
-    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(config->forgetting);            /* forgetting >= 1/2 */
+    self->inverse_root_forgetting = aeo_inverse_root(config->forgetting);
     self->variance_max = config->growth_max / config->regularisation;                      /* regularisation >= 1e-8 */
     self->disturbance = AEO_SQRT((AEO_REAL(1) - config->forgetting) / self->variance_max); /* growth_max >= 4 */
     fill_schedule(self);

@@ -144,11 +144,16 @@ typedef struct {
 static turn_t find_turn(aeo_real_t a, aeo_real_t scale, aeo_real_t *alpha, aeo_real_t *root)
 {
     const aeo_real_t alpha_new = *alpha + a * a;
-    const aeo_real_t root_new = AEO_SQRT(alpha_new);
-    /* alpha grows from a value above 0, so neither root is 0. As root <= root_new, c <= scale, and c is scale to the bit
-     * when a is lost in alpha: alpha scale / (root root_new) lies 5e-8 above it on average, and over 1e7 samples P
-     * would grow threefold along directions that are never excited. */
-    const turn_t turn = {a, *root / root_new * scale, a / (*root * root_new) * scale};
+    turn_t turn = {a, scale, scale};
+    /* c is scale to the bit when a is lost in alpha, and root / root_new <= 1 never raises it: alpha scale / (root
+     * root_new) lies 5e-8 above it on average, and over 1e7 samples P would grow threefold along directions that are
+     * never excited. alpha grows from a value above 0, so no root is 0. */
+    aeo_real_t root_new = *root;
+    if (alpha_new > *alpha) {
+        root_new = AEO_SQRT(alpha_new);
+        turn.c = *root / root_new * scale;
+    }
+    turn.k = a / (*root * root_new) * scale;
     *alpha = alpha_new;
     *root = root_new;
     return turn;

@@ -28,7 +28,7 @@ static aeo_status_t judge_config(const aeo_rls_config_t *config)
 static void derive_from_forgetting(aeo_rls_t *self)
 {
     const aeo_real_t lambda = self->config.forgetting;
-    self->inverse_root_forgetting = AEO_REAL(1) / AEO_SQRT(lambda); /* lambda >= 1/2 */
+    self->inverse_root_forgetting = aeo_inverse_root(lambda);
     self->gate = self->config.excitation_min * (AEO_REAL(1) - lambda) * (aeo_real_t)self->config.regressors;
     self->scan_step = aeo_settings_find_scan_step(self->config.regressors, lambda);
 }

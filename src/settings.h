@@ -18,6 +18,14 @@ static inline int aeo_is_between(aeo_real_t x, aeo_real_t low, aeo_real_t high)
     return x >= low && x <= high;
 }
 
+/* Return lambda^(-1/2), which is exactly 1 for lambda = 1, as a filter that forgets nothing needs: the factor of P is
+ * scaled by it at every sample. -ffast-math makes 1 / sqrtf an estimate with one Newton step, 6e-8 below 1 on some
+ * processors, and P then loses 3.5 % in 300,000 samples. */
+static inline aeo_real_t aeo_inverse_root(aeo_real_t lambda)
+{
+    return lambda < AEO_REAL(1) ? AEO_REAL(1) / AEO_SQRT(lambda) : AEO_REAL(1); /* lambda >= 1/2 */
+}
+
 /* Judge count settings that lie side by side: AEO_OK, AEO_E_NOT_FINITE, or AEO_E_ARG when one is below ranges[i][0] or
  * above ranges[i][1]. */
 aeo_status_t aeo_settings_judge(const aeo_real_t *settings, const aeo_real_t (*ranges)[2], size_t count);

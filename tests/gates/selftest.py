@@ -141,7 +141,21 @@ GATE_DEFECTS = [
 ]
 
 TEST_DEFECTS = [
-    Defect("rls", "src/linalg.c", "*root / root_new * scale,", "*alpha / (*root * root_new) * scale,", "inflate"),
+    Defect(
+        "rls",
+        "src/linalg.c",
+        "(alpha_new > *alpha) {\n        root_new = AEO_SQRT(alpha_new);\n        turn.c = *root / root_new * scale;",
+        "(1) {\n        root_new = AEO_SQRT(alpha_new);\n        turn.c = *alpha / (*root * root_new) * scale;",
+        "inflate",
+    ),
+    Defect(
+        "rls",
+        "src/settings.h",
+        "lambda < AEO_REAL(1) ? AEO_REAL(1) / AEO_SQRT(lambda) : AEO_REAL(1);",
+        "AEO_REAL(1) / AEO_SQRT(lambda);",
+        "inflate",
+        ("-O2", '-DAEO_CONFIG_HEADER="coarse_config.h"'),
+    ),
     Defect("contract_rls", "src/linalg.c", "c * s0 - k * b0", "c * s0 + k * b0", "law_equals_batch"),
     Defect(
         "contract_rls",
