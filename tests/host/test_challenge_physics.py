@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import aeolid.challenge
+from aeolid.challenge import draw
 from aeolid.challenge.bench import LOOP, STATES, Bench, loss_force, spring_force
 from aeolid.challenge.draw import build, place
 from aeolid.challenge.families import FAMILIES
@@ -18,9 +19,10 @@ from aeolid.challenge.menu_turbine import outside, singles
 from aeolid.challenge.models import PLANTS
 from aeolid.challenge.paths import RING, Drive, Sensor, drive, read
 from aeolid.challenge.plants import Setup, simulate
-from aeolid.challenge.worth import Predictor, worth
+from aeolid.challenge.worth import Predictor, Worth, worth
 from aeolid.challenge.write import state_space
 from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.errors import DataError
 from aeolid.models import equations_file
 from aeolid.models.exchange.files import read_state_space
 from aeolid.record import Channel, Record
@@ -252,3 +254,27 @@ def test_of_a_blades_lift_no_more_than_half_comes_late() -> None:
     drawn = [build("single", (lift,), seed, 3000) for seed in range(6)]
     shares = [place(d, d.strength).truth.lift for d in drawn]
     assert max(shares) == pytest.approx(0.5, rel=0.01), shares  # some want more to be found
+
+
+def test_a_recording_that_runs_away_is_drawn_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A case whose plant ran away was written with nine tenths of its recording missing, and counted."""
+    (item,) = (i for i in singles() if i.accepted == ("stiction",) and i.plant == "shaft")
+    whole = draw.measure
+    asked: list[draw.Draw] = []
+
+    def runs_away(drawn: draw.Draw, strength: object, samples: int) -> Worth:
+        asked.append(drawn)
+        return Worth(np.inf, np.inf, -np.inf)
+
+    def at_first(drawn: draw.Draw, strength: list[float], samples: int) -> Worth | None:
+        first = not asked or drawn.setup == asked[0].setup
+        return runs_away(drawn, strength, samples) if first else whole(drawn, strength, samples)
+
+    monkeypatch.setattr(draw, "measure", at_first)
+    again = build("single", (item,), 3, 2000)
+    assert again.value is not None and np.isfinite(again.value.nats)
+    assert again.setup != asked[0].setup
+    assert again.items == (item,) and again.seed == 3
+    monkeypatch.setattr(draw, "measure", runs_away)
+    with pytest.raises(DataError, match="runs away in each of 10 draws; make the challenge with another --seed"):
+        build("single", (item,), 3, 2000)

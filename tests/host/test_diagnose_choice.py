@@ -14,13 +14,13 @@ import pytest
 from study_modules import load_study
 
 from aeolid.cli.main import main
-from aeolid.diagnose import pipeline, several
+from aeolid.diagnose import first_effect, several
 from aeolid.diagnose import refit as refit_module
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
 from aeolid.diagnose.catalogue.base import Slot
 from aeolid.diagnose.explore import quieted
-from aeolid.diagnose.pipeline import against, kin
+from aeolid.diagnose.first_effect import against, kin
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
 from aeolid.diagnose.refit import best_of, finalists, refit, renewed
@@ -216,7 +216,7 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
         a, usual = attachment(entry, output), {"plausible": True, "accepted": True, "at_end": at_end}
         return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=gain, score=gain, **(usual | is_))
 
-    monkeypatch.setattr(pipeline, "is_accepted", lambda c: c.accepted)
+    monkeypatch.setattr(first_effect, "is_accepted", lambda c: c.accepted)
 
     rows = (
         row("sensor_lag", "moment", 12.8), row("sensor_second_order", "moment", 12.0),

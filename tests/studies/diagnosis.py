@@ -237,8 +237,8 @@ def nats_of_truth(study: Study, truth: Sequence[str]) -> float | None:
     Below 5 nats nobody could tell it from nothing on these data (MISMATCH section 6: undecidable). None where the truth
     is no effect that can be fitted.
     """
-    from aeolid.diagnose.pipeline import fit_rows
     from aeolid.diagnose.proof import prove
+    from aeolid.diagnose.race import fit_rows
 
     rows = [r for r in study.bank.rows if r.attachment.entry in truth]
     bare, prepared = study.prepared.only(()), study.prepared

@@ -15,11 +15,13 @@ from aeolid.challenge.menu_turbine import faults, outside, plant_outputs, single
 from aeolid.challenge.models import PLANTS
 from aeolid.challenge.plants import Setup, simulate
 from aeolid.challenge.worth import Worth, worth
+from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
 DECIDABLE = 5.0  # nats on sealed data below which nobody can tell
 SHARES = {"null": 0.14, "parameter": 0.13, "outside": 0.12, "double": 0.08, "fault": 0.08, "impossible": 0.07}
 _TRIES, _MOST_VAF, _AIMS = 5, 0.9, (30.0, 250.0)  # nats aimed at, drawn evenly in the logarithm
+_DRAWS = 10
 _LEAST = 1 / 8  # strength below which a size is no longer that of a real machine
 _WRONG = {"spring": ("k", "c", "g", "M"), "shaft": ("k", "bm", "Jl", "g"), "tanks": ("a", "b"),
           "heater": ("p", "h1", "h3"), "turbine": ("kf", "Qb", "Tb", "M")}  # fmt: skip
@@ -118,8 +120,20 @@ def _pair(rng: np.random.Generator) -> tuple[Item, Item]:
 
 
 def build(sort: str, items: tuple[Item, ...], seed: int, samples: int) -> Draw:
-    """Settle one case: plant, loop, baseline, form, strength."""
-    rng = np.random.default_rng([seed, 1])
+    """Settle one case: plant, loop, baseline, form, strength; drawn anew where the recording would run away.
+
+    Raises DataError where it does in every draw.
+    """
+    for draws in range(_DRAWS):
+        draw = _settle(sort, items, seed, samples, np.random.default_rng([seed, 1, draws] if draws else [seed, 1]))
+        if draw.value is None or np.isfinite(draw.value.nats):
+            return draw
+    hidden = " and ".join(i.what for i in items)
+    raise DataError(f"{hidden}: the plant runs away in each of {_DRAWS} draws; make the challenge with another --seed")
+
+
+def _settle(sort: str, items: tuple[Item, ...], seed: int, samples: int, rng: np.random.Generator) -> Draw:
+    """Draw plant, loop, baseline and form, and find the strength."""
     plant = PLANTS[items[0].plant if items else str(rng.choice(list(PLANTS), p=[0.2, 0.2, 0.1, 0.1, 0.4]))]
     kinds = [k for k in (items[0].kinds if items else ("equations", "state_space", "run")) if _allowed(k, plant.name)]
     for item in items[1:]:

@@ -82,8 +82,11 @@ class Prepared:
         return replace(self, predictor=predictor, attachments=tuple(attachments), free=free, fit=fit)
 
 
-def prepare(case: Case) -> Prepared:
-    """Bring the baseline into predictor form, fit what is free, ask every catalogue entry where it could attach."""
+def prepare(case: Case, most: int | None = None) -> Prepared:
+    """Bring the baseline into predictor form, fit what is free, ask every catalogue entry where it could attach.
+
+    most: samples that one prediction spans at most, where it is not for this function to choose.
+    """
     base = baseline_of(case)
     declared, linear, records = base.equations, base.linear, base.records
     compiled = compile_equations(declared)
@@ -92,6 +95,7 @@ def prepare(case: Case) -> Prepared:
     names = [s.name for s in declared.inputs] + [c.name for c in exogenous]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
     factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
+    factor = min(factor, most or factor)
     r, d = base.inputs, len(declared.inputs)
     split = split_records(records, names[:r], outputs, settle, factor, names[r:])
     u, y = (np.vstack([getattr(s, part) for s in split.fit]) for part in ("u", "y"))

@@ -20,3 +20,8 @@ def factor_for(fastest_rate: float, step: float, samples: int) -> int:
         return 1
     factor = min(int(_STEP / (fastest_rate * step)), samples // _FEWEST)
     return factor if factor >= _WORTH else 1
+
+
+def finer(factor: int) -> int:
+    """Return the next smaller factor to look with: a quarter, or the recording's own rate."""
+    return factor // 4 if factor // 4 >= _WORTH else 1

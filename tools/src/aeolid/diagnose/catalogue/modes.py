@@ -129,9 +129,14 @@ def _loads(site: Site, j: int, spread: float) -> dict[str, _Load]:
 
 
 def _band(site: Site, kind: Kind | None) -> tuple[float, float]:
-    slowest, fastest = 4.0 / (len(site.u) * site.step), 0.4 / site.row_step
+    slowest = 4.0 / (len(site.u) * site.step)
     least, most = kind.band_hz if kind is not None else _EVERYWHERE
-    return max(slowest, least), min(fastest, most)
+    return max(slowest, least), min(highest_hz(site), most)
+
+
+def highest_hz(site: Site) -> float:
+    """Return the highest frequency of a mode that the rows show: 0.4 of their rate."""
+    return 0.4 / site.row_step
 
 
 def own_modes(site: Site, j: int) -> list[tuple[float, float]]:

@@ -1,0 +1,115 @@
+"""A slow model's rows lie far apart; what is faster than they show must be found all the same."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete
+
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.pipeline import Study, study
+from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.resample import finer
+
+STEP, MOTOR, LOAD, SHAFT, TWISTING = 0.02, 0.6, 1.4, 90.0, 0.5  # s, kg m², kg m², N m, N m s
+MODEL = """\
+[model]
+name = "motor and load, one body"
+time = "continuous"
+[parameters]
+g = { value = 2.0, unit = "N m/V" }
+b = { value = 0.25, unit = "N m s", min = 0.025, max = 2.0, free = true }
+J = { value = 2.0, unit = "kg m^2", min = 0.6, max = 6.0, free = true }
+[[state]]
+name = "w"
+unit = "rad/s"
+derivative = "(g*voltage - b*w)/J"
+initial = { value = 0.0, free = true }
+[[output]]
+name = "speed"
+unit = "rad/s"
+equation = "w"
+"""
+ROLES = """\
+[recording]
+time = "time_s"
+[[channel]]
+name = "voltage"
+unit = "V"
+role = "input"
+[[channel]]
+name = "speed"
+unit = "rad/s"
+role = "output"
+"""
+CASE = """\
+[case]
+title = "a shaft that twists"
+[recordings]
+files = ["recording.csv"]
+roles = "roles.toml"
+[baseline]
+kind = "equations"
+file = "model.toml"
+"""
+FREQUENCY = np.sqrt(SHAFT * (1 / MOTOR + 1 / LOAD)) / (2 * np.pi)  # 2.3 Hz
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Write 120 s of a motor (w1), a shaft (twist) and a load (w2) that a random torque brakes."""
+    A = np.array(
+        [
+            [-(0.25 + TWISTING) / MOTOR, TWISTING / MOTOR, -SHAFT / MOTOR],
+            [TWISTING / LOAD, -TWISTING / LOAD, SHAFT / LOAD],
+            [1.0, -1.0, 0.0],
+        ]
+    )
+    B = np.array([[2.0 / MOTOR, 0.0], [0.0, 1.0 / LOAD], [0.0, 0.0]])
+    A, B, *_ = cont2discrete((A, B, np.eye(3), np.zeros((3, 2))), STEP)
+    rng = np.random.default_rng(4)
+    n = 6000
+    u = np.column_stack([np.repeat(rng.choice([-1.0, 1.0], n // 50), 50), 0.3 * rng.standard_normal(n)])
+    x, speed = np.zeros(3), np.empty(n)
+    for k in range(n):
+        speed[k] = x[0] + 0.01 * rng.standard_normal()
+        x = A @ x + B @ u[k]
+    folder = tmp_path_factory.mktemp("rate")
+    for name, text in (("model.toml", MODEL), ("roles.toml", ROLES), ("case.toml", CASE)):
+        (folder / name).write_text(text)
+    table = np.column_stack([STEP * np.arange(n), u[:, 0], speed])
+    np.savetxt(folder / "recording.csv", table, "%.9g", ",", header="time_s,voltage,speed", comments="")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(case: Path) -> Study:
+    """Return the study of the recording."""
+    return study(load_case(case), sham=0, seed=0, progress=lambda text, share: None)
+
+
+def test_the_rows_of_a_slow_model_do_not_show_the_mode(case: Path) -> None:
+    """Else what follows tests nothing: ten samples a row, up to 2 Hz."""
+    coarse = prepare(load_case(case))
+    assert coarse.decimation == 10
+    assert 0.4 / (coarse.decimation * STEP) < FREQUENCY
+
+
+def test_a_mode_beyond_the_rows_is_found_at_a_finer_rate(found: Study) -> None:
+    """It was `unnamed`, for 6,562 nats of a challenge's recording."""
+    assert found.prepared.decimation == 1
+    assert found.winner is not None
+    values = found.winner.values["structural_mode output:speed"]
+    frequency, deviation = values["frequency_hz"]
+    assert frequency == pytest.approx(FREQUENCY, rel=0.02)  # 2.33 Hz; noise alone moves it by less than a hundredth
+    assert 0 < deviation < 0.02 * FREQUENCY
+    assert found.proof is not None and found.proof.interval[0] > 0
+
+
+def test_each_look_is_finer_than_the_last() -> None:
+    for factor in (100, 39, 16, 15, 4, 2):
+        assert 1 <= finer(factor) <= factor / 2
+    assert finer(16) == 4
+    assert finer(15) == 1  # a factor below four loses more samples than it gains
