@@ -200,6 +200,22 @@ def test_of_each_family_the_best_is_fitted() -> None:
     assert finalists(Bank(tuple(rows), 99.0)) == [rows[5]]
 
 
+def test_a_family_is_not_left_out_because_it_speaks_last() -> None:
+    """A sensor that clips, worth 1,488 nats, was the seventh family of seven; six were fitted, none worth 300."""
+    entries = (
+        "structural_mode", "rate_limit", "actuator_lag", "parameter_error", "sensor_lag", "added_mass",
+        "coulomb_friction", "sensor_saturation",
+    )  # fmt: skip
+    rows = tuple(
+        Row(
+            SimpleNamespace(entry=e, key=e, always_fit=False, stepped=False),  # type: ignore[arg-type]
+            20.0 - k, 0.0, 1, 1.0, {}, {}, {}, {}, None, True,
+        )
+        for k, e in enumerate(entries)
+    )  # fmt: skip
+    assert [r.attachment.entry for r in finalists(Bank(rows, 5.0))] == list(entries)
+
+
 def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> None:
     """Same family and place, or one direction; over the threshold, not fitted yet; of the three best, four at most."""
     bases = {"blade_flap": np.eye(3)[:, :1], "sensor_lag": np.eye(3)[:, :1], "sensor_scale": np.eye(3)[:, 1:2]}
@@ -212,9 +228,9 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     def row(entry: str, output: str, z: float) -> Any:
         return SimpleNamespace(attachment=attachment(entry, output), z=z, fair=-np.inf, basis=bases.get(entry))
 
-    def fitted(entry: str, output: str, gain: float, at_end: bool = False, **is_: bool) -> Any:
+    def fitted(entry: str, output: str, gain: float, at_end: bool = False, fit: float = 0.0, **is_: bool) -> Any:
         a, usual = attachment(entry, output), {"plausible": True, "accepted": True, "at_end": at_end}
-        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=gain, score=gain, **(usual | is_))
+        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=fit or gain, score=gain, **(usual | is_))
 
     monkeypatch.setattr(first_effect, "is_accepted", lambda c: c.accepted)
 
@@ -232,6 +248,11 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [over])]
     better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
     assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []
+    unsteady = fitted("sensor_lag", "moment", 148.0, fit=210.0)  # fits better than two of the best, and fails elsewhere
+    assert "sensor_second_order moment" in [r.attachment.key for r in kin(bank, [*better, unsteady])]
+    loud: Any = Bank((row("blade_flap", "bending", 14.0), *rows[:4]), 5.0)  # one direction is less than one family
+    found = kin(loud, [fitted("sensor_lag", "moment", 148.0)])
+    assert [r.attachment.key for r in found] == ["sensor_second_order moment", "blade_flap bending"]
     refused = [fitted("sensor_lag", "yaw", 148.0, accepted=False), fitted("backlash", "u", 20.0, accepted=False)]
     elsewhere = [r.attachment.key for r in kin(bank, refused)]  # the same effect, half as loud as the threshold
     assert elsewhere == ["sensor_lag moment", "sensor_lag speed"]

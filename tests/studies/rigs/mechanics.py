@@ -187,6 +187,7 @@ def tanks(trial: Trial, samples: int, seed: int) -> dict[str, np.ndarray]:
         rows[i] = h + 0.005 * rng.standard_normal(2)
         for _ in range(FINE):
             out, below = OUTFLOW * np.sqrt(np.maximum(h - rig.get("floor", 0.0) * np.array([1.0, 0.0]), 0.0))
+            out *= 1 - rig.get("thick", 0.0) * inflow[i]
             spill = 0.3 * max(h[0] - rig["brim"], 0.0) ** 1.5 if "brim" in rig else 0.0
             h += dt * np.array([INFLOW * inflow[i] - out - spill + wet[i, 0], out - below + 0.5 * spill + wet[i, 1]])
             h = np.maximum(h, 0.0)
@@ -268,6 +269,7 @@ def trials() -> list[Trial]:
         Trial("overflow", "tanks", {"brim": 1.0}, ("overflow",), ("brim_level", 1.0, 0.15)),
         Trial("outlet above the floor", "tanks", {"floor": 0.15}, outside=True),
         Trial("null", "tanks"),
+        Trial("outlet that a layer narrows", "tanks", {"thick": 0.02}, outside=True),
     ]  # fmt: skip
     return found
 

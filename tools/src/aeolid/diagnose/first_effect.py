@@ -29,6 +29,7 @@ _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best tha
 _TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
+_FITTING = 1  # more of them, which gain more than the last of these on the fit data
 
 Step = Callable[[str, float], Callable[[], None]]
 
@@ -109,21 +110,24 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
 def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     """Return hypotheses over the threshold that are kin to what fits best, but were not fitted yet.
 
-    Kin share family and place, or their scores cannot be told apart. A lag of a sensor that leads may be the beginning
-    of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. One at the end of
-    its range, too: a second-order filter damped by all it may be is a lag. Where none of the best is accepted, the
-    first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two tanks that
-    run over, the second that the first one had not been told.
+    Kin share family and place, or, behind these, their scores cannot be told apart. A lag of a sensor that leads may be
+    the beginning of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. One
+    at the end of its range, too: a second-order filter damped by all it may be is a lag. Where none of the best is
+    accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two
+    tanks that run over, the second that the first one had not been told. One that fits well and fails the selection
+    data may be the wrong member of the right family: a sensor's lag, 797 and −263 nats, where a filter of second order
+    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named.
     """
     known = {c.key for c in fitted}
     led = sorted((c for c in fitted if (c.plausible or c.at_end) and c.fit_gain > 0), key=lambda c: -c.score)
-    leaders, allowed = led[:_LEADERS], [c for c in led if c.plausible]
+    leaders, others = led[:_LEADERS], led[_LEADERS:]
+    leaders += [c for c in others if c.fit_gain > leaders[-1].fit_gain][:_FITTING]
+    allowed = [c for c in led if c.plausible]
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
-    found = [
-        row for row in fresh
-        if row.z > bank.limit(row)
-        and any(are_kin(row.attachment, c.attachments[0]) or _alike(row, own.get(c.key)) for c in leaders)
-    ]  # fmt: skip
+    speaking = [row for row in fresh if row.z > bank.limit(row)]
+    family = [r for r in speaking if any(are_kin(r.attachment, c.attachments[0]) for c in leaders)]
+    alike = [r for r in speaking if any(_alike(r, own.get(c.key)) for c in leaders)]
+    found = [*family, *(r for r in alike if r not in family)]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
         found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]

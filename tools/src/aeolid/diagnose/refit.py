@@ -23,6 +23,7 @@ from aeolid.diagnose.starts import starts_of
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
+_FAMILIES = 10  # of which one is fitted, where so many speak
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
 _LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
@@ -37,7 +38,8 @@ def finalists(bank: Bank) -> list[Row]:
     """Choose what to fit: the best of each family over the threshold, look-alikes, and those without a score to go by.
 
     Families first: the score at the null ranks poorly where much is missing (of an OpenFAST run without its tower two
-    bent springs, a drag and a shadow stood before the tower's own mode).
+    bent springs, a drag and a shadow stood before the tower's own mode; a sensor that clips, worth 1,488 nats, was the
+    seventh family of seven).
     """
     over = bank.loud
     chosen = [r for r in bank.rows if r.attachment.always_fit]
@@ -45,7 +47,7 @@ def finalists(bank: Bank) -> list[Row]:
     families: set[str] = set()
     for row in over:
         family = entry(row.attachment.entry).family
-        if family not in families and len(chosen) < most:
+        if family not in families and len(families) < _FAMILIES:
             families.add(family)
             chosen.append(row)
     for row in over:

@@ -15,7 +15,8 @@ from aeolid.diagnose.baseline import with_force
 from aeolid.diagnose.catalogue import operating_point
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
 from aeolid.diagnose.catalogue.forces import with_parameters
-from aeolid.diagnose.catalogue.unlisted import ID, MODES, stores
+from aeolid.diagnose.catalogue.unlisted import ID, MODES, exchange, stores
+from aeolid.diagnose.passing import Passing, passings
 from aeolid.models import expressions as ex
 from aeolid.models.equations import TIME, Equations, State
 
@@ -84,7 +85,7 @@ class Place:
 
 
 def places(site: Site, read: Read) -> list[Place]:
-    """List inputs, motions (of a linear model with no more than three modes) and, of equations, what stores something.
+    """List inputs, motions (of a linear model with no more than three modes) and, of equations, stores and exchanges.
 
     What acts like an input of a linear model may follow what the outputs show. Left out: what never moves, and time.
     """
@@ -92,7 +93,9 @@ def places(site: Site, read: Read) -> list[Place]:
     if site.linear is None or len(site.motions) <= MODES:
         found += [_motion(m, i, read) for i, m in enumerate(site.motions)]
     if site.linear is None:
-        found += [_store(site, s, read) for s in stores(site)]
+        storing = stores(site)
+        found += [_store(site, s, read) for s in storing]
+        found += [_passing(p, read) for p in passings(site.model, [s.name for s in storing])]
     return [p for p in found if p.is_alive]
 
 
@@ -150,6 +153,20 @@ def _store(site: Site, state: State, read: Read) -> Place:
     return Place(
         state.name, where, f"a gain or loss at {where}", location(where), acts, 0.01 * own.spread / site.step, (own,)
     )
+
+
+def _passing(passing: Passing, read: Read) -> Place:
+    """Return what two stores exchange: what leaves one reaches the other."""
+    where = f"state:{passing.giver}-{passing.taker}"
+
+    def acts(model: Equations, slots: tuple[Slot, ...], term: str, _: str) -> Equations:
+        return exchange(with_parameters(model, slots), passing, ex.parse(term, ID))
+
+    driver = Follows(f"{passing.giver}_{passing.taker}", ex.to_text(passing.driver), f"({ex.to_text(passing.driver)})",
+                     read(passing.driver))  # fmt: skip
+    words = f"what passes from {passing.giver} to {passing.taker}"
+    size = float(np.nanstd(read(passing.flow)))
+    return Place(driver.tag, where, words, location(where), acts, size, (driver,))
 
 
 def said(text: str, unit: str) -> str:

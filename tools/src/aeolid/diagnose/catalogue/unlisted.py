@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
 
 from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.baseline import noisy_states, with_force
+from aeolid.diagnose.catalogue import operating_point
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
 from aeolid.diagnose.catalogue.forces import force_on, say, with_parameters
+from aeolid.diagnose.passing import Passing, passings
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations, State
+from aeolid.models.equations import TIME, Equations, State
 
 ID = "unlisted"
 MODES = 3  # of a linear model; one with more was identified, and each form would cost every mode a fit
@@ -24,11 +30,14 @@ _LOSSES = (
 
 
 def _attach(site: Site) -> list[Attachment]:
+    found = [_bent(site, i) for i, name in enumerate(site.input_names) if name != TIME]
+    if site.linear is None or len(site.motions) <= MODES:
+        found += [a for i, m in enumerate(site.motions) for a in _on(m, i)]
     if site.linear is not None:
-        motions = list(site.motions)
-        return [a for i, m in enumerate(motions) for a in _on(m, i)] if len(motions) <= MODES else []
-    found = [a for i, m in enumerate(site.motions) for a in _on(m, i)]
-    return found + [_lost(site, s, *form) for s in stores(site) for form in _LOSSES]
+        return found
+    found += [_lost(site, s, *form) for s in stores(site) for form in _LOSSES]
+    exchanged = passings(site.model, [s.name for s in stores(site)])
+    return found + [_passed(site, p, i) for p in exchanged for i in (None, *range(len(site.input_names)))]
 
 
 def stores(site: Site) -> list[State]:
@@ -59,6 +68,20 @@ def _on(motion: Motion, number: int) -> list[Attachment]:
     return found
 
 
+def _bent(site: Site, i: int) -> Attachment:
+    """Return an input whose action bends evenly to either side of its mean: a valve's curve."""
+    name, symbol, u = site.input_names[i], site.symbols[i], site.u[:, i]
+    mean, reach = float(np.nanmean(u)), float(np.nanmax(np.abs(u - np.nanmean(u)))) or 1.0
+    slots = (Slot(f"unlisted_bent_{i + 1}", "factor", "1", 0.0, -10.0, 10.0, 1e-3),)
+    term = f"{slots[0].name}*({symbol} - {mean!r})*({symbol} - {mean!r})/{reach!r}"
+    return Attachment(
+        ID, f"{ID} input:{name} bent", location(f"input:{name}", inputs=(name,)),
+        partial(operating_point.acting, symbol, term, slots), slots,
+        equation=f"what acts is {name} + factor*({name} - mean)^2/{reach:.4g}",
+        statement=lambda v: f"what acts like {name} bends: {v['factor']:+.1%} where it is farthest from its mean",
+    )  # fmt: skip
+
+
 def _alone(site: Site, state: State) -> bool:
     """Tell whether a state's equation holds only itself, constants and its own force: a wind with memory."""
     known = {state.name, f"unmeasured_{state.name}", *(p.name for p in site.model.parameters)}
@@ -82,14 +105,44 @@ def _lost(site: Site, state: State, kind: str, form: str, shown: str, says: str)
     )  # fmt: skip
 
 
+def _passed(site: Site, passing: Passing, number: int | None) -> Attachment:
+    """Return a flow between two stores of which a share is missing: always, or in proportion to an input."""
+    where = f"state:{passing.giver}-{passing.taker}"
+    what = "" if number is None else site.input_names[number]
+    slots = (Slot(f"unlisted_{passing.giver}_{passing.taker}{'' if number is None else f'_{number + 1}'}", "factor",
+                  "", 0.0, -10.0, 10.0, 1e-3),)  # fmt: skip
+    spread = 1.0 if number is None else float(np.max(np.abs(site.u[:, number]))) or 1.0
+    text = slots[0].name if number is None else f"{slots[0].name}*{site.symbols[number]}/{spread!r}"
+    more = ex.combine("*", ex.parse(text, ID), passing.flow)
+    words = f"what passes from {passing.giver} to {passing.taker}"
+
+    def says(values: Mapping[str, float]) -> str:
+        by = f"by {100 * abs(values['factor']):.2g} %" + (f" where {what} is at its largest" if what else "")
+        return f"{words} is {'more' if values['factor'] > 0 else 'less'} than the model says, {by}"
+
+    return Attachment(
+        ID, f"{ID} {where}{f' with {what}' if what else ''}", location(where),
+        lambda model: exchange(with_parameters(model, slots), passing, more), slots,
+        equation=f"{words}: flow*(1 + factor{f'*{what}/{spread:.4g}' if what else ''})", statement=says,
+    )  # fmt: skip
+
+
+def exchange(model: Equations, passing: Passing, more: ast.expr) -> Equations:
+    """Return the model in which more leaves one store and, its share, reaches the other."""
+    model = with_force(model, passing.giver, ex.combine("*", ast.Constant(-1.0), more))
+    return with_force(model, passing.taker, ex.combine("*", passing.share, more))
+
+
 ENTRY = Entry(
     id=ID,
     family=ID,
     name="a form outside the catalogue",
-    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2, -factor*x",
+    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2, -factor*x; flow*(1 + factor), flow*(1 + factor*u);"
+    " u + factor*(u - mean)^2",
     source="of the library itself: the lowest powers that no entry has",
     quantities=(),
-    attaches_to="motions, and what stores, of equations; modes of linear models that have no more than three",
+    attaches_to="every input; motions, what stores and what passes between two stores, of equations; modes of linear"
+    " models that have no more than three",
     signature="fits far better than any entry",
     confused_with=(),
     attach=_attach,
