@@ -23,6 +23,7 @@ from aeolid.diagnose.exogenous import with_exogenous
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
 from aeolid.diagnose.starts import turns
+from aeolid.diagnose.sums import written_out
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
@@ -64,16 +65,17 @@ def test_a_form_outside_the_catalogue_is_not_listed_and_cannot_be_named() -> Non
 
 
 def test_forms_attach_to_what_moves_and_to_what_stores(tmp_path: Path) -> None:
-    """Not to a wind with memory, nor to the unmeasured forces; factors at rest change nothing."""
+    """And to inputs; not to a wind with memory, nor to the unmeasured forces; factors at rest change nothing."""
     prepared = prepare(load_case(spring.write_case(tmp_path / "case", spring.Hidden("null", "equations", {}), 1200, 5)))
     found = [a for a in prepared.hypotheses if a.entry == unlisted.ID]
-    assert {a.location["entry"] for a in found} == {"state:v"} and len(found) == 2
+    assert [a.location["entry"] for a in found] == ["input:drive", "state:v", "state:v"]
     model = prepared.declared
     for a in found:
         edited = a.edit(model)
         (slot,) = a.slots
         assert slot.null == 0.0 and slot.label == "factor" and not a.statement({"factor": 1.0}).endswith(".")
-        assert slot.name in ex.names_in(next(s.derivative for s in edited.states if s.name == "v"))
+        rate = next(s.derivative for s in edited.states if s.name == "v")
+        assert slot.name in ex.names_in(written_out(rate, edited))
 
 
 @pytest.mark.parametrize("factor", [0.9, 0.0])

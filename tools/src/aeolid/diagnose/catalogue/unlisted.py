@@ -37,7 +37,7 @@ def _attach(site: Site) -> list[Attachment]:
         return found
     found += [_lost(site, s, *form) for s in stores(site) for form in _LOSSES]
     exchanged = passings(site.model, [s.name for s in stores(site)])
-    return found + [_passed(site, p, i) for p in exchanged for i in (None, *range(len(site.input_names)))]
+    return found + [_passed(site, p, i) for p in exchanged for i in range(len(site.input_names))]
 
 
 def stores(site: Site) -> list[State]:
@@ -105,25 +105,25 @@ def _lost(site: Site, state: State, kind: str, form: str, shown: str, says: str)
     )  # fmt: skip
 
 
-def _passed(site: Site, passing: Passing, number: int | None) -> Attachment:
-    """Return a flow between two stores of which a share is missing: always, or in proportion to an input."""
-    where = f"state:{passing.giver}-{passing.taker}"
-    what = "" if number is None else site.input_names[number]
-    slots = (Slot(f"unlisted_{passing.giver}_{passing.taker}{'' if number is None else f'_{number + 1}'}", "factor",
-                  "", 0.0, -10.0, 10.0, 1e-3),)  # fmt: skip
-    spread = 1.0 if number is None else float(np.max(np.abs(site.u[:, number]))) or 1.0
-    text = slots[0].name if number is None else f"{slots[0].name}*{site.symbols[number]}/{spread!r}"
-    more = ex.combine("*", ex.parse(text, ID), passing.flow)
+def _passed(site: Site, passing: Passing, i: int) -> Attachment:
+    """Return a flow between two stores that an input widens or narrows.
+
+    Not one that is a share too small always: the factor of a sensor is the same by another name.
+    """
+    where, name = f"state:{passing.giver}-{passing.taker}", site.input_names[i]
+    slots = (Slot(f"unlisted_{passing.giver}_{passing.taker}_{i + 1}", "factor", "", 0.0, -10.0, 10.0, 1e-3),)
+    most = float(np.nanmax(np.abs(site.u[:, i]))) or 1.0
+    more = ex.combine("*", ex.parse(f"{slots[0].name}*{site.symbols[i]}/{most!r}", ID), passing.flow)
     words = f"what passes from {passing.giver} to {passing.taker}"
 
     def says(values: Mapping[str, float]) -> str:
-        by = f"by {100 * abs(values['factor']):.2g} %" + (f" where {what} is at its largest" if what else "")
-        return f"{words} is {'more' if values['factor'] > 0 else 'less'} than the model says, {by}"
+        way = "more" if values["factor"] > 0 else "less"
+        return f"{words} is {way} than the model says, by {100 * abs(values['factor']):.2g} % where {name} is largest"
 
     return Attachment(
-        ID, f"{ID} {where}{f' with {what}' if what else ''}", location(where),
+        ID, f"{ID} {where} with {name}", location(where),
         lambda model: exchange(with_parameters(model, slots), passing, more), slots,
-        equation=f"{words}: flow*(1 + factor{f'*{what}/{spread:.4g}' if what else ''})", statement=says,
+        equation=f"{words}: flow*(1 + factor*{name}/{most:.4g})", statement=says,
     )  # fmt: skip
 
 
@@ -137,8 +137,7 @@ ENTRY = Entry(
     id=ID,
     family=ID,
     name="a form outside the catalogue",
-    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2, -factor*x; flow*(1 + factor), flow*(1 + factor*u);"
-    " u + factor*(u - mean)^2",
+    equation="F = -factor*v^2, -factor*q^2*v, -factor*x^2, -factor*x; flow*(1 + factor*u); u + factor*(u - mean)^2",
     source="of the library itself: the lowest powers that no entry has",
     quantities=(),
     attaches_to="every input; motions, what stores and what passes between two stores, of equations; modes of linear"
