@@ -26,7 +26,13 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).resolve().parent
-RIGS = {"diagnosis": 3000, "mechanics": 3000, "signals": 2000, "turbine": 3000}  # module → samples of a recording
+RIGS = {
+    "diagnosis": 3000,
+    "mechanics": 3000,
+    "signals": 2000,
+    "turbine": 3000,
+    "structures": 3000,
+}  # module → samples of a recording
 DECIDABLE = 5.0  # nats on the sealed data that the effect itself gains when it is fitted
 GOOD = ("right", "right, and one too many")
 
