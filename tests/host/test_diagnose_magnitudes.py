@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from study_modules import load_study
 
-from aeolid.diagnose import pipeline, scores
+from aeolid.diagnose import first_effect, scores
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.declared import Moved
 from aeolid.diagnose.gains import kalman_gain
@@ -113,7 +113,7 @@ def test_a_baseline_is_not_bettered_by_what_it_holds_fixed() -> None:
     """A hypothesis about a wrong inertia moves the inertia itself; carried over, it hid in the baseline."""
     fit = SimpleNamespace(point=Point(np.array([1.0, 2.0, 3.0]), np.zeros(0), None, ()))
     bare: Any = SimpleNamespace(fit=fit, free=SimpleNamespace(theta=(1,)))
-    moved = pipeline._without_effects(replace(fit.point, theta=np.array([10.0, 20.0, 30.0])), bare)
+    moved = first_effect._without_effects(replace(fit.point, theta=np.array([10.0, 20.0, 30.0])), bare)
     np.testing.assert_array_equal(moved.theta, [1.0, 20.0, 3.0])
 
 

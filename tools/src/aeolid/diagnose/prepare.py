@@ -22,6 +22,7 @@ from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.recorded_wind import GAIN, TYPICAL, with_recorded_wind
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.riccati import steady_gain
 from aeolid.diagnose.simulated import Surrogate
@@ -35,7 +36,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", modal.PREFIX)
+NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", GAIN, modal.PREFIX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,8 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
         working.symbols[:r], exogenous, u[:, d:], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
+    declared, working = (with_recorded_wind(m, exogenous, site.extra, step) for m in (declared, working))
+    offsets |= {GAIN: TYPICAL}
     frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, offsets, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)

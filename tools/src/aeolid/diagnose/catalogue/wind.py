@@ -22,21 +22,25 @@ def wind(site: Site, output: str) -> Place | None:
     What is added is felt wherever the wind is: torque and thrust at once, with the slopes that the model has. The size
     is that which moves the output by its spread.
     """
-    for state in site.model.states:
-        if _is_undriven(state, site.model) and _felt(site.model, state.name) > 1:
-            slope = _slope(site, state.name, output)
-            if slope:
-                spread = float(np.nanstd(site.y[:, site.output_names.index(output)])) or 1.0
-                name, unit = state.name, state.unit
+    for state in winds(site.model):
+        slope = _slope(site, state.name, output)
+        if slope:
+            spread = float(np.nanstd(site.y[:, site.output_names.index(output)])) or 1.0
+            name, unit = state.name, state.unit
 
-                def blow(model: Equations, gust: ast.expr, _: str, name: str = name) -> Equations:
-                    return _with_more(model, name, gust)
+            def blow(model: Equations, gust: ast.expr, _: str, name: str = name) -> Equations:
+                return with_more_wind(model, name, gust)
 
-                return Place(f"state:{name}", output, "wind", unit, spread / abs(slope), False, blow)
+            return Place(f"state:{name}", output, "wind", unit, spread / abs(slope), False, blow)
     return None
 
 
-def _with_more(model: Equations, name: str, gust: ast.expr) -> Equations:
+def winds(model: Equations) -> list[State]:
+    """List the states that may be a model's wind: nothing drives them, and more than one other state feels them."""
+    return [s for s in model.states if _is_undriven(s, model) and _felt(model, s.name) > 1]
+
+
+def with_more_wind(model: Equations, name: str, gust: ast.expr) -> Equations:
     """Return the model with a gust added to this state wherever it is felt; the state itself goes on as it does.
 
     Intermediates of which the gust is made come first now: they hold states and constants, others may hold the gust.
