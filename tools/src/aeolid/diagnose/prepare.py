@@ -22,7 +22,7 @@ from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
-from aeolid.diagnose.recorded_wind import GAIN, TYPICAL, with_recorded_wind
+from aeolid.diagnose.recorded_wind import PREFIX, SIZES, smoothed_wind, with_recorded_wind, with_smoothed_wind
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.riccati import steady_gain
 from aeolid.diagnose.simulated import Surrogate
@@ -36,7 +36,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", GAIN, modal.PREFIX)
+NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", PREFIX, modal.PREFIX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,11 +89,13 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
     most: samples that one prediction spans at most, where it is not for this function to choose.
     """
     base = baseline_of(case)
-    declared, linear, records = base.equations, base.linear, base.records
+    declared, linear = base.equations, base.linear
+    records = with_smoothed_wind(base.records, declared)
     compiled = compile_equations(declared)
     outputs, step = [o.name for o in declared.outputs], records[0].sample_time_s
     exogenous = exogenous_channels(records, declared)
-    names = [s.name for s in declared.inputs] + [c.name for c in exogenous]
+    given = (*exogenous, *smoothed_wind(records))
+    names = [s.name for s in declared.inputs] + [c.name for c in given]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
     factor = factor_for(fastest, step, sum(len(r) for r in records)) if linear is None else 1
     factor = min(factor, most or factor)
@@ -108,12 +110,11 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
     declared = base.bare(working.auxiliaries)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
-        working.symbols[:r], exogenous, u[:, d:], case.context,
+        working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
-    declared, working = (with_recorded_wind(m, exogenous, site.extra, step) for m in (declared, working))
-    offsets |= {GAIN: TYPICAL}
-    frame = Frame(with_exogenous(working, exogenous), rough[1], sizes, spreads, forces, offsets, base.surrogate)
+    told = with_exogenous(with_recorded_wind(working, given, step), given)
+    frame = Frame(told, rough[1], sizes, spreads, forces, offsets | SIZES, base.surrogate)
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)

@@ -1,4 +1,4 @@
-"""Let a baseline know what a recorded wind tells of the wind that the model has to guess (S1)."""
+"""Let a baseline know what a recorded wind tells of the wind that its model has to guess (S1)."""
 
 from __future__ import annotations
 
@@ -8,61 +8,126 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.signal import lfilter
 
 from aeolid.diagnose.catalogue.wind import winds, with_more_wind
 from aeolid.diagnose.exogenous import Exogenous
-from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
+from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-GAIN = "recorded_wind_gain"
-TYPICAL = 1.0  # 1/s, typical size of the gain
-_MOST = 5.0  # of one a sample: beyond that the model's wind is the recorded one, noise and all
+PREFIX = "recorded_wind_"  # of the parameters' names
+SHARE, LEVEL, RATE = f"{PREFIX}share", f"{PREFIX}level", f"{PREFIX}rate"
+SIZES = {SHARE: 0.3, LEVEL: 0.3, RATE: 1.0}  # typical: of one; in the unit of the wind; in 1/s
+CHANNEL, SYMBOL = "recorded wind, smoothed", f"{PREFIX}smoothed"
+_FASTEST = 3.0  # of one a sample: what is forgotten faster is white
+_MOST = 2.0  # an anemometer behind the rotor reads half the wind, not less
+_STARTS = ((0.9, 0.3), (0.99, 0.3), (0.99, 0.8), (0.999, 0.9))  # poles of wind and smoother to start from
 
 
-def with_recorded_wind(model: Equations, channels: Sequence[Exogenous], samples: Array, step: float) -> Equations:
-    """Return the model with its wind w drawn towards a recorded one v, by a free gain kappa >= 0.
+def with_smoothed_wind(records: Sequence[Record], model: Equations) -> tuple[Record, ...]:
+    """Return the recordings with their wind, smoothed, as a channel more; as they are where there is no place for it.
 
-        dw/dt = f(w) + kappa*(v - m - w),    felt elsewhere: w* = w + (1 - exp(-kappa*step/2))*(v - m - w)
-        w+ = f(w*),    felt elsewhere: w* = w + (1 - exp(-kappa*step))*(v - m - w)    (sample to sample)
-
-    m is the mean of v less the value at which w rests: a model's wind may be the gust or all of it. Where w moves
-    during a step half of the way is gone at once, so that what is felt in the mean is what is known then. It is how a
-    Kalman filter corrects a wind by an anemometer that errs: kappa grows with the gusts and falls with the anemometer's
-    noise; where it tells nothing it is none. The wind of a model is a state that only noise drives; a predictor learns
-    of a gust when the rotor answers, the anemometer before. Without this whatever else follows its channel foretells
-    gusts: a pitch gain that switches with the recorded wind had a name on recordings that lacked nothing.
-
-    channels, samples (N, k): what the model has no use for; taken is the first of role scheduling in the unit of the
-    wind. step: sample time of the inputs in s. A model that has no wind (`catalogue.wind`) or several is returned as
-    it is, and so it is where none is recorded.
+    Taken is the first channel of role scheduling, complete and moving, in the unit of the only wind of the model.
     """
-    found = winds(model)
-    told = [i for i, c in enumerate(channels) if c.role == "scheduling" and [c.unit] == [s.unit for s in found]]
-    if not told:
+    units = [s.unit for s in winds(model)]
+    used = {*(s.name for s in model.inputs), *(o.name for o in model.outputs)}
+    told = [
+        c.name for c in records[0].channels if c.role == "scheduling" and [c.unit] == units and c.name not in used
+    ]  # fmt: skip
+    values = [r.column(told[0]) for r in records] if told else []
+    if not told or not np.all(np.isfinite(np.concatenate(values))) or np.ptp(np.concatenate(values)) == 0:
+        return tuple(records)
+    mean = float(np.mean(np.concatenate(values)))
+    smooth = smoother([v - mean for v in values])
+    more = Channel(CHANNEL, units[0], "ignore")
+    return tuple(
+        replace(r, values=np.column_stack([r.values, _both_ways(v - mean, *smooth)]), channels=(*r.channels, more))
+        for r, v in zip(records, values, strict=True)
+    )
+
+
+def smoother(winds_read: Sequence[Array]) -> tuple[float, float]:
+    """Return pole and gain of the smoother that finds a wind of one memory in readings with white errors.
+
+    w+ = a w + q, v = w + n is the ARMA(1, 1) v+ - a v = e+ - b e (its prediction error is least over 0 <= b <= a < 1),
+    with var n = b/a var e; the Wiener smoother of w is g/((1 - b z)(1 - b/z)), g = var q / var e. What it leaves of w
+    is correlated with nothing that was read, so that nothing else that follows the channel foretells it. An anemometer
+    without errors is not smoothed (b = 0, g = 1).
+    """
+
+    def errors(at: Array) -> float:
+        a, b = _poles(at)
+        return sum(float(np.sum(lfilter([1.0, -a], [1.0, -b], v) ** 2)) for v in winds_read)
+
+    starts = [np.array([_logit(a), _logit(b / a)]) for a, b in _STARTS]
+    best = min((minimize(errors, s, method="Nelder-Mead") for s in starts), key=lambda r: float(r.fun))
+    a, b = _poles(best.x)
+    return b, 1 + b * b - b / a * (1 + a * a)
+
+
+def _poles(at: Array) -> tuple[float, float]:
+    a, share = (1 / (1 + np.exp(-np.clip(at, -30, 30)))).tolist()
+    return a, a * share
+
+
+def _logit(share: float) -> float:
+    return float(np.log(share / (1 - share)))
+
+
+def _both_ways(read: Array, pole: float, gain: float) -> Array:
+    """Filter forwards and backwards; both begin as if the first, or the last, value had lasted."""
+    settled = 1 / (1 - pole)
+    onwards, _ = lfilter([1.0], [1.0, -pole], read, zi=[pole * settled * read[0]])
+    back, _ = lfilter([1.0], [1.0, -pole], onwards[::-1], zi=[pole * settled * onwards[-1]])
+    result: Array = gain * back[::-1]
+    return result
+
+
+def smoothed_wind(records: Sequence[Record]) -> tuple[Exogenous, ...]:
+    """Return the channel that `with_smoothed_wind` added, for the model alone: no effect may use it."""
+    return tuple(Exogenous(CHANNEL, SYMBOL, c.unit, c.role) for c in records[0].channels if c.name == CHANNEL)
+
+
+def with_recorded_wind(model: Equations, channels: Sequence[Exogenous], step: float) -> Equations:
+    """Return the model with a free share of the smoothed wind, and a level, added to its wind wherever that is felt.
+
+    The wind of a model is a state that only noise drives; a predictor learns of a gust when the rotor answers, an
+    anemometer knows of it before. Without this whatever else follows its channel foretells gusts: a pitch gain that
+    switches with the recorded wind had a name on recordings that lacked nothing. The state is then what the anemometer
+    does not tell, which forgets as fast as the smoother does: the rate is free, and parameters that stand in the wind's
+    equation only are held, for they were declared of the whole wind. Where the channel tells nothing the share is none.
+    A model is returned as it is where `with_smoothed_wind` found none.
+    """
+    if not any(c.name == CHANNEL for c in channels):
         return model
-    wind, mean = found[0].name, float(samples[:, told[0]].mean()) - _at_rest(found[0], model)
-    ahead = ex.parse(f"{channels[told[0]].symbol} - {mean!r} - {wind}", "recorded wind")
-    first = step if model.sample_time_s else 0.5 * step
-    at_once = ex.combine("*", ex.parse(f"1 - exp(-{GAIN}*{first!r})", "recorded wind"), ahead)
-    states = tuple(_drawn(s, ahead, at_once, model) if s.name == wind else s for s in model.states)
-    gain = Parameter(GAIN, 0.0, "1/s", 0.0, _MOST / step, True)
-    return with_more_wind(replace(model, parameters=(*model.parameters, gain), states=states), wind, at_once)
+    wind = winds(model)[0]
+    more = (
+        Parameter(SHARE, 0.0, "1", 0.0, _MOST, True),
+        Parameter(LEVEL, 0.0, wind.unit, free=True),
+        Parameter(RATE, 0.0, "1/s", 0.0, _FASTEST / step, True),
+    )
+    own = _only_in(wind, model)
+    held = tuple(replace(p, free=False) if p.name in own else p for p in model.parameters)
+    states = tuple(_forgetful(s, model) if s.name == wind.name else s for s in model.states)
+    gust = ex.parse(f"{SHARE}*{SYMBOL} + {LEVEL}", "recorded wind")
+    return with_more_wind(replace(model, parameters=(*held, *more), states=states), wind.name, gust)
 
 
-def _drawn(wind: State, ahead: ast.expr, at_once: ast.expr, model: Equations) -> State:
+def _forgetful(wind: State, model: Equations) -> State:
+    """Return the wind's state, forgetting faster by the free rate."""
     if model.sample_time_s:
-        better = ex.combine("+", ast.Name(id=wind.name), at_once)
-        return replace(wind, derivative=ex.substitute(written_out(wind.derivative, model), {wind.name: better}))
-    return replace(wind, derivative=ex.combine("+", wind.derivative, ex.combine("*", ast.Name(id=GAIN), ahead)))
+        faster = ex.parse(f"exp(-{RATE}*{model.sample_time_s!r})", "recorded wind")
+        return replace(wind, derivative=ex.combine("*", faster, wind.derivative))
+    faster = ex.parse(f"{RATE}*{wind.name}", "recorded wind")
+    return replace(wind, derivative=ex.combine("-", wind.derivative, faster))
 
 
-def _at_rest(wind: State, model: Equations) -> float:
-    """Return the value at which the wind of a model stays; its start where it has no such value."""
-    known = {p.name: np.asarray(p.value) for p in model.parameters}
-    known |= {s.name: np.asarray(0.0) for s in model.states}
-    written = written_out(wind.derivative, model)
-    still, moved = (float(ex.values_of(written, known | {wind.name: np.asarray(w)})) for w in (0.0, 1.0))
-    rate = moved - still - (1.0 if model.sample_time_s else 0.0)
-    return -still / rate if rate else wind.initial
+def _only_in(wind: State, model: Equations) -> set[str]:
+    """Return the parameters that stand in the wind's own equation and nowhere else."""
+    others: list[ast.expr] = [s.derivative for s in model.states if s.name != wind.name]
+    others += [o.equation for o in model.outputs] + [a.equation for a in model.auxiliaries]
+    names = {p.name for p in model.parameters}
+    return (ex.names_in(wind.derivative) & names) - set().union(*(ex.names_in(tree) for tree in others))

@@ -141,11 +141,33 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
         return None
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
-        predictor = predictor.with_order(order)
-        fit = fit_quietly(predictor, fit.point, free)
-    if fit is None:
-        return None
+        predictor, fit = with_more_noise(predictor, order, fit, free)
     return judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select, ahead)
+
+
+def with_more_noise(predictor: Predictor, order: int, fit: Fit, free: Free) -> tuple[Predictor, Fit]:
+    """Fit with a noise model of higher order; returns that, or what is left without it where it is not worth it."""
+    larger = predictor.with_order(order)
+    more = fit_quietly(larger, fit.point, free)
+    if more is None:
+        return predictor, fit
+    return with_least_noise(predictor, larger, more, free)
+
+
+def with_least_noise(least: Predictor, predictor: Predictor, fit: Fit, free: Free) -> tuple[Predictor, Fit]:
+    """Fit on without the order by which a noise model is above `least`; returns the better, for what parameters cost.
+
+    What a fit that stopped short leaves over looks like coloured noise. With that in the model it goes on, and where it
+    ends may need no such noise: a mass that was 10 % off gained 74.1 nats with nine values more for the noise, 64.9
+    without, where they cost 38, and a sensor's factor of 63.0 nats had the name.
+    """
+    if (predictor.var_order or 0) <= (least.var_order or 0):
+        return predictor, fit
+    back = fit_quietly(least, fit.point, free)
+    if back is None:
+        return predictor, fit
+    cost = 0.5 * float(np.log(len(fit.per_sample))) * (len(fit.jacobian.T) - len(back.jacobian.T))
+    return (predictor, fit) if fit.log_posterior - cost > back.log_posterior else (least, back)
 
 
 def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Prepared, before: Array) -> Fit | None:
@@ -196,6 +218,7 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
     """Fit a candidate once more, its effect put into another fit of the baseline, and on from where it stands.
 
     Returns the best, itself where nothing gains: the baseline's noise may lead into another optimum (13 nats short).
+    Where the better baseline has a smaller noise model, it is judged anew in any case.
     """
     if not candidate.complete:
         return candidate
@@ -213,8 +236,10 @@ def renewed(prepared: Prepared, candidate: Candidate, baseline_select: Array) ->
     starts = replace(start, theta=theta, noise=noise), carry_point(candidate.fit.point, old, model)
     fits = [fit_quietly(predictor, s, free, iterations=_AGAIN) for s in starts]
     fit = max((f for f in fits if f is not None), key=lambda f: f.log_posterior, default=None)
-    if fit is None or fit.log_posterior <= candidate.fit.log_posterior:
+    own_order = (predictor.var_order or 0) <= (stage.predictor.var_order or 0)
+    if fit is None or (own_order and fit.log_posterior <= candidate.fit.log_posterior):
         return candidate
+    predictor, fit = with_least_noise(stage.predictor, predictor, fit, free)
     return judge(stage, predictor, stage.fit, fit, candidate.attachments, baseline_select)
 
 
