@@ -76,6 +76,42 @@ def diagnosis() -> dict[str, Any]:
     }  # fmt: skip
 
 
+def cells(outputs: list[str]) -> dict[str, list[dict[str, Any]]]:
+    """Return two recordings in time, a wind in regions, six orders; one of each stands out, in the last output."""
+
+    def told(output: str, kind: str, value: float, marked: bool) -> dict[str, Any]:
+        marked = marked and output == outputs[-1]
+        return {"output": output, "kind": kind, "value": value, "statistic": 6.0 if marked else 1.0, "threshold": 4.0,
+                "significant": marked}  # fmt: skip
+
+    time = [
+        {"source": source, "time_s": [12.0 * k, 12.0 * (k + 1)], **told(name, kind, value, kind == "power" and k == 7)}
+        for source, count in (("rec.csv", 14), ("other.csv", 6)) for k in range(count)
+        for name in outputs for kind, value in (("mean", 0.02 * k), ("power", 3.0 if k == 7 else 0.9))
+    ]  # fmt: skip
+    region = [
+        {"channel": "wind", "unit": "m/s", "range": [10.0 + k, 11.0 + k], **told(name, kind, 0.1 * k, k == 5)}
+        for k in range(6) for name in outputs for kind in ("mean", "power")
+    ]  # fmt: skip
+    azimuth = [
+        {"order": k, "phase_deg": 20.0, **told(name, "line", 0.2 / (1 + abs(k - 3)), k == 3)}
+        for k in range(1, 7) for name in outputs
+    ]  # fmt: skip
+    return {"time": time, "region": region, "azimuth": azimuth}
+
+
+def equations() -> list[dict[str, Any]]:
+    """Return a state that no fit does without, one whose noise is worth 211 nats, and a value that does not wander."""
+    return [
+        {"what": "state", "name": "gust", "asked": "noise its equation needs", "statistic": None, "threshold": 5.7,
+         "scale": "nats", "significant": True},
+        {"what": "state", "name": "v", "asked": "noise its equation needs", "statistic": 211.0, "threshold": 5.7,
+         "scale": "nats", "significant": True},
+        {"what": "parameter", "name": "k_beta", "asked": "wanders in time", "statistic": 1.2, "threshold": 3.4,
+         "scale": "z", "significant": False},
+    ]  # fmt: skip
+
+
 def evidence() -> dict[str, Any]:
     rng = np.random.default_rng(1)
     t = 480 + 0.1 * np.arange(1200)
@@ -110,7 +146,8 @@ def evidence() -> dict[str, Any]:
         for low, high in pairwise(edges)
     ]  # fmt: skip
     return {
-        "title": "Turbine with a concealed effect", "series": series,
+        "title": "Turbine with a concealed effect", "series": series, "cells": cells(list(series)),
+        "equations": equations(),
         "spectra": dict.fromkeys(series, spectrum), "bank": bank,
         "bands": bands, "confusion": {"ids": ids, "cos2": cos2.tolist()},
         "forensics": [{"check": "units", "channel": "pitch", "finding": "as declared", "severity": "none"}],

@@ -69,7 +69,8 @@ def swinging(folder: Path, seed: int = 3, **hidden: float) -> Path:
 
     bend: of the push's action above 5 N; shake: share of the stiffness that swings at 0.37 Hz; teeth: force in N that
     repeats every 0.05 m; stiffer: N/m for every N of push; relaxing: N/m of a spring behind a dashpot, 0.5 s; eddies: N
-    of a force in a narrow band around 2.3 Hz, damping 0.02; hard: N/m³ of the spring.
+    of a force in a narrow band around 2.3 Hz, damping 0.02; hard: N/m³ of the spring; softening: share of the stiffness
+    that goes evenly over the recording.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
@@ -83,7 +84,8 @@ def swinging(folder: Path, seed: int = 3, **hidden: float) -> Path:
     rows, x, h = np.empty((SAMPLES, 3)), np.zeros(3), SWING_STEP / 2
 
     def slope(x: Any, u: float, t: float) -> Any:
-        k = 40.0 * (1 + shake * np.sin(2 * np.pi * 0.37 * t)) + stiffer * u
+        gone = hidden.get("softening", 0.0) * (t / (SAMPLES * SWING_STEP) - 0.5)
+        k = 40.0 * (1 + shake * np.sin(2 * np.pi * 0.37 * t) - gone) + stiffer * u
         force = u + bend * max(u - 5.0, 0.0) - x[1] - k * x[0] - teeth * np.sin(2 * np.pi * x[0] / 0.05)
         return np.array([x[1], force - hard * x[0] ** 3 - relaxing * x[2], x[1] - x[2] / 0.5])
 

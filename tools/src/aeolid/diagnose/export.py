@@ -77,16 +77,12 @@ def evidence(study: Study) -> dict[str, Any]:
         "split": list(prepared.split.rows),
         "parameters": parameters,
         "candidates": [
-            {
-                "key": c.key,
-                "fit_gain": c.fit_gain,
-                "select_gain": c.select_gain,
-                "plausible": c.plausible,
-                "reason": c.reason,
-            }
+            {k: getattr(c, k) for k in ("key", "fit_gain", "select_gain", "plausible", "reason")}
             for c in study.candidates
         ],
         "bands": study.bands,
+        "cells": study.cells,
+        "equations": study.equations,
         "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups],
         "sham_largest_z": list(study.sham[2]),
         "decimation": prepared.decimation,

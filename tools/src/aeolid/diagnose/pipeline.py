@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,12 @@ from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.control import survives_control
+from aeolid.diagnose.deficiency import deficient
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.exchange import Alternative, exchanged
 from aeolid.diagnose.first_effect import find_first, first_effect
 from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.locate import evidence_cells
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
@@ -55,6 +58,8 @@ class Study:
     declared_proof: Proof | None
     ceiling: Ceiling
     bands: list[dict[str, object]]
+    cells: dict[str, list[dict[str, Any]]]
+    equations: list[dict[str, Any]]
     after_bank: Bank | None
     sham: tuple[int, int, tuple[float, ...]]
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
@@ -88,7 +93,10 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     unsealed = baseline_of_all(prepared)
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
+    done()
+    done = step("evidence", 0.68)
     bands = band_power(prepared.predictor, prepared.fit, seed)
+    cells, equations = evidence_cells(prepared, case, seed), deficient(prepared, seed)
     done()
     done = step("sham runs", 0.7)
     hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
@@ -98,7 +106,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     return Study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
-        declared, top, bands, after_bank, (sham, hits, tuple(largest)), held.completed, timing,
+        declared, top, bands, cells, equations, after_bank, (sham, hits, tuple(largest)), held.completed, timing,
     )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.projection import outside, span
 from aeolid.diagnose.quiet import audible
 from aeolid.diagnose.sensitivity import Variant, columns, gain_variant, noise_variant, theta_variant
 from aeolid.models.equations import Equations
@@ -99,7 +100,7 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     Cost: one filter pass for every LANES parameters and grid points.
     """
     fit = prepared.fit
-    basis = _span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
+    basis = span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
     outputs = prepared.predictor.segments[0].y.shape[1]
     draws = _DRAWS if known is None else _FEW_DRAWS
     blocks = blocks_of(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
@@ -196,7 +197,7 @@ def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Arra
     moved = columns(predictor, fit.point, fit.noise, base, variants)
     known = np.zeros((len(fit.prior_residual), len(variants)))  # what was known before says nothing of an effect
     directions, result = np.vstack([moved, known]), []
-    projected = _outside(directions, baseline)  # all at once: a product of matrices, not of vectors
+    projected = outside(directions, baseline)  # all at once: a product of matrices, not of vectors
     first = 0
     for of_one in asked:
         found = []
@@ -250,13 +251,6 @@ def _independent(scaled: Array) -> NDArray[np.bool_]:
     return kept
 
 
-def _outside(G: Array, baseline: Array) -> Array:
-    """Return the part of G outside the baseline's span; projected twice, orthogonal to rounding."""
-    once = G - baseline @ (baseline.T @ G)
-    result: Array = once - baseline @ (baseline.T @ once)
-    return result
-
-
 def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, blocks: Blocks) -> tuple[Row, Array]:
     """Return the row of one cell, and its z and fair z under the null: (2, draws)."""
     freedom = cell.basis.shape[1]
@@ -293,16 +287,6 @@ def shifted(point: Point, model: Equations, values: Mapping[str, float]) -> Poin
     for name, value in values.items():
         theta[model.index(name)] = value
     return replace(point, theta=theta)
-
-
-def _span(jacobian: Array) -> Array:
-    size = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian[:, size > 0] / size[size > 0]
-    if not scaled.shape[1]:
-        return np.zeros((len(jacobian), 0))
-    U, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    result: Array = U[:, s > 1e-7 * s[0]]
-    return result
 
 
 def _silent(attachment: Attachment) -> Row:

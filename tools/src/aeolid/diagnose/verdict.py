@@ -13,6 +13,7 @@ from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.declared import also_speaking, contradicted, form_speaking, parameter_effect
 from aeolid.diagnose.experiment import advise, describe
+from aeolid.diagnose.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import PROVEN, Proof, block_interval
 from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
@@ -206,7 +207,7 @@ def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
 
 
 def _where(study: Study, verdict: str) -> dict[str, Any] | None:
-    """Locate a mismatch without a name: the bands that stand out, and what the correction depends on."""
+    """Locate a mismatch without a name: the cells that stand out, and what the correction depends on."""
     if verdict == "data_fault":
         first = next(f for f in study.findings if f.severity == "fault")
         return {"entry": f"channel:{first.channel}", "finding": first.finding}
@@ -219,8 +220,8 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
     form = form_speaking(study)
     return {
         "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
-        "frequency_hz": bands[0]["frequency_hz"] if bands else None, "azimuth_order": None, "region": None,
-        "time_s": None, "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
+        "frequency_hz": bands[0]["frequency_hz"] if bands else None, **whereabouts(study.cells),
+        "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
     }  # fmt: skip
 
 

@@ -5,15 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from aeolid.report.evidence import (
-    appendix,
-    band_map,
-    before_after,
-    confusion,
-    score_bank,
-)
+from aeolid.report.evidence import appendix, before_after, confusion, score_bank
 from aeolid.report.markup import Html, join, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, quantity, with_std
+from aeolid.report.where import maps
 
 Facts = dict[str, Any]
 
@@ -37,8 +32,8 @@ _VERDICTS = {
 def render_diagnosis(diagnosis: Facts, evidence: Facts, path: str | Path) -> None:
     """Write one page from a diagnosis (the content of diagnosis.json) and the evidence behind it.
 
-    Every key of `evidence` is optional: title, series, spectra, horizon, bank, confusion, forensics, split,
-    parameters, timing_s.
+    Every key of `evidence` is optional: title, series, spectra, horizon, bank, bands, cells, equations, confusion,
+    forensics, split, parameters, timing_s.
     """
     title = str(evidence.get("title") or "Diagnosis")
     write_page(path, title, tag("h1", title), diagnosis_parts(diagnosis, evidence))
@@ -64,7 +59,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
             score_bank(
                 evidence.get("bank") or [], {(e.get("id"), (e.get("location") or {}).get("entry")) for e in effects}
             ),
-            _where(diagnosis, effects, evidence.get("bands") or []),
+            _where(diagnosis, effects, evidence),
             confusion(evidence.get("confusion") or {}),
             _not_excluded(diagnosis.get("not_excluded") or []),
             _next_experiment(diagnosis.get("next_experiment") or {}),
@@ -171,7 +166,7 @@ def _rivals(effects: list[Facts]) -> Html:
     )
 
 
-def _where(diagnosis: Facts, effects: list[Facts], bands: list[Facts]) -> Html:
+def _where(diagnosis: Facts, effects: list[Facts], evidence: Facts) -> Html:
     places = [(e.get("id"), e["location"]) for e in effects if e.get("location")]
     if diagnosis.get("location") and diagnosis["location"] not in [place for _, place in places]:
         places.append(("evidence, before any name", diagnosis["location"]))
@@ -179,7 +174,7 @@ def _where(diagnosis: Facts, effects: list[Facts], bands: list[Facts]) -> Html:
     used = [k for k in keys if any(place.get(k) not in (None, [], "") for _, place in places)]
     rows = [[name, *(_place(place.get(k)) for k in used)] for name, place in places]
     titles = {"frequency_hz": "frequency (Hz)", "time_s": "time (s)", "azimuth_order": "azimuth order"}
-    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows), band_map(bands))
+    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows), maps(evidence))
 
 
 def _place(value: Any) -> str:

@@ -127,36 +127,6 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
     return section("Every effect that was tried", figure(drawing.svg, caption), table(head, rows))
 
 
-def band_map(bands: list[Facts]) -> Html:
-    """Show channel × frequency: how far the innovations of the model as it was are from white."""
-    outputs = list(dict.fromkeys(str(b["output"]) for b in bands))
-    if not outputs:
-        return Html("")
-    edges = sorted({float(edge) for b in bands for edge in b["frequency_hz"]})
-    ratio = np.full((len(outputs), len(edges) - 1), np.nan)
-    with charts.sketch((charts.WIDE[0], 1.2 + 0.45 * len(outputs))) as drawing:
-        axes = drawing.axes[0, 0]
-        for b in bands:
-            row, column = outputs.index(str(b["output"])), edges.index(float(b["frequency_hz"][0]))
-            ratio[row, column] = 10 * np.log10(max(float(b["ratio"]), 1e-3))
-            if b.get("significant"):
-                centre = float(np.sqrt(edges[column] * edges[column + 1]))
-                axes.plot(centre, row + 0.5, "o", color=INK, markersize=4)
-        reach = max(3.0, float(np.nanmax(np.abs(ratio))))
-        image = axes.pcolormesh(edges, np.arange(len(outputs) + 1), ratio, cmap="PuOr_r", vmin=-reach, vmax=reach)
-        axes.set_xscale("log")
-        axes.set_yticks(np.arange(len(outputs)) + 0.5, outputs)
-        axes.invert_yaxis()
-        axes.grid(visible=False)
-        axes.set_xlabel("frequency (Hz)")
-        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
-    caption = (
-        "What the model as it was leaves unexplained, one step ahead: power of its innovations against white noise,"
-        " by channel and third octave. A dot marks what chance does not give (1 % for the whole map)."
-    )
-    return figure(drawing.svg, caption)
-
-
 def confusion(data: Facts) -> Html:
     """Show which effects these data cannot tell apart: cos² of the angle between their scores."""
     names, values = data.get("ids") or [], np.asarray(data.get("cos2") or [], dtype=float)

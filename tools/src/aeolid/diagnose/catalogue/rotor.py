@@ -82,11 +82,15 @@ def samples(site: Site, channel: Exogenous) -> Array:
 
 
 def _radians(site: Site, channel: Exogenous) -> float:
-    """Return rad a unit: by the unit, else by the range (more than a turn in rad must be degrees)."""
-    unit = channel.unit.strip().lower()
+    return radians_a_unit(channel.unit, samples(site, channel))
+
+
+def radians_a_unit(unit: str, values: Array) -> float:
+    """Return rad a unit of an angle: by the unit, else by the range (more than a turn in rad must be degrees)."""
+    unit = unit.strip().lower()
     if unit in ("rad", "deg", "degree", "degrees", "°"):
         return 1.0 if unit == "rad" else math.pi / 180
-    return math.pi / 180 if float(np.ptp(samples(site, channel))) > 7.0 else 1.0
+    return math.pi / 180 if float(np.ptp(values)) > 7.0 else 1.0
 
 
 def turning(site: Site) -> float:

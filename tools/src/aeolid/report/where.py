@@ -1,0 +1,210 @@
+"""Draw where a mismatch sits: innovations by frequency, time, region, rotor angle, and which equation they accuse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.report import charts
+from aeolid.report.charts import INK
+from aeolid.report.markup import Html, figure, join, table, tag
+from aeolid.report.numbers import number
+
+Facts = dict[str, Any]
+Array = NDArray[np.float64]
+_LEAST_DB, _LEAST_MEAN, _LEAST_LINE = 3.0, 0.3, 0.15  # colour scales at the least: noise looks like noise
+_MOST_SOURCES = 4  # recordings side by side in one map
+_MOST_ROWS = 12
+_SIGNED, _PLAIN = "PuOr_r", "Purples"
+_MEAN = "mean (std)"
+_DOT = "A dot marks what chance does not give (1 % for the whole map)."
+
+
+def maps(evidence: Facts) -> Html:
+    """Show every map that has data, and the table of equations and values."""
+    cells = evidence.get("cells") or {}
+    return join(
+        [
+            band_map(evidence.get("bands") or []),
+            time_map(cells.get("time") or []),
+            *region_maps(cells.get("region") or []),
+            azimuth_map(cells.get("azimuth") or []),
+            equations(evidence.get("equations") or []),
+        ]
+    )
+
+
+def band_map(bands: list[Facts]) -> Html:
+    """Show channel × frequency: how far the innovations of the model as it was are from white."""
+    outputs = _outputs(bands)
+    if not outputs:
+        return Html("")
+    tiles = [(*b["frequency_hz"], outputs.index(str(b["output"])), _db(b["ratio"]), b) for b in bands]
+    with charts.sketch((charts.WIDE[0], 1.2 + 0.45 * len(outputs))) as drawing:
+        axes = drawing.axes[0, 0]
+        axes.set_xscale("log")
+        image = _paint(axes, tiles, outputs, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
+        axes.set_xlabel("frequency (Hz)")
+        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
+    caption = (
+        "What the model as it was leaves unexplained, one step ahead: power of its innovations against white noise,"
+        f" by channel and third octave. {_DOT}"
+    )
+    return figure(drawing.svg, caption)
+
+
+def time_map(cells: list[Facts]) -> Html:
+    """Show channel × time: mean and power of the innovations in stretches of the fitted data."""
+    outputs, sources = _outputs(cells), list(dict.fromkeys(str(c["source"]) for c in cells))
+    if not outputs:
+        return Html("")
+    shown = sources[:_MOST_SOURCES]
+    spans = [[t for c in cells if c["source"] == s for t in c["time_s"]] for s in shown]
+    widths = [max(max(t) - min(t), 1e-9) for t in spans]
+    widths = [max(w, 0.15 * max(widths)) for w in widths]  # a short recording keeps room for its name
+    size = charts.WIDE[0], 1.6 + 0.7 * len(outputs)
+    with charts.sketch(size, 2, len(shown), sharex="col", gridspec_kw={"width_ratios": widths}) as drawing:
+        for row, kind in enumerate(("mean", "power")):
+            tiles = _tiles(cells, kind, outputs, "time_s")
+            for column, source in enumerate(shown):
+                axes, own = drawing.axes[row, column], [t for t in tiles if t[4]["source"] == source]
+                image = _paint(axes, own, outputs, _SIGNED, _reach(tiles, _least(kind)))
+                axes.tick_params(axis="y", length=0 if column else 3.5, labelleft=not column)
+            drawing.figure.colorbar(image, ax=list(drawing.axes[row]), label=_unit(kind), pad=0.01)
+        for column, source in enumerate(shown):
+            drawing.axes[0, column].set_title(source if len(shown) > 1 else "", fontsize=8.5)
+            drawing.axes[1, column].set_xlabel("time (s)")
+    rest = f" Shown: {len(shown)} of {len(sources)} recordings." if len(shown) < len(sources) else ""
+    caption = (
+        "The same innovations by channel and stretch of time, over the data of the fit. Above: their mean less that of"
+        " the whole, in standard deviations; below: their power against the whole. A dot marks a stretch that differs"
+        f" from the others by more than chance gives (1 % for the whole map).{rest}"
+    )
+    return figure(drawing.svg, caption)
+
+
+def region_maps(cells: list[Facts]) -> list[Html]:
+    """Show channel × region: mean and power of the innovations in bins of what says the operating point."""
+    figures = []
+    for channel in dict.fromkeys(str(c["channel"]) for c in cells):
+        own = [c for c in cells if c["channel"] == channel]
+        outputs = _outputs(own)
+        edges = sorted({float(v) for c in own for v in c["range"]})
+        place = {v: float(i) for i, v in enumerate(edges)}
+        with charts.sketch((charts.WIDE[0], 1.5 + 0.42 * len(outputs)), 1, 2) as drawing:
+            for axes, kind in zip(drawing.axes[0], ("mean", "power"), strict=True):
+                tiles = [(place[a], place[b], *rest) for a, b, *rest in _tiles(own, kind, outputs, "range")]
+                image = _paint(axes, tiles, outputs, _SIGNED, _reach(tiles, _least(kind)))
+                axes.set_xticks(range(len(edges)), [f"{v:.3g}" for v in edges])
+                axes.tick_params(axis="y", length=3.5 if kind == "mean" else 0, labelleft=kind == "mean")
+                axes.set_xlabel(charts.label(channel, own[0].get("unit")).replace("\n", " "))
+                drawing.figure.colorbar(image, ax=axes, label=_unit(kind), pad=0.02)
+        caption = (
+            f"By channel and region of {channel} shortly before, in bins with as many samples each: mean of the"
+            " innovations and their power against the whole. A dot marks what the same innovations, moved in time"
+            f" against {channel}, do not give (1 % for all regions)."
+        )
+        figures.append(figure(drawing.svg, caption))
+    return figures
+
+
+def azimuth_map(cells: list[Facts]) -> Html:
+    """Show channel × azimuth order: amplitude of the innovations at multiples of the rotor's angle."""
+    outputs = _outputs(cells)
+    if not outputs:
+        return Html("")
+    tiles = [(c["order"] - 0.5, c["order"] + 0.5, outputs.index(str(c["output"])), float(c["value"]), c) for c in cells]
+    side = 6.4, 1.3 + 0.42 * len(outputs)
+    with charts.sketch(side) as drawing:
+        axes = drawing.axes[0, 0]
+        image = _paint(axes, tiles, outputs, _PLAIN, _reach(tiles, _LEAST_LINE), low=0.0)
+        axes.set_xticks(sorted({int(c["order"]) for c in cells}))
+        axes.set_xlabel("multiple of the rotor's angle")
+        drawing.figure.colorbar(image, ax=axes, label="amplitude (std)", pad=0.02)
+    caption = (
+        "By channel and azimuth order: amplitude of the innovations at multiples of the recorded rotor angle, in"
+        " standard deviations. A dot marks a line: more than at the orders 0.25 to 0.45 beside it, and with a phase"
+        " that stays, beyond what chance gives (1 % for the whole map)."
+    )
+    return figure(tag("div", drawing.svg, style=f"max-width:{100 * side[0] / charts.WIDE[0]:.0f}%"), caption)
+
+
+def equations(rows: list[Facts]) -> Html:
+    """List which equations need noise and which declared values wander, what is furthest beyond chance first."""
+    if not rows:
+        return Html("")
+    shown = [
+        (r.get("name"), r.get("asked"), _scaled(r), _scaled(r | {"statistic": r.get("threshold")}),
+         "beyond chance" if r.get("significant") else "")
+        for r in rows[:_MOST_ROWS]
+    ]  # fmt: skip
+    text = (
+        "Which equation and which value the innovations accuse. Noise an equation needs: what the fit loses without it,"
+        " in nats; there act unmeasured inputs, or what the model lacks. Wanders in time: score of a declared value"
+        " that moves slowly, with all that the fit could move projected out."
+    )
+    head = ["equation or value", "asked", "#statistic", "#threshold", ""]
+    return join([tag("p", text), table(head, shown)])
+
+
+def _scaled(row: Facts) -> str:
+    value = row.get("statistic")
+    text = "no fit without" if value is None else number(value)
+    return f"{text} nats" if row.get("scale") == "nats" and value is not None else text
+
+
+_Tile = tuple[float, float, int, float, Facts]  # from, to, row, value, the cell
+
+
+def _tiles(cells: Sequence[Facts], kind: str, outputs: Sequence[str], ends: str) -> list[Any]:
+    return [
+        (*c[ends], outputs.index(str(c["output"])), float(c["value"]) if kind == "mean" else _db(c["value"]), c)
+        for c in cells
+        if c["kind"] == kind
+    ]
+
+
+def _paint(
+    axes: Any, tiles: Sequence[Any], outputs: Sequence[str], colours: str, reach: float, *, low: float | None = None,
+    logarithmic: bool = False,
+) -> Any:  # fmt: skip
+    """Fill tiles with colours, dot those that are significant; returns what a colour bar needs."""
+    from matplotlib.collections import PolyCollection
+
+    corners = [[(a, row), (b, row), (b, row + 1), (a, row + 1)] for a, b, row, *_ in tiles]
+    image = PolyCollection(corners, cmap=colours, edgecolors="face", linewidths=0.3)
+    image.set_array(np.array([t[3] for t in tiles]))
+    image.set_clim(-reach if low is None else low, reach)
+    axes.add_collection(image)
+    for a, b, row, _, cell in tiles:
+        if cell.get("significant"):
+            middle = float(np.sqrt(a * b)) if logarithmic else 0.5 * (a + b)
+            axes.plot(middle, row + 0.5, "o", color=INK, markersize=4.5, markeredgecolor="white", markeredgewidth=0.8)
+    axes.set_xlim(min(t[0] for t in tiles), max(t[1] for t in tiles))
+    axes.set_ylim(len(outputs), 0)
+    axes.set_yticks(np.arange(len(outputs)) + 0.5, outputs)
+    axes.grid(visible=False)
+    return image
+
+
+def _reach(tiles: Sequence[Any], least: float) -> float:
+    return max([least, *(abs(float(t[3])) for t in tiles)])
+
+
+def _least(kind: str) -> float:
+    return _LEAST_MEAN if kind == "mean" else _LEAST_DB
+
+
+def _unit(kind: str) -> str:
+    return _MEAN if kind == "mean" else "power (dB)"
+
+
+def _db(ratio: float) -> float:
+    return float(10 * np.log10(max(float(ratio), 1e-3)))
+
+
+def _outputs(cells: Sequence[Facts]) -> list[str]:
+    return list(dict.fromkeys(str(c["output"]) for c in cells))
