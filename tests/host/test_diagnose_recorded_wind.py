@@ -17,15 +17,7 @@ from aeolid.diagnose import prepare as stage
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.correction import corrected_model
 from aeolid.diagnose.exogenous import with_exogenous
-from aeolid.diagnose.recorded_wind import (
-    LEVEL,
-    RATE,
-    SHARE,
-    smoothed_wind,
-    smoother,
-    with_recorded_wind,
-    with_smoothed_wind,
-)
+from aeolid.diagnose.recorded_wind import LEVEL, RATE, SHARE, recorded_wind, smoothed_wind, smoother, with_smoothed_wind
 from aeolid.diagnose.scores import score_bank
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
@@ -140,7 +132,7 @@ def test_what_the_smoother_leaves_follows_nothing_that_was_read(tmp_path: Path) 
     case = blown(tmp_path, "equations")
     (record,) = with_smoothed_wind(case.records, model_of(case))
     rows = np.loadtxt(tmp_path / "wind.csv")
-    smooth, read = record.values[:, -1], record.column("vane")
+    smooth, read = record.values[:, -2], record.column("vane")
     left, (b, _) = rows - smooth, smoother([record.column("vane") - MEAN])
     left -= np.mean(left)  # what a mean over ten minutes is off by is the level's to find
     for lag in range(-5, 6):
@@ -170,8 +162,10 @@ def test_a_wind_of_which_nothing_is_told_is_as_it_was(kind: str, tmp_path: Path)
     case = blown(tmp_path, kind)
     model = model_of(case)
     given = smoothed_wind(with_smoothed_wind(case.records, model))
-    told = with_exogenous(with_recorded_wind(model, given, STEP), given)
-    u = np.random.default_rng(1).standard_normal((200, 2))
+    wind = recorded_wind(model, given)
+    assert wind is not None
+    told = wind.told(with_exogenous(model, given), STEP)
+    u = np.random.default_rng(1).standard_normal((200, 3))
     start = model.x0 + 0.3
     want = simulate(compile_equations(model), u[:, :1], model.theta, start, STEP)
     compiled = compile_equations(told)
@@ -192,13 +186,13 @@ def test_what_is_no_recorded_wind_tells_nothing(unit: str, role: str, tmp_path: 
     case = blown(tmp_path, "equations", unit=unit, role=role)
     model = model_of(case)
     assert with_smoothed_wind(case.records, model) == case.records
-    assert with_recorded_wind(model, smoothed_wind(case.records), STEP) is model
+    assert recorded_wind(model, smoothed_wind(case.records)) is None
 
 
 def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_path: Path) -> None:
     case = blown(tmp_path, "equations")
     model = model_of(case)
-    assert len(with_smoothed_wind(case.records, model)[0].channels) == len(case.records[0].channels) + 1
+    assert len(with_smoothed_wind(case.records, model)[0].channels) == len(case.records[0].channels) + 2
     calm = {"wind": ex.parse("0.0", "")}
     still = replace(model, states=tuple(replace(s, derivative=ex.substitute(s.derivative, calm)) for s in model.states))
     assert with_smoothed_wind(case.records, still) == case.records

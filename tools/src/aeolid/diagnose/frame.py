@@ -13,6 +13,7 @@ from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.recorded_wind import RecordedWind
 from aeolid.diagnose.simulated import Surrogate
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations
@@ -27,7 +28,8 @@ class Frame:
 
     working: the baseline with all channels as inputs and no effect; rough: a stabilising start for its own states;
     sizes (n,), spreads (l,): typical magnitudes of the declared states and of the outputs; forces: sizes of the
-    unmeasured forces by state; offsets: those of a linear model's offsets by parameter.
+    unmeasured forces by state; offsets: those of a linear model's offsets and of what a recorded wind tells, by
+    parameter; wind: what of the model that wind tells of, once the effects are in it.
     """
 
     working: Equations
@@ -37,6 +39,7 @@ class Frame:
     forces: dict[str, float]
     offsets: dict[str, float]
     surrogate: Surrogate | None
+    wind: RecordedWind | None = None
     compiled: dict[tuple[str, ...], Compiled] = field(default_factory=dict)
 
     def extend(self, attachments: Sequence[Attachment], segments: Sequence[Segment]) -> tuple[Predictor, Free, Point]:
@@ -49,6 +52,8 @@ class Frame:
             model = self.working
             for a in sorted(attachments, key=lambda a: a.entry != "parameter_error"):  # gains scale own terms only
                 model = a.edit(model)
+            if self.wind is not None:
+                model = self.wind.told(model, segments[0].fine_step)
             self.compiled[keys] = compile_equations(model)
         compiled = self.compiled[keys]
         scales, free, start = self._start(compiled.model, attachments)

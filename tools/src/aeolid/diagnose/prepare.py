@@ -22,7 +22,7 @@ from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
-from aeolid.diagnose.recorded_wind import PREFIX, SIZES, smoothed_wind, with_recorded_wind, with_smoothed_wind
+from aeolid.diagnose.recorded_wind import PREFIX, SIZES, recorded_wind, smoothed_wind, with_smoothed_wind
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.riccati import steady_gain
 from aeolid.diagnose.simulated import Surrogate
@@ -113,8 +113,10 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
         working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context,
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
-    told = with_exogenous(with_recorded_wind(working, given, step), given)
-    frame = Frame(told, rough[1], sizes, spreads, forces, offsets | SIZES, base.surrogate)
+    frame = Frame(
+        with_exogenous(working, given), rough[1], sizes, spreads, forces, offsets | SIZES, base.surrogate,
+        recorded_wind(working, given),
+    )  # fmt: skip
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-from aeolid.diagnose.catalogue.wind import winds, with_more_wind
+from aeolid.diagnose.catalogue.wind import winds
 from aeolid.diagnose.exogenous import Exogenous
+from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 from aeolid.record import Channel, Record
@@ -21,7 +22,8 @@ Array = NDArray[np.float64]
 PREFIX = "recorded_wind_"  # of the parameters' names
 SHARE, LEVEL, RATE = f"{PREFIX}share", f"{PREFIX}level", f"{PREFIX}rate"
 SIZES = {SHARE: 0.3, LEVEL: 0.3, RATE: 1.0}  # typical: of one; in the unit of the wind; in 1/s
-CHANNEL, SYMBOL = "recorded wind, smoothed", f"{PREFIX}smoothed"
+CHANNEL, AT_ONCE = "recorded wind, smoothed", f"{PREFIX}smoothed"
+AHEAD, MEAN = "recorded wind, smoothed, mean of the step to come", f"{PREFIX}mean"
 _FASTEST = 3.0  # of one a sample: what is forgotten faster is white
 _MOST = 2.0  # an anemometer behind the rotor reads half the wind, not less
 _STARTS = ((0.9, 0.3), (0.99, 0.3), (0.99, 0.8), (0.999, 0.9))  # poles of wind and smoother to start from
@@ -42,11 +44,14 @@ def with_smoothed_wind(records: Sequence[Record], model: Equations) -> tuple[Rec
         return tuple(records)
     mean = float(np.mean(np.concatenate(values)))
     smooth = smoother([v - mean for v in values])
-    more = Channel(CHANNEL, units[0], "ignore")
-    return tuple(
-        replace(r, values=np.column_stack([r.values, _both_ways(v - mean, *smooth)]), channels=(*r.channels, more))
-        for r, v in zip(records, values, strict=True)
-    )
+    more = (Channel(CHANNEL, units[0], "ignore"), Channel(AHEAD, units[0], "ignore"))
+    found = []
+    for record, v in zip(records, values, strict=True):
+        smoothed = _both_ways(v - mean, *smooth)
+        ahead = np.append(0.5 * (smoothed[1:] + smoothed[:-1]), smoothed[-1])
+        table = np.column_stack([record.values, smoothed, ahead])
+        found.append(replace(record, values=table, channels=(*record.channels, *more)))
+    return tuple(found)
 
 
 def smoother(winds_read: Sequence[Array]) -> tuple[float, float]:
@@ -87,47 +92,76 @@ def _both_ways(read: Array, pole: float, gain: float) -> Array:
 
 
 def smoothed_wind(records: Sequence[Record]) -> tuple[Exogenous, ...]:
-    """Return the channel that `with_smoothed_wind` added, for the model alone: no effect may use it."""
-    return tuple(Exogenous(CHANNEL, SYMBOL, c.unit, c.role) for c in records[0].channels if c.name == CHANNEL)
+    """Return the channels that `with_smoothed_wind` added, for the model alone: no effect may use them."""
+    symbols = {CHANNEL: AT_ONCE, AHEAD: MEAN}
+    return tuple(Exogenous(c.name, symbols[c.name], c.unit, c.role) for c in records[0].channels if c.name in symbols)
 
 
-def with_recorded_wind(model: Equations, channels: Sequence[Exogenous], step: float) -> Equations:
-    """Return the model with a free share of the smoothed wind, and a level, added to its wind wherever that is felt.
+@dataclass(frozen=True)
+class RecordedWind:
+    """Hold which state of a model is its wind, its unit, and the parameters that stand in its equation only."""
 
-    The wind of a model is a state that only noise drives; a predictor learns of a gust when the rotor answers, an
-    anemometer knows of it before. Without this whatever else follows its channel foretells gusts: a pitch gain that
-    switches with the recorded wind had a name on recordings that lacked nothing. The state is then what the anemometer
-    does not tell, which forgets as fast as the smoother does: the rate is free, and parameters that stand in the wind's
-    equation only are held, for they were declared of the whole wind. Where the channel tells nothing the share is none.
-    A model is returned as it is where `with_smoothed_wind` found none.
-    """
+    name: str
+    unit: str
+    own: frozenset[str]
+
+    def told(self, model: Equations, step: float) -> Equations:
+        """Return the model, effects and all, with a free share of the smoothed wind and a level in its wind.
+
+        The wind of a model is a state that only noise drives; a predictor learns of a gust when the rotor answers, an
+        anemometer knows of it before. Without this whatever else follows its channel foretells gusts: a pitch gain that
+        switches with the recorded wind had a name on recordings that lacked nothing. The state is then what the
+        anemometer does not tell, which forgets as fast as the smoother does: the rate is free, and parameters of the
+        wind's equation are held, for they were declared of the whole wind. States feel the mean over the step to come,
+        outputs and memories what is at the instant (with one for both 42 to 186 nats less on three recordings). Where
+        the channel tells nothing the share is none. step: sample time of the inputs in s.
+        """
+        more = (
+            Parameter(SHARE, 0.0, "1", 0.0, _MOST, True),
+            Parameter(LEVEL, 0.0, self.unit, free=True),
+            Parameter(RATE, 0.0, "1/s", 0.0, _FASTEST / step, True),
+        )
+        mean, now = (
+            {self.name: ex.parse(f"{self.name} + {SHARE}*{symbol} + {LEVEL}", "recorded wind")}
+            for symbol in (MEAN, AT_ONCE)
+        )
+
+        def at_once(tree: ast.expr) -> ast.expr:
+            whole = written_out(tree, model)
+            return ex.substitute(whole, now) if self.name in ex.names_in(whole) else tree
+
+        held = tuple(replace(p, free=False) if p.name in self.own else p for p in model.parameters)
+        return replace(
+            model,
+            parameters=(*held, *more),
+            states=tuple(
+                replace(
+                    s,
+                    derivative=self._forgetful(s, model) if s.name == self.name else ex.substitute(s.derivative, mean),
+                )
+                for s in model.states
+            ),
+            outputs=tuple(
+                replace(o, equation=at_once(o.equation), slope=None if o.slope is None else at_once(o.slope))
+                for o in model.outputs
+            ),
+            auxiliaries=tuple(replace(a, equation=ex.substitute(a.equation, mean)) for a in model.auxiliaries),
+            memories=tuple(replace(m, next=at_once(m.next), settled=at_once(m.settled)) for m in model.memories),
+        )
+
+    def _forgetful(self, wind: State, model: Equations) -> ast.expr:
+        """Return the derivative of the wind's state, forgetting faster by the free rate."""
+        if model.sample_time_s:
+            return ex.combine("*", ex.parse(f"exp(-{RATE}*{model.sample_time_s!r})", "rate"), wind.derivative)
+        return ex.combine("-", wind.derivative, ex.parse(f"{RATE}*{self.name}", "rate"))
+
+
+def recorded_wind(model: Equations, channels: Sequence[Exogenous]) -> RecordedWind | None:
+    """Return the wind of a model that the recording tells of; None where `with_smoothed_wind` found none."""
     if not any(c.name == CHANNEL for c in channels):
-        return model
+        return None
     wind = winds(model)[0]
-    more = (
-        Parameter(SHARE, 0.0, "1", 0.0, _MOST, True),
-        Parameter(LEVEL, 0.0, wind.unit, free=True),
-        Parameter(RATE, 0.0, "1/s", 0.0, _FASTEST / step, True),
-    )
-    own = _only_in(wind, model)
-    held = tuple(replace(p, free=False) if p.name in own else p for p in model.parameters)
-    states = tuple(_forgetful(s, model) if s.name == wind.name else s for s in model.states)
-    gust = ex.parse(f"{SHARE}*{SYMBOL} + {LEVEL}", "recorded wind")
-    return with_more_wind(replace(model, parameters=(*held, *more), states=states), wind.name, gust)
-
-
-def _forgetful(wind: State, model: Equations) -> State:
-    """Return the wind's state, forgetting faster by the free rate."""
-    if model.sample_time_s:
-        faster = ex.parse(f"exp(-{RATE}*{model.sample_time_s!r})", "recorded wind")
-        return replace(wind, derivative=ex.combine("*", faster, wind.derivative))
-    faster = ex.parse(f"{RATE}*{wind.name}", "recorded wind")
-    return replace(wind, derivative=ex.combine("-", wind.derivative, faster))
-
-
-def _only_in(wind: State, model: Equations) -> set[str]:
-    """Return the parameters that stand in the wind's own equation and nowhere else."""
     others: list[ast.expr] = [s.derivative for s in model.states if s.name != wind.name]
     others += [o.equation for o in model.outputs] + [a.equation for a in model.auxiliaries]
-    names = {p.name for p in model.parameters}
-    return (ex.names_in(wind.derivative) & names) - set().union(*(ex.names_in(tree) for tree in others))
+    own = ex.names_in(wind.derivative) & {p.name for p in model.parameters}
+    return RecordedWind(wind.name, wind.unit, frozenset(own.difference(*(ex.names_in(tree) for tree in others))))

@@ -29,7 +29,7 @@ def wind(site: Site, output: str) -> Place | None:
             name, unit = state.name, state.unit
 
             def blow(model: Equations, gust: ast.expr, _: str, name: str = name) -> Equations:
-                return with_more_wind(model, name, gust)
+                return _with_more(model, name, gust)
 
             return Place(f"state:{name}", output, "wind", unit, spread / abs(slope), False, blow)
     return None
@@ -40,7 +40,7 @@ def winds(model: Equations) -> list[State]:
     return [s for s in model.states if _is_undriven(s, model) and _felt(model, s.name) > 1]
 
 
-def with_more_wind(model: Equations, name: str, gust: ast.expr) -> Equations:
+def _with_more(model: Equations, name: str, gust: ast.expr) -> Equations:
     """Return the model with a gust added to this state wherever it is felt; the state itself goes on as it does.
 
     Intermediates of which the gust is made come first now: they hold states and constants, others may hold the gust.
