@@ -23,7 +23,7 @@ from aeolid.diagnose.explore import quieted
 from aeolid.diagnose.first_effect import against, kin
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import best_of, finalists, refit, renewed
+from aeolid.diagnose.refit import best_of, finalists, refit, renewed, with_least_noise, with_more_noise
 from aeolid.diagnose.rivals import leading
 from aeolid.diagnose.scores import Bank, Row, score_bank
 from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
@@ -50,6 +50,29 @@ def test_what_is_fitted_can_be_measured_against_another_baseline(tmp_path: Path)
     own = found.predictor.score_elsewhere(found.fit, prepared.split.select)[0]
     np.testing.assert_allclose(moved.select_difference, own - select_density(other), atol=1e-9)
     assert moved.select_gain == pytest.approx(moved.select_difference.sum())
+
+
+def test_noise_that_is_not_worth_its_values_goes_again(tmp_path: Path) -> None:
+    """Fitted beside a larger noise model than the baseline has, an effect cost 38 nats and lost its name.
+
+    Whether the noise had been chosen where a fit stopped short, or with a baseline that has been bettered since.
+    """
+    prepared, bank = lagging(tmp_path)
+    found = fit_rows(prepared, bank.rows)[0]
+    order = (found.predictor.var_order or 0) + 2
+    stage = prepared.only(found.attachments)
+    predictor, fit = with_more_noise(stage.predictor, order, found.fit, found.fit.free)
+    assert predictor.var_order == stage.predictor.var_order
+    assert fit.log_posterior > found.fit.log_posterior - 0.5
+    larger = found.predictor.with_order(order)
+    noisy = larger.fit(found.fit.point, found.fit.free)
+    assert noisy is not None
+    burdened = replace(found, predictor=larger, fit=noisy, parameters=found.parameters + 2)
+    again = renewed(prepared, burdened, select_density(prepared))
+    assert again.predictor.var_order == prepared.predictor.var_order
+    assert again.parameters == found.parameters
+    coloured = replace(noisy, residual=noisy.residual)
+    assert with_least_noise(stage.predictor, stage.predictor, coloured, found.fit.free)[1] is coloured
 
 
 def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: Path) -> None:

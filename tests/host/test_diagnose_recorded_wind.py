@@ -21,7 +21,7 @@ from aeolid.diagnose.recorded_wind import LEVEL, RATE, SHARE, recorded_wind, smo
 from aeolid.diagnose.scores import score_bank
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations
+from aeolid.models.equations import Auxiliary, Equations, Memory
 from aeolid.models.integrate import compile_equations, simulate
 
 STEP, SAMPLES, MEMORY, BETWEEN = 0.1, 6000, 4.0, 20
@@ -174,6 +174,30 @@ def test_a_wind_of_which_nothing_is_told_is_as_it_was(kind: str, tmp_path: Path)
         theta = told.theta
         theta[told.index(name)] = 0.5
         assert np.max(np.abs(simulate(compiled, u, theta, start, STEP) - want)) > 1e-3
+
+
+def test_what_an_effect_brings_sees_the_whole_wind(tmp_path: Path) -> None:
+    """A wind told as 0.7 m/s for good is as one that starts there and stays, in terms added to the model too."""
+    case = blown(tmp_path, "equations")
+    model = model_of(case)
+    wind = recorded_wind(model, smoothed_wind(with_smoothed_wind(case.records, model)))
+    assert wind is not None
+    drag = Auxiliary("drag", ex.parse("-0.2*wind*abs(wind)", "drag"))
+    still = {"wind": ex.parse("0.0", "still"), "a": ex.parse("wind - 0.5*a + drag", "vane")}
+    states = tuple(replace(s, derivative=still.get(s.name, s.derivative)) for s in model.states)
+    outputs = (replace(model.outputs[0], equation=ex.parse("wind - 0.5*a + drag", "felt")), model.outputs[1])
+    remember = Memory("last", "m", ex.parse("0.5*last + drag", "memory"), ex.parse("drag", "memory"))
+    model = replace(model, states=states, outputs=outputs, auxiliaries=(drag,), memories=(remember,))
+    given = smoothed_wind(with_smoothed_wind(case.records, model_of(case)))
+    told = wind.told(with_exogenous(model, given), STEP)
+    theta = told.theta
+    theta[told.index(SHARE)] = 1.0
+    blowing = np.column_stack([np.zeros(50), np.full((50, 2), 0.7)])
+    got = simulate(compile_equations(told), blowing, theta, told.x0, STEP)
+    start = model.x0 + 0.7 * np.array([s.name == "wind" for s in model.states] + [False])
+    want = simulate(compile_equations(model), blowing[:, :1], model.theta, start, STEP)
+    np.testing.assert_allclose(got, want, rtol=1e-9, atol=1e-12)
+    assert np.std(want[:, 0]) > 0.01
 
 
 def model_of(case: Case) -> Equations:
