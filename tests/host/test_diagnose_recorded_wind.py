@@ -213,6 +213,19 @@ def test_what_is_no_recorded_wind_tells_nothing(unit: str, role: str, tmp_path: 
     assert recorded_wind(model, smoothed_wind(case.records)) is None
 
 
+def test_an_estimate_made_from_the_outputs_is_no_recorded_wind(tmp_path: Path) -> None:
+    """It would foretell the very outputs it was made from: the vanes' speeds, filtered, in m/s and off by a bias."""
+    case = blown(tmp_path, "equations")
+    (record,) = case.records
+    names = [c.name for c in record.channels]
+    speed = np.gradient(record.column("first"), STEP) + 0.5 * record.column("first") - record.column("push")
+    values = record.values.copy()
+    for pole in (0.0, 0.9):
+        values[:, names.index("vane")] = 3.0 + lfilter([1 - pole], [1, -pole], np.r_[0, speed[:-1]])
+        estimated = (replace(record, values=values.copy()),)
+        assert with_smoothed_wind(estimated, model_of(case)) == estimated
+
+
 def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_path: Path) -> None:
     case = blown(tmp_path, "equations")
     model = model_of(case)

@@ -24,23 +24,29 @@ SHARE, LEVEL, RATE = f"{PREFIX}share", f"{PREFIX}level", f"{PREFIX}rate"
 SIZES = {SHARE: 0.3, LEVEL: 0.3, RATE: 1.0}  # typical: of one; in the unit of the wind; in 1/s
 CHANNEL, AT_ONCE = "recorded wind, smoothed", f"{PREFIX}smoothed"
 AHEAD, MEAN = "recorded wind, smoothed, mean of the step to come", f"{PREFIX}mean"
+_SPEEDS = ("m/s", "km/h", "kn", "mph", "ft/s")
 _FASTEST = 3.0  # of one a sample: what is forgotten faster is white
 _MOST = 2.0  # an anemometer behind the rotor reads half the wind, not less
+_LAGS, _COMPUTED = 3, 0.9  # share of what a wind does not foretell of itself that others know: then it is theirs
 _STARTS = ((0.9, 0.3), (0.99, 0.3), (0.99, 0.8), (0.999, 0.9))  # poles of wind and smoother to start from
 
 
 def with_smoothed_wind(records: Sequence[Record], model: Equations) -> tuple[Record, ...]:
     """Return the recordings with their wind, smoothed, as a channel more; as they are where there is no place for it.
 
-    Taken is the first channel of role scheduling, complete and moving, in the unit of the only wind of the model.
+    Taken is the first channel of role scheduling, complete and moving, in the unit of the only wind of the model, that
+    nobody computed from the model's own inputs and outputs: an estimate knows of the outputs that shall be predicted.
     """
     units = [s.unit for s in winds(model)]
-    used = {*(s.name for s in model.inputs), *(o.name for o in model.outputs)}
+    seen = [*(s.name for s in model.inputs), *(o.name for o in model.outputs)]
     told = [
-        c.name for c in records[0].channels if c.role == "scheduling" and [c.unit] == units and c.name not in used
+        c.name for c in records[0].channels
+        if c.role == "scheduling" and [c.unit] == units and c.unit in _SPEEDS and c.name not in seen
     ]  # fmt: skip
     values = [r.column(told[0]) for r in records] if told else []
     if not told or not np.all(np.isfinite(np.concatenate(values))) or np.ptp(np.concatenate(values)) == 0:
+        return tuple(records)
+    if _is_computed(values, [r.columns(seen) for r in records]):
         return tuple(records)
     mean = float(np.mean(np.concatenate(values)))
     smooth = smoother([v - mean for v in values])
@@ -52,6 +58,32 @@ def with_smoothed_wind(records: Sequence[Record], model: Equations) -> tuple[Rec
         table = np.column_stack([record.values, smoothed, ahead])
         found.append(replace(record, values=table, channels=(*record.channels, *more)))
     return tuple(found)
+
+
+def _is_computed(winds_read: Sequence[Array], seen: Sequence[Array]) -> bool:
+    """Tell whether inputs and outputs of the same sample know what a recorded wind does not know of itself.
+
+    Least squares of the wind on its own last values, then on those and the other channels, last and present: an
+    observer's state is such a sum. Its own errors an anemometer shares with nobody.
+    """
+    own, all_ = [], []
+    for v, others in zip(winds_read, seen, strict=True):
+        past = [v[_LAGS - k : len(v) - k] for k in range(_LAGS + 1)]
+        beside = [others[_LAGS - k : len(v) - k] for k in range(_LAGS + 1)]
+        own.append(np.column_stack(past))
+        all_.append(np.column_stack(beside))
+    rows, others = np.vstack(own), np.vstack(all_)
+    whole = np.all(np.isfinite(others), axis=1)
+    rows, others = rows[whole] - rows[whole].mean(axis=0), others[whole] - others[whole].mean(axis=0)
+    if len(rows) <= 2 * (rows.shape[1] + others.shape[1]):
+        return False
+    others = others / np.maximum(others.std(axis=0), 1e-300)
+    left = [_left(rows[:, 0], X) for X in (rows[:, 1:], np.column_stack([rows[:, 1:], others]))]
+    return left[1] < (1 - _COMPUTED) * left[0]
+
+
+def _left(y: Array, X: Array) -> float:
+    return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
 
 
 def smoother(winds_read: Sequence[Array]) -> tuple[float, float]:
