@@ -64,7 +64,7 @@ def diagnosis() -> dict[str, Any]:
                          "frequency_hz": [0.1, 0.6], "azimuth_order": None, "region": None, "time_s": None},
             "equation": "d(beta)/dt = (beta_cmd - beta)/tau",
             "parameters": {"tau": {"value": 0.3123, "std": 0.0212, "unit": "s"}},
-            "rivals": [{"id": "transport_delay", "weight": 0.2}], "weight": 0.75}],
+            "rivals": [{"id": "transport_delay", "entry": "input:pitch", "weight": 0.2}], "weight": 0.75}],
         "location": {"entry": "input:pitch", "outputs": ["generator_speed"], "frequency_hz": [0.1, 0.6]},
         "sealed": {"data": "480 s to 600 s of rec.csv", "log_likelihood_gain": 312.4, "interval": [251.0, 371.0],
                    "nrmse_before": {"generator_speed": 0.412, "tower_fore_aft": 0.271},

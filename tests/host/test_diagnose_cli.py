@@ -83,7 +83,7 @@ def check_schema(d: dict[str, Any]) -> None:
             assert value["std"] is None or (is_number(value["std"]) and value["std"] >= 0)
             assert isinstance(value["unit"], str)
         for rival in effect["rivals"]:
-            assert rival["id"] in families and 0 <= rival["weight"] <= 1
+            assert rival["id"] in families and rival["entry"] and 0 <= rival["weight"] <= 1
         assert 0 <= effect["weight"] <= 1
     sealed = d["sealed"]
     assert isinstance(sealed["data"], str) and sealed["data"]

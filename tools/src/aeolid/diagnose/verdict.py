@@ -109,14 +109,18 @@ def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
     if not others:
         return "parameter", [effect]
     other = _effect(study, others[0], others[0].attachments[0], [], 0.5)
-    return "ambiguous", [effect | {"weight": 0.5, "rivals": [{"id": other["id"], "weight": 0.5}]}, other]
+    return "ambiguous", [effect | {"weight": 0.5, "rivals": [_rival(others[0].attachments[0], 0.5)]}, other]
+
+
+def _rival(attachment: Attachment, weight: float) -> dict[str, Any]:
+    return {"id": attachment.entry, "entry": attachment.location["entry"], "weight": weight}
 
 
 def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if study.second is not None:
         return _several(study, study.second)
     rivals = _weighed(study, winner)
-    listed = [{"id": c.attachments[0].entry, "weight": w} for c, w in rivals]
+    listed = [_rival(c.attachments[0], w) for c, w in rivals]
     shown = study.completed or winner
     effects = [_effect(study, shown, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
     said = [(c, w) for c, w in rivals if leaves_open(winner, c, w)]
@@ -138,7 +142,7 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
     others = list(zip(study.alternatives, weights[1:], strict=True))
     effects, shown = [], study.completed or chosen
     for attachment in chosen.attachments:
-        rivals = [{"id": a.attachment.entry, "weight": w} for a, w in others if a.replaces == attachment.key]
+        rivals = [_rival(a.attachment, w) for a, w in others if a.replaces == attachment.key]
         effects.append(_effect(study, shown, attachment, rivals, weights[0]))
     effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
     ids = {a.key: a.entry for a in chosen.attachments}

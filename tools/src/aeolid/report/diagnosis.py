@@ -153,16 +153,20 @@ def _described(name: str, kind: str, effect: Facts) -> list[Html | None]:
 def _rivals(effects: list[Facts]) -> Html:
     if not effects or not any(e.get("rivals") for e in effects):
         return Html("")
-    rows = [(effects[0].get("id"), number(effects[0].get("weight"), 2))]
+    first = effects[0]
+    rows = [(first.get("id"), (first.get("location") or {}).get("entry", ""), number(first.get("weight"), 2))]
     rows += [
-        (r.get("id") if e is effects[0] else f"{r.get('id')} in place of {e.get('id')}", number(r.get("weight"), 2))
+        (
+            r.get("id") if e is first else f"{r.get('id')} in place of {e.get('id')}",
+            r.get("entry", ""), number(r.get("weight"), 2),
+        )
         for e in effects
         for r in e.get("rivals") or []
-    ]
+    ]  # fmt: skip
     return section(
         "Rivals",
         tag("p", "How the evidence is shared among the effects that could explain this recording (1 in all)."),
-        table(["effect", "#weight"], rows, marked=0),
+        table(["effect", "where", "#weight"], rows, marked=0),
     )
 
 
