@@ -13,6 +13,7 @@ from small_cases import write_case as write_small
 
 from aeolid.challenge.draw import build, draw_all
 from aeolid.challenge.write import write_case
+from aeolid.diagnose import free_run
 from aeolid.diagnose import prepare as stage
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.correction import corrected_model
@@ -23,6 +24,7 @@ from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Memory
 from aeolid.models.integrate import compile_equations, simulate
+from aeolid.record import Channel
 
 STEP, SAMPLES, MEMORY, BETWEEN = 0.1, 6000, 4.0, 20
 VANES = """[model]
@@ -33,7 +35,7 @@ unit = "N"
 [[state]]
 name = "wind"
 unit = "m/s"
-derivative = "-wind/memory"
+derivative = "-wind/4.0"
 [[state]]
 name = "a"
 unit = "m"
@@ -51,6 +53,9 @@ name = "second"
 unit = "m"
 equation = "b"
 """
+FREE = {
+    n: f"value = {v}, min = {low}, max = 40.0" for n, v, low in (("tau", 4, 0.4), ("calm", 4, -9), ("gain", 1, 0.1))
+}
 MEAN, GUSTS, SEEN = 12.0, 1.0, 0.05
 LINEAR = """{"kind": "state_space", "sample_time_s": 0.1, "inputs": [{"name": "push", "unit": "N"}],
 "outputs": [{"name": "first", "unit": "m"}, {"name": "second", "unit": "m"}],
@@ -71,7 +76,7 @@ def exact(step: float) -> NDArray[np.float64]:
 
 def blown(
     folder: Path, kind: str, *, error: float | None = 0.3, unit: str = "m/s", role: str = "scheduling",
-    memory: str = "4.0",
+    derivative: str = "-wind/4.0", drive: str = "push",
 ) -> Case:  # fmt: skip
     """Write 600 s of two vanes in a wind of memory 4 s; twenty exact steps a sample.
 
@@ -92,11 +97,9 @@ def blown(
     channels = (("push", "N", "input"), ("first", "m", "output"), ("second", "m", "output"), ("vane", unit, role))
     folder.mkdir(exist_ok=True)
     np.savetxt(folder / "wind.csv", rows[:, 0])
-    text = VANES.replace("memory", memory)
-    if memory != "4.0":
-        text = text.replace(
-            "[[input]]", f"[parameters]\n{memory} = {{ value = 4.0, min = 0.4, max = 40.0, free = true }}\n[[input]]"
-        )
+    text = VANES.replace("-wind/4.0", derivative).replace("a + push", f"a + {drive}")
+    free = "".join(f"{n} = {{ {FREE[n]}, free = true }}\n" for n in FREE if n in derivative + drive)
+    text = text.replace("[[input]]", f"[parameters]\n{free}[[input]]") if free else text
     if kind == "state_space":
         B = np.linalg.solve(np.array([[-0.25, 0, 0], [1.0, -0.5, 0], [0.5, 0, -2.0]]), exact(STEP) - np.eye(3))[:, 1:2]
         text = LINEAR % (exact(STEP).tolist(), B.tolist())
@@ -180,8 +183,6 @@ def test_what_an_effect_brings_sees_the_whole_wind(tmp_path: Path) -> None:
     """A wind told as 0.7 m/s for good is as one that starts there and stays, in terms added to the model too."""
     case = blown(tmp_path, "equations")
     model = model_of(case)
-    wind = recorded_wind(model, smoothed_wind(with_smoothed_wind(case.records, model)))
-    assert wind is not None
     drag = Auxiliary("drag", ex.parse("-0.2*wind*abs(wind)", "drag"))
     still = {"wind": ex.parse("0.0", "still"), "a": ex.parse("wind - 0.5*a + drag", "vane")}
     states = tuple(replace(s, derivative=still.get(s.name, s.derivative)) for s in model.states)
@@ -189,6 +190,8 @@ def test_what_an_effect_brings_sees_the_whole_wind(tmp_path: Path) -> None:
     remember = Memory("last", "m", ex.parse("0.5*last + drag", "memory"), ex.parse("drag", "memory"))
     model = replace(model, states=states, outputs=outputs, auxiliaries=(drag,), memories=(remember,))
     given = smoothed_wind(with_smoothed_wind(case.records, model_of(case)))
+    wind = recorded_wind(model, given)
+    assert wind is not None and not wind.rests
     told = wind.told(with_exogenous(model, given), STEP)
     theta = told.theta
     theta[told.index(SHARE)] = 1.0
@@ -226,6 +229,32 @@ def test_an_estimate_made_from_the_outputs_is_no_recorded_wind(tmp_path: Path) -
         assert with_smoothed_wind(estimated, model_of(case)) == estimated
 
 
+def test_the_first_channel_that_fits_is_taken_whatever_comes_before(tmp_path: Path) -> None:
+    """A stuck anemometer, one with gaps, and an estimate come first; a slow output and feed-forward change nothing."""
+    case = blown(tmp_path, "equations")
+    (record,) = case.records
+    names = [c.name for c in record.channels]
+    vane, first = record.column("vane"), record.column("first")
+    gappy = np.where(np.arange(SAMPLES) == 100, np.nan, vane)
+    speed = np.gradient(first, STEP) + 0.5 * first - record.column("push")
+    more = np.column_stack([np.full(SAMPLES, 12.0), gappy, 3.0 + np.r_[0, speed[:-1]]])
+    values = np.column_stack([more, record.values])
+    values[1::2, 3 + names.index("second")] = np.nan
+    values[:, 3 + names.index("push")] = 0.3 * vane
+    early = tuple(Channel(n, "m/s", "scheduling") for n in ("stuck", "gappy", "estimate"))
+    crowded = (replace(record, values=values, channels=(*early, *record.channels)),)
+    told = with_smoothed_wind(crowded, model_of(case))
+    assert len(told[0].channels) == len(crowded[0].channels) + 2
+    assert np.corrcoef(told[0].values[:, -2], vane)[0, 1] > 0.9
+
+
+def test_a_model_with_such_names_of_its_own_is_left_alone(tmp_path: Path) -> None:
+    case = blown(tmp_path, "equations", drive="gain*push")
+    model = model_of(case)
+    named = replace(model, parameters=tuple(replace(p, name="recorded_wind_share") for p in model.parameters))
+    assert with_smoothed_wind(case.records, named) == case.records
+
+
 def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_path: Path) -> None:
     case = blown(tmp_path, "equations")
     model = model_of(case)
@@ -241,12 +270,47 @@ def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_pat
 
 
 def test_what_was_declared_of_the_whole_wind_is_not_asked_of_the_rest(tmp_path: Path) -> None:
-    """The memory of what an anemometer does not tell is shorter, and would be told as a wrong declared value."""
-    case = blown(tmp_path, "equations", memory="tau")
+    """The memory of what an anemometer does not tell is shorter, and would be told as a wrong declared value.
+
+    It may stand in an intermediate; where the wind rests is asked as before, and is then the level.
+    """
+    told = stage.prepare(blown(tmp_path / "told", "equations", derivative="-wind/tau"))
+    assert told.extended.index("tau") not in told.free.theta
+    deaf = stage.prepare(blown(tmp_path / "deaf", "equations", derivative="-wind/tau", role="ignore"))
+    assert deaf.extended.index("tau") in deaf.free.theta
+    rest = stage.prepare(blown(tmp_path / "rest", "equations", derivative="(calm - wind)/4.0"))
+    assert rest.extended.index("calm") in rest.free.theta and rest.extended.index(LEVEL) not in rest.free.theta
+    assert abs(value(rest, "calm")) < 0.5  # in truth none, declared 4
+    model = model_of(blown(tmp_path / "fading", "equations", derivative="-wind/tau"))
+    fading = replace(
+        model, auxiliaries=(Auxiliary("fading", ex.parse("wind/tau", "")),),
+        states=tuple(replace(s, derivative=ex.parse("-fading", "")) if s.name == "wind" else s for s in model.states),
+    )  # fmt: skip
+    given = smoothed_wind(with_smoothed_wind(blown(tmp_path / "again", "equations").records, fading))
+    wind = recorded_wind(fading, given)
+    assert wind is not None and wind.memory == {"tau"} and not wind.level
+    (state,) = (s for s in wind.told(fading, STEP).states if s.name == "wind")
+    assert ex.names_in(state.derivative) == {"wind", "tau", RATE}
+
+
+def test_the_written_file_runs_as_the_report_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its free run knows of no recorded wind, so neither may the error that is told of it, nor the values fitted to it.
+
+    Simulated from the file itself, over the selection data; other starts than the fitted ones fade in two seconds.
+    """
+    case = blown(tmp_path, "equations", drive="gain*push")
     prepared = stage.prepare(case)
-    place = prepared.extended.index("tau")
-    assert place not in prepared.free.theta
-    assert stage.prepare(blown(tmp_path / "deaf", "equations", memory="tau", role="ignore")).free.theta
+    monkeypatch.setattr(free_run, "_is_better", lambda *_: True)
+    free = free_run.fitted_to_run_free(prepared.predictor, prepared.fit, prepared.split)
+    assert free is not None
+    assert all(free.fit.point.theta[prepared.extended.index(n)] == 0 for n in (SHARE, LEVEL, RATE))
+    model = corrected_model(prepared, free.fit, None)
+    errors = []
+    for segment in prepared.split.select:
+        y = simulate(compile_equations(model), segment.u[:, :1], model.theta, model.x0, STEP)
+        errors.append((segment.y - y)[segment.burn :])
+    got = np.sqrt(np.mean(np.vstack(errors) ** 2, axis=0))
+    np.testing.assert_allclose(got, free.after, rtol=0.05)
 
 
 def test_a_corrected_model_asks_for_no_channel_that_was_made(tmp_path: Path) -> None:

@@ -56,7 +56,7 @@ class Cell:
 def stretches_of(lengths: Sequence[int]) -> list[tuple[int, int]]:
     """Cut segments of these lengths into stretches of about the same length: first row and the one behind the last.
 
-    None of a stretch crosses from one segment to the next; 24 in all where each keeps 48 samples.
+    None of a stretch crosses from one segment to the next; some 24 in all, one at least for each segment of 48 samples.
     """
     total = sum(lengths)
     aim = min(_STRETCHES, total // _LEAST)
@@ -135,13 +135,14 @@ def _powers(sums: Array, count: Array, seed: int) -> tuple[Array, Array, float]:
     about *= np.sqrt(pieces / (pieces - 1))
     alone = np.maximum(np.sum(about**2, axis=1), 1e-300)  # what the blocks' variance is without memory
     memory = np.sqrt(np.maximum(np.median(_in_blocks(about) / alone, axis=0), 1.0))
+    even = about / np.sqrt(count)[:, :, None]  # pieces of a short segment are shorter
     order = np.random.default_rng(seed).permuted(np.tile(np.arange(stretches * pieces), (_DRAWS, 1)), axis=1)
     z, largest = np.empty_like(excess), np.zeros(_DRAWS)
     for j in range(outputs):
-        drawn = about[:, :, j].ravel()[order].reshape(_DRAWS, stretches, pieces).sum(axis=2)
+        drawn = even[:, :, j].ravel()[order].reshape(_DRAWS, stretches, pieces).sum(axis=2) / np.sqrt(pieces)
         spread = max(float(drawn.std()), 1e-300)
         largest = np.maximum(largest, np.max(np.abs(drawn), axis=1) / spread)
-        z[:, j] = excess[:, j] / (spread * memory[j])
+        z[:, j] = excess[:, j] / (np.sqrt(size[:, 0]) * spread * memory[j])
     return mean / whole, z, float(np.quantile(largest, 1 - LEVEL / 2))
 
 

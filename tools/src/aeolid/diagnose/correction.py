@@ -12,6 +12,7 @@ from aeolid.diagnose.free_run import FreeRun, fitted_to_run_free
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.recorded_wind import SHARE
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.models.equations import Equations
 
@@ -55,6 +56,9 @@ def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -
         values.update(a.fixed)
     names = [s.name for s in fitted.states]
     start = dict(zip(names, fit.point.x0[0][: len(names)].tolist(), strict=True))  # memories start settled
+    wind = prepared.frame.wind
+    if wind is not None and values[SHARE]:  # the state was what an anemometer did not tell; the file's is all of it
+        start[wind.name] = next(s.initial for s in prepared.declared.states if s.name == wind.name)
     switches = {k for a in attachments for k in a.fixed}
     parameters = tuple(
         replace(p, value=float(np.clip(values[p.name], p.minimum, p.maximum)), free=p.free or p.name not in switches)

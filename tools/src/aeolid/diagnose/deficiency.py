@@ -17,7 +17,7 @@ from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.projection import outside, span
 from aeolid.diagnose.quiet import audible
-from aeolid.diagnose.sensitivity import columns, noise_variant, step_of, theta_variant
+from aeolid.diagnose.sensitivity import Variant, columns, noise_variant, step_of, theta_variant
 
 Array = NDArray[np.float64]
 _LEVEL = 0.01  # of each of the two questions as a whole
@@ -118,7 +118,9 @@ def _columns(predictor: Predictor, point: Point, asked: Sequence[int], still: Se
     variants = [theta_variant(point, {i: step_of(predictor, i, point)}) for i in asked]
     variants += [noise_variant(point, i) for i in still]
     base = predictor.whitened(predictor.innovations(point), fit.noise)
-    moved = columns(predictor, point, fit.noise, base, variants)
+    found = columns(predictor, point, fit.noise, base, [*variants, Variant(point, 1.0)])
+    # less what rounds otherwise side by side: of a value that acts nowhere nothing is left
+    moved = found[:, :-1] - found[:, -1:] / np.array([v.h for v in variants])
     moved = np.where(np.all(np.isfinite(moved), axis=0), moved, 0.0)  # a small step made the model run away
     return np.vstack([moved, np.zeros((len(fit.prior_residual), len(variants)))])
 

@@ -13,6 +13,7 @@ from aeolid.diagnose.explore import fit_quietly
 from aeolid.diagnose.point import Free, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import NUISANCE
+from aeolid.diagnose.recorded_wind import PREFIX
 from aeolid.diagnose.split import Split
 from aeolid.models.equations import Equations
 
@@ -57,8 +58,10 @@ def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun 
     both. None where the model does not forget its start (it cannot run free), where the fit fails or where it is not
     clearly better. Cost: 20 iterations of as many filter passes as there are free values, twice.
     """
-    told = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
     model = predictor.compiled.model
+    theta = fit.point.theta.copy()
+    theta[[i for i, p in enumerate(model.parameters) if p.name.startswith(PREFIX)]] = 0.0  # no file asks for that wind
+    told = replace(fit.point, theta=theta, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
     physical = [i for i in fit.free.theta if not model.parameters[i].name.startswith(NUISANCE)]
     free, count = Free(tuple(physical), (), (), fit.free.x0), len(split.fit)
     part = predictor.on(split.fit).with_order(0)

@@ -152,22 +152,23 @@ def _told(cell: Cell) -> Facts:
 def whereabouts(cells: dict[str, list[Facts]]) -> Facts:
     """Return azimuth_order, region and time_s of diagnosis.json: of each map the strongest marked cell, or None.
 
-    Marked neighbours of one stretch or bin belong to it. Where half of all stretches or bins are marked, it is nowhere
-    in particular.
+    Marked neighbours of one stretch or bin belong to it. Where half of all stretches, or of a channel's bins, are
+    marked, it is nowhere in particular. Of several recordings the one that the time is of is said, too.
     """
     order = _strongest(cells.get("azimuth", []))
     found = _neighbours(cells.get("region", []), "channel", "range")
     region = None if found is None else f"{found[0]} {_figure(found[1])} to {_figure(found[2])}{found[3]}"
     when = _neighbours(cells.get("time", []), "source", "time_s")
+    recorded = {str(c["source"]) for c in cells.get("time", [])}
     return {
         "azimuth_order": None if order is None else int(order["order"]),
         "region": region,
         "time_s": None if when is None else [when[1], when[2]],
-    }
+    } | ({} if when is None or len(recorded) < 2 else {"recording": when[0]})
 
 
 def _figure(value: float) -> str:
-    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:#.3g}".rstrip(".")
+    return f"{value:.0f}" if abs(value) >= 999.5 else f"{value:#.3g}".rstrip(".")
 
 
 def _strongest(cells: Sequence[Facts]) -> Facts | None:
@@ -183,7 +184,9 @@ def _neighbours(cells: Sequence[Facts], group: str, ends: str) -> tuple[str, flo
     own = [c for c in cells if c[group] == best[group]]
     places = sorted({tuple(c[ends]) for c in own})
     marked = {tuple(c[ends]) for c in own if c["significant"]}
-    if len(marked) > _SPREAD * len(places):
+    among = cells if group == "source" else own
+    everywhere = {(c[group], *c[ends]) for c in among}
+    if len({(c[group], *c[ends]) for c in among if c["significant"]}) > _SPREAD * len(everywhere):
         return None
     first = last = places.index(tuple(best[ends]))
     while first > 0 and places[first - 1] in marked:

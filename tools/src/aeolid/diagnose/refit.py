@@ -146,12 +146,13 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
 
 
 def with_more_noise(predictor: Predictor, order: int, fit: Fit, free: Free) -> tuple[Predictor, Fit]:
-    """Fit with a noise model of higher order; returns that, or what is left without it where it is not worth it."""
+    """Fit with a noise model of higher order; returns that, or the best without it where it is not worth it."""
     larger = predictor.with_order(order)
     more = fit_quietly(larger, fit.point, free)
     if more is None:
         return predictor, fit
-    return with_least_noise(predictor, larger, more, free)
+    chosen, found = with_least_noise(predictor, larger, more, free)
+    return (chosen, found) if chosen is larger or found.log_posterior > fit.log_posterior else (predictor, fit)
 
 
 def with_least_noise(least: Predictor, predictor: Predictor, fit: Fit, free: Free) -> tuple[Predictor, Fit]:

@@ -174,7 +174,7 @@ def _where(diagnosis: Facts, effects: list[Facts], evidence: Facts) -> Html:
     places = [(e.get("id"), e["location"]) for e in effects if e.get("location")]
     if diagnosis.get("location") and diagnosis["location"] not in [place for _, place in places]:
         places.append(("evidence, before any name", diagnosis["location"]))
-    keys = ["entry", "outputs", "inputs", "frequency_hz", "azimuth_order", "region", "time_s"]
+    keys = ["entry", "outputs", "inputs", "frequency_hz", "azimuth_order", "region", "time_s", "recording"]
     used = [k for k in keys if any(place.get(k) not in (None, [], "") for _, place in places)]
     rows = [[name, *(_place(place.get(k)) for k in used)] for name, place in places]
     titles = {"frequency_hz": "frequency (Hz)", "time_s": "time (s)", "azimuth_order": "azimuth order"}

@@ -61,7 +61,7 @@ def time_map(cells: list[Facts]) -> Html:
     outputs, sources = _outputs(cells), list(dict.fromkeys(str(c["source"]) for c in cells))
     if not outputs:
         return Html("")
-    shown = sources[:_MOST_SOURCES]
+    shown = _most_marked(cells, sources)
     spans = [[t for c in cells if c["source"] == s for t in c["time_s"]] for s in shown]
     widths = [max(max(t) - min(t), 1e-9) for t in spans]
     widths = [max(w, 0.15 * max(widths)) for w in widths]  # a short recording keeps room for its name
@@ -84,6 +84,15 @@ def time_map(cells: list[Facts]) -> Html:
         f" from the others by more than chance gives (1 % for the whole map).{rest}"
     )
     return figure(drawing.svg, caption)
+
+
+def _most_marked(cells: list[Facts], sources: list[str]) -> list[str]:
+    """Return the recordings, at most so many, in which most is beyond chance, in their own order."""
+    loudest = dict.fromkeys(sources, 0.0)
+    for c in cells:
+        loudest[str(c["source"])] = max(loudest[str(c["source"])], float(c["statistic"] / c["threshold"]))
+    chosen = sorted(sources, key=lambda s: -loudest[s])[:_MOST_SOURCES]
+    return [s for s in sources if s in chosen]
 
 
 def region_maps(cells: list[Facts]) -> list[Html]:
