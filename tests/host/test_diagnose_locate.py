@@ -129,6 +129,15 @@ def test_what_is_marked_nearly_everywhere_is_nowhere_in_particular() -> None:
     assert whereabouts(cells) == NOWHERE and whereabouts({}) == NOWHERE
 
 
+def test_a_recording_that_is_off_as_a_whole_is_told_by_name() -> None:
+    """Of three recordings of six stretches one: a third of all stretches, and its name beside the time."""
+    cells = {
+        "time": [cell((float(k), k + 1.0), 6.0 if s == "b.csv" else 1.0, source=s)
+                 for s in ("a.csv", "b.csv", "c.csv") for k in range(6)]
+    }  # fmt: skip
+    assert whereabouts(cells) == NOWHERE | {"time_s": [0.0, 6.0], "recording": "b.csv"}
+
+
 def swing(folder: Path, **hidden: float) -> Prepared:
     return prepare(load_case(swinging(folder, **hidden)))
 
@@ -153,6 +162,15 @@ def test_a_stiffness_that_goes_is_told_as_a_value_that_wanders(tmp_path: Path) -
     rows = [r for r in deficient(swing(tmp_path, softening=0.1), 1) if r["what"] == "parameter"]
     assert rows[0]["name"] == "k" and rows[0]["significant"]
     assert not next(r for r in rows if r["name"] == "c")["significant"]
+
+
+def test_a_value_that_acts_nowhere_does_not_wander(tmp_path: Path) -> None:
+    """A stop at 50 m that the swing never meets: its slope was one of rounding, of unit length like any other."""
+    case = swinging(tmp_path / "case")
+    text = (case / "model.toml").read_text()
+    text = text.replace("[[input]]", 'far = { value = 3.0, unit = "N/m" }\n[[input]]', 1)
+    (case / "model.toml").write_text(text.replace("- k*q)", "- k*q - far*max(q - 50.0, 0.0))"))
+    assert "far" not in {r["name"] for r in deficient(prepare(load_case(case)), 1)}
 
 
 def test_white_residuals_let_a_value_wander_once_in_a_hundred(plain: Prepared, monkeypatch: pytest.MonkeyPatch) -> None:
