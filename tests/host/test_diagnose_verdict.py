@@ -132,7 +132,8 @@ def test_what_speaks_beside_declared_values_weighs_as_much(speaks: bool, monkeyp
     drag = {"id": "quadratic_damping", "weight": 0.5, "rivals": []}
     monkeypatch.setattr(verdict, "parameter_effect", lambda study: own)
     monkeypatch.setattr(verdict, "_effect", lambda *rest: drag)
-    found = [SimpleNamespace(attachments=(None,))] if speaks else []
+    place = SimpleNamespace(entry="quadratic_damping", location={"entry": "state:v"})
+    found = [SimpleNamespace(attachments=(place,))] if speaks else []
     monkeypatch.setattr(verdict, "also_speaking", lambda study: found)
     anything: Any = None
     said, effects = verdict._declared(anything)
