@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from scipy.stats import binomtest
 
 from aeolid.challenge.judge import Judged, judge
 from aeolid.challenge.page import render, text
-from aeolid.challenge.score import confusion, failed, good, table, wilson
+from aeolid.challenge.score import confusion, entries, failed, good, table, ways, wilson
 
 Facts = dict[str, Any]
 
@@ -123,6 +124,26 @@ def test_a_crash_is_a_miss() -> None:
     assert (value(rows, "recall")["count"], value(rows, "crashed")["count"], good(j)) == (0, 1, False)
 
 
+def test_what_was_found_is_counted_by_way_and_by_entry() -> None:
+    """An effect counts in each of its ways, a set in each of its entries; what nobody can decide counts in none."""
+    friction = ("coulomb_friction", "stiction")
+    cases = [
+        ("case-0001", hidden("single", LAG), said("named", "actuator_lag"), ("aliased", "not excited")),
+        ("case-0002", hidden("double", LAG, friction), said("named", "stiction"), ("aliased",)),
+        ("case-0003", hidden("single", LAG), said("no_mismatch"), ("aliased",)),
+        ("case-0004", hidden("single", LAG, decidable=False), said("no_mismatch"), ("aliased",)),
+        ("case-0005", hidden("null"), said("no_mismatch"), ()),
+    ]
+    judged = [judge(name, answer, result) for name, answer, result, _ in cases]
+    answers = {name: answer | {"hides": [{"what": w} for w in how]} for name, answer, _, how in cases}
+    assert ways(judged, answers) == [
+        {"what": "not excited", "count": 1, "of": 1}, {"what": "aliased", "count": 2, "of": 3},
+    ]  # fmt: skip
+    assert entries(judged) == [
+        {"what": "actuator_lag", "count": 2, "of": 3}, {"what": "coulomb_friction", "count": 1, "of": 1},
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(("count", "of"), [(0, 5), (3, 7), (16, 16), (40, 480)])
 def test_wilson_is_wilson(count: int, of: int) -> None:
     reference = binomtest(count, of).proportion_ci(0.95, method="wilson")
@@ -150,7 +171,8 @@ def facts_of(judged: list[Judged]) -> Facts:
             for j in judged]  # fmt: skip
     settings = {"cases": len(judged), "samples": 1000, "seed": 1, "version": 1}
     return {"seal": "ab" * 32, "settings": settings, "run": {"sham": 0}, "classes": {"single": len(judged)},
-            "table": table(judged), "confusion": confusion(judged), "cases": rows}  # fmt: skip
+            "table": table(judged), "confusion": confusion(judged), "cases": rows, "entries": entries(judged),
+            "ways": [{"what": "aliased", "count": 3, "of": 17}]}  # fmt: skip
 
 
 def test_text_and_page_show_the_same_and_need_no_network(tmp_path: Path) -> None:
@@ -160,8 +182,10 @@ def test_text_and_page_show_the_same_and_need_no_network(tmp_path: Path) -> None
     shown = text(facts)
     assert "recall of concealed decidable effects" in shown and "2 of 2" in shown and "100.0%" in shown
     assert "w (actuator_lag, single) → named: coulomb_friction" in shown
+    assert re.search(r"How it hid, named or in the set:\n  aliased +3 of 17", shown)
+    assert re.search(r"What was hidden, named or in the set:\n  actuator_lag +1 of 2", shown)
     render(facts, tmp_path / "score.html")
     page = (tmp_path / "score.html").read_text()
-    assert "coulomb_friction" in page and "<svg" in page
+    assert "coulomb_friction" in page and "<svg" in page and "3 of 17" in page and "1 of 2" in page
     assert 'src="http' not in page and 'href="http' not in page.replace('href="http://www.w3.org', "")
     assert failed(facts, 1.01) and not failed(facts, 0.9)

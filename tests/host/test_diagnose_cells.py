@@ -50,7 +50,7 @@ def marked(found: dict[str, list[Cell]]) -> set[tuple[str, str, int, int]]:
 
 
 def test_of_recordings_without_anything_one_in_a_hundred_has_a_mark_on_a_map() -> None:
-    """400 recordings: each map has marks on no more than 11 (chance of more 1 in 1000 at 1 %); far from all cells' 10 %.
+    """400 recordings: each map has marks on no more than 11 (chance of more 1 in 1000 at 1 %), all cells on 10 %.
 
     A limit of a single cell instead of the map's would mark 36 of them and more.
     """

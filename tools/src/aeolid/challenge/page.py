@@ -11,6 +11,7 @@ from aeolid.report import charts
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 
 Facts = dict[str, Any]
+_TALLIES = {"ways": "How it hid", "entries": "What was hidden"}
 
 
 def text(facts: Facts) -> str:
@@ -25,6 +26,9 @@ def text(facts: Facts) -> str:
         )
     lines += ["", "hidden family → first answer's family, or verdict:"]
     lines += [f"  {c['hidden']:22} → {c['answered']:22} ×{c['count']}" for c in facts["confusion"]]
+    for key, head in _TALLIES.items():
+        lines += ["", f"{head}, named or in the set:"]
+        lines += [f"  {t['what']:34} {t['count']} of {t['of']}" for t in facts[key]]
     wrong = [c for c in facts["cases"] if not c["good"]]
     lines += ["", f"answers that miss what one may ask for: {len(wrong)} of {len(facts['cases'])}"]
     lines += [f"  {c['case']} {_truth(c)} → {_answer(c)}" for c in wrong]
@@ -42,6 +46,11 @@ def render(facts: Facts, path: Path) -> None:
         path, "Challenge", tag("h1", "Concealed physics: found, missed, wrongly named"), tag("p", _summary(facts)),
         section("Score", tag("p", note, class_="soft"), table(head, rows)),
         section("Which family was taken for which", _matrix(facts)),
+        *(
+            section(f"{head}, named or in the set",
+                    table(["", "#found"], [[t["what"], f"{t['count']} of {t['of']}"] for t in facts[key]]))
+            for key, head in _TALLIES.items()
+        ),
         section("Answers that miss what one may ask for", _cases(wrong)),
         section("All cases", _cases(facts["cases"])),
         section("Settings", tag("p", f"Seal (SHA-256 of the answers): {facts['seal']}; {facts['settings']}; run: "

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.challenge.families import family_of
+from aeolid.challenge.items import WAYS
 from aeolid.challenge.judge import Judged, judge
 from aeolid.challenge.run import read_results
 from aeolid.challenge.write import open_answers, read_seal
@@ -19,14 +20,18 @@ _DRAWS = 2000  # of the bootstrap
 
 
 def score(folder: Path, out: Path) -> Facts:
-    """Return the table, every case and the confusion of families; raises DataError where the seal is broken."""
+    """Return the table, every case, the confusion of families, and what was found by way of hiding and by entry.
+
+    Raises DataError where the seal is broken.
+    """
     answers = open_answers(folder)
     results = read_results(folder, out)
     judged = [judge(r["case"], answers["answers"][r["case"]], r) for r in results]
     return {
         "seal": read_seal(folder)["sha256"], "settings": answers["settings"], "run": results[0]["settings"],
         "classes": dict(sorted(Counter(j.sort for j in judged).items())), "table": table(judged),
-        "confusion": confusion(judged), "cases": [_row(j, answers["answers"][j.case]) for j in judged],
+        "confusion": confusion(judged), "ways": ways(judged, answers["answers"]), "entries": entries(judged),
+        "cases": [_row(j, answers["answers"][j.case]) for j in judged],
     }  # fmt: skip
 
 
@@ -118,6 +123,25 @@ def confusion(judged: Sequence[Judged]) -> list[Facts]:
             hidden = {"outside": "(outside)", "impossible": "(impossible)"}.get(j.sort, "(nothing)")
         counts[hidden, family_of(j.first)] += 1
     return [{"hidden": a, "answered": b, "count": n} for (a, b), n in sorted(counts.items())]
+
+
+def ways(judged: Sequence[Judged], answers: Facts) -> list[Facts]:
+    """Return, for each way to hide, how many decidable effects that hid so were named or in the set."""
+    hidden = [j for j in judged if j.hidden and j.decidable]
+    used = {j.case: {h["what"] for h in answers[j.case]["hides"]} for j in hidden}
+    listed = [(what, [j for j in hidden if what in used[j.case]]) for what in WAYS.values()]
+    return [_tally(what, chosen) for what, chosen in listed if chosen]
+
+
+def entries(judged: Sequence[Judged]) -> list[Facts]:
+    """Return the same for each entry of the catalogue that was hidden, by the first id that names it rightly."""
+    hidden = [j for j in judged if j.hidden and j.decidable]
+    ids = sorted({accepted[0] for j in hidden for accepted in j.truth if accepted})
+    return [_tally(i, [j for j in hidden if any(t and t[0] == i for t in j.truth)]) for i in ids]
+
+
+def _tally(what: str, chosen: Sequence[Judged]) -> Facts:
+    return {"what": what, "count": sum(j.in_set for j in chosen), "of": len(chosen)}
 
 
 def failed(facts: Facts, least: float) -> bool:
