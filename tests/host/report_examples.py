@@ -97,7 +97,12 @@ def cells(outputs: list[str]) -> dict[str, list[dict[str, Any]]]:
         {"order": k, "phase_deg": 20.0, **told(name, "line", 0.2 / (1 + abs(k - 3)), k == 3)}
         for k in range(1, 7) for name in outputs
     ]  # fmt: skip
-    return {"time": time, "region": region, "azimuth": azimuth}
+    path = [
+        {"channel": channel, "frequency_hz": [0.01 * 2**k, 0.01 * 2 ** (k + 1)],
+         **told(name, "path", 9.0 if (channel, k) == ("pitch", 4) else 1.1, (channel, k) == ("pitch", 4))}
+        for channel in ("pitch", "wind") for k in range(8) for name in outputs
+    ]  # fmt: skip
+    return {"time": time, "region": region, "azimuth": azimuth, "path": path}
 
 
 def equations() -> list[dict[str, Any]]:

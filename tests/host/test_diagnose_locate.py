@@ -53,7 +53,7 @@ def located(case: Case) -> tuple[dict[str, list[dict[str, Any]]], dict[str, Any]
     return cells, whereabouts(cells)
 
 
-NOWHERE = {"azimuth_order": None, "region": None, "time_s": None}
+NOWHERE = {"azimuth_order": None, "region": None, "time_s": None, "inputs": []}
 
 
 def test_a_line_is_told_by_its_order_and_nothing_else(tmp_path: Path) -> None:
@@ -112,7 +112,9 @@ def test_marked_neighbours_of_the_strongest_cell_belong_to_it() -> None:
              "region": [cell((100 * a, 100 * a + 100), v, channel="speed", unit="rpm") for (a, _), v in
                         zip(ends, z, strict=True)],
              "azimuth": [{"output": "y", "order": k, **cell((0, 0), v)} for k, v in ((1, 5.0), (3, 7.0))]}  # fmt: skip
-    assert whereabouts(cells) == {"azimuth_order": 3, "region": "speed 200 to 500 rpm", "time_s": [2.0, 5.0]}
+    cells["path"] = [cell((0.1, 0.2), v, channel=n) for n, v in (("push", 4.5), ("pull", 6.0), ("wind", 1.0))]
+    want = {"azimuth_order": 3, "region": "speed 200 to 500 rpm", "time_s": [2.0, 5.0], "inputs": ["pull"]}
+    assert whereabouts(cells) == want
     study: Any = SimpleNamespace(
         bands=[], cells=cells, findings=(), candidates=(), ceiling=SimpleNamespace(groups=()),
         prepared=SimpleNamespace(extended=SimpleNamespace(outputs=())), winner=None, completed=None, second=None,
@@ -120,6 +122,7 @@ def test_marked_neighbours_of_the_strongest_cell_belong_to_it() -> None:
     study.alternatives, study.whole = (), None
     where = _where(study, "unnamed")
     assert where is not None and where["time_s"] == [2.0, 5.0] and where["azimuth_order"] == 3
+    assert where["inputs"] == ["pull"]
     assert _where(study, "no_mismatch") is None
 
 

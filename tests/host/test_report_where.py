@@ -16,6 +16,7 @@ CAPTIONS = {
     "time": ("by channel and stretch of time", "A dot marks a stretch that differs"),
     "region": ("By channel and region of wind", "moved in time against wind, do not give"),
     "azimuth": ("By channel and azimuth order", "A dot marks a line"),
+    "path": ("Which recorded channel the innovations follow", "A dot marks a channel that is followed"),
 }
 
 

@@ -150,7 +150,7 @@ def _told(cell: Cell) -> Facts:
 
 
 def whereabouts(cells: dict[str, list[Facts]]) -> Facts:
-    """Return azimuth_order, region and time_s of diagnosis.json: of each map the strongest marked cell, or None.
+    """Return azimuth_order, region, time_s, inputs of diagnosis.json: of each map the strongest marked cell, or none.
 
     Marked neighbours of one stretch or bin belong to it. Where half of all stretches, or of a channel's bins, are
     marked, it is nowhere in particular. Of several recordings the one that the time is of is said, too.
@@ -159,11 +159,13 @@ def whereabouts(cells: dict[str, list[Facts]]) -> Facts:
     found = _neighbours(cells.get("region", []), "channel", "range")
     region = None if found is None else f"{found[0]} {_figure(found[1])} to {_figure(found[2])}{found[3]}"
     when = _neighbours(cells.get("time", []), "source", "time_s")
+    path = _strongest(cells.get("path", []))
     recorded = {str(c["source"]) for c in cells.get("time", [])}
     return {
         "azimuth_order": None if order is None else int(order["order"]),
         "region": region,
         "time_s": None if when is None else [when[1], when[2]],
+        "inputs": [] if path is None else [path["channel"]],
     } | ({} if when is None or len(recorded) < 2 else {"recording": when[0]})
 
 

@@ -21,6 +21,7 @@ from aeolid.diagnose.exchange import Alternative, exchanged
 from aeolid.diagnose.first_effect import find_first, first_effect
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.locate import evidence_cells
+from aeolid.diagnose.paths import evidence_paths
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
@@ -96,7 +97,8 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("evidence", 0.68)
     bands = band_power(prepared.predictor, prepared.fit, seed)
-    cells, equations = evidence_cells(prepared, case, seed), deficient(prepared, seed)
+    cells = evidence_cells(prepared, case, seed) | {"path": evidence_paths(prepared)}
+    equations = deficient(prepared, seed)
     done()
     done = step("sham runs", 0.7)
     hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))

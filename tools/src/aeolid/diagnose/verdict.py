@@ -223,7 +223,7 @@ def _where(study: Study, verdict: str) -> dict[str, Any] | None:
     outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
     form = form_speaking(study)
     return {
-        "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs, "inputs": [],
+        "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs,
         "frequency_hz": bands[0]["frequency_hz"] if bands else None, **whereabouts(study.cells),
         "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
     }  # fmt: skip

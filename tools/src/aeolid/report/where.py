@@ -32,6 +32,7 @@ def maps(evidence: Facts) -> Html:
             time_map(cells.get("time") or []),
             *region_maps(cells.get("region") or []),
             azimuth_map(cells.get("azimuth") or []),
+            path_map(cells.get("path") or []),
             equations(evidence.get("equations") or []),
         ]
     )
@@ -139,6 +140,38 @@ def azimuth_map(cells: list[Facts]) -> Html:
         " that stays, beyond what chance gives (1 % for the whole map)."
     )
     return figure(tag("div", drawing.svg, style=f"max-width:{100 * side[0] / charts.WIDE[0]:.0f}%"), caption)
+
+
+def path_map(cells: list[Facts]) -> Html:
+    """Show output and channel × frequency: which recorded channel's past the innovations follow."""
+    pairs = list(dict.fromkeys((str(c["output"]), str(c["channel"])) for c in cells))
+    if not pairs:
+        return Html("")
+    loudest = dict.fromkeys(pairs, 0.0)
+    for c in cells:
+        pair = str(c["output"]), str(c["channel"])
+        loudest[pair] = max(loudest[pair], float(c["statistic"]))
+    kept = sorted(pairs, key=lambda p: -loudest[p])[:_MOST_ROWS]
+    shown = [p for p in pairs if p in kept]
+    tiles = [
+        (*c["frequency_hz"], shown.index(p), _db(c["value"]), c)
+        for c in cells
+        if (p := (str(c["output"]), str(c["channel"]))) in shown
+    ]
+    with charts.sketch((charts.WIDE[0], 1.2 + 0.34 * len(shown))) as drawing:
+        axes = drawing.axes[0, 0]
+        axes.set_xscale("log")
+        names = [f"{output} ← {channel}" for output, channel in shown]
+        image = _paint(axes, tiles, names, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
+        axes.set_xlabel("frequency (Hz)")
+        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
+    rest = f" Shown: {len(shown)} of {len(pairs)} pairs." if len(shown) < len(pairs) else ""
+    caption = (
+        "Which recorded channel the innovations follow: power that they share with a channel's past, by third octave,"
+        " against what chance gives; only the past counts, so that a controller's answer is no cause. A dot marks a"
+        f" channel that is followed there (1 % for the whole map).{rest}"
+    )
+    return figure(drawing.svg, caption)
 
 
 def equations(rows: list[Facts]) -> Html:
