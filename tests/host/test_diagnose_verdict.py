@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from types import SimpleNamespace
 from typing import Any
 
@@ -164,3 +165,15 @@ def test_the_same_effect_elsewhere_is_another_answer(own: tuple[str, str], other
     )
     anything: Any = rival
     assert is_other(anything, winner) is open_  # type: ignore[arg-type]
+
+
+def test_a_value_without_bounds_is_told_as_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A natural frequency is told as 1/(its inverse), and the inverse may be none: JSON has no infinity."""
+    slot = SimpleNamespace(label="omega_rad_s", unit="rad/s")
+    place: Any = SimpleNamespace(
+        entry="actuator_second_order", key="a", slots=(slot,), equation="", location={"entry": "input:u"}
+    )
+    told: Any = SimpleNamespace(values={"a": {"omega_rad_s": (np.inf, np.inf)}}, says=lambda a: "it rings")
+    found = verdict._effect(SimpleNamespace(proof=None), told, place, [])  # type: ignore[arg-type]
+    assert found["parameters"]["omega_rad_s"] == {"value": None, "std": None, "unit": "rad/s"}
+    json.dumps(found, allow_nan=False)

@@ -86,8 +86,9 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
     for effect in diagnosis["effects"]:
         for name, value in effect["parameters"].items():
+            told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
             spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
-            console.print(f"  {effect['id']} {name} = {value['value']:.4g}{spread} {value['unit']}", markup=False)
+            console.print(f"  {effect['id']} {name} = {told}{spread} {value['unit']}", markup=False)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]

@@ -170,7 +170,7 @@ def _effect(
         "statement": candidate.says(attachment),
         "location": location,
         "equation": attachment.equation or kind.equation,
-        "parameters": {k: {"value": v, "std": finite(s), "unit": units[k]} for k, (v, s) in values.items()},
+        "parameters": {k: {"value": finite(v), "std": finite(s), "unit": units[k]} for k, (v, s) in values.items()},
         "rivals": rivals,
         "weight": weight,
         "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
