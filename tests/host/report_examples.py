@@ -77,7 +77,7 @@ def diagnosis() -> dict[str, Any]:
 
 
 def cells(outputs: list[str]) -> dict[str, list[dict[str, Any]]]:
-    """Return two recordings in time, a wind in regions, six orders; one of each stands out, in the last output."""
+    """Return all maps, two recordings in time, a wind in regions; a cell of each stands out, in the last output."""
 
     def told(output: str, kind: str, value: float, marked: bool) -> dict[str, Any]:
         marked = marked and output == outputs[-1]
@@ -102,7 +102,16 @@ def cells(outputs: list[str]) -> dict[str, list[dict[str, Any]]]:
          **told(name, "path", 9.0 if (channel, k) == ("pitch", 4) else 1.1, (channel, k) == ("pitch", 4))}
         for channel in ("pitch", "wind") for k in range(8) for name in outputs
     ]  # fmt: skip
-    return {"time": time, "region": region, "azimuth": azimuth, "path": path}
+    horizon = [
+        {"horizon_s": h, **told(name, "power", 2.5 if h == 5.0 else 1.05, h == 5.0)}
+        for name in outputs for h in (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
+    ]  # fmt: skip
+    effort, inferred = (
+        [{"frequency_hz": [0.01 * 2**k, 0.01 * 2 ** (k + 1)], **told(outputs[-1], "power", 1.6, k == 3), "output": name}
+         for k in range(8)] for name in ("pitch", "gust")
+    )  # fmt: skip
+    return {"time": time, "region": region, "azimuth": azimuth, "path": path, "horizon": horizon, "effort": effort,
+            "inferred": inferred}  # fmt: skip
 
 
 def equations() -> list[dict[str, Any]]:

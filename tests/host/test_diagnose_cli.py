@@ -143,7 +143,10 @@ def test_the_corrected_model_runs_and_fits_better(case: Path, result: Path, tmp_
     assert errors[1] < 0.6 * errors[0]
 
 
-def test_the_corrected_model_needs_no_further_name(case: Path, result: Path, tmp_path: Path) -> None:
+def test_the_corrected_model_needs_no_further_name(
+    case: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nor anything beside it: what is said then is the experiment that would look closer."""
     second = tmp_path / "case"
     shutil.copytree(case, second)
     shutil.copy(result / "model" / "model.toml", second / "model.toml")
@@ -152,6 +155,9 @@ def test_the_corrected_model_needs_no_further_name(case: Path, result: Path, tmp
     check_schema(d)
     assert d["verdict"] in ("no_mismatch", "immaterial", "parameter")
     assert not [e["id"] for e in d["effects"] if e["id"] != "parameter_error"]
+    if d["verdict"] != "parameter":
+        assert d["next_experiment"]["text"].startswith("To look closer")
+        assert f"  next: {d['next_experiment']['text']}" in capsys.readouterr().out
 
 
 def test_the_same_input_gives_the_same_file(case: Path, result: Path, tmp_path: Path) -> None:

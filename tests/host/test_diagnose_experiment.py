@@ -52,7 +52,7 @@ def test_one_model_by_two_names_is_told_apart_by_no_experiment(
 
 def test_louder_steps_promise_more(rivals: tuple[Prepared, dict[str, Candidate]]) -> None:
     prepared, found = rivals
-    stretch, pair = experiment._stretch(prepared), (found["actuator_lag"], found["transport_delay"])
+    stretch, pair = experiment.stretch_of(prepared), (found["actuator_lag"], found["transport_delay"])
     one = Experiment("drive", "V", 1.0, "steps", 0.08)
     rates = [experiment._evidence(pair, stretch, prepared, replace(one, amplitude=a), 1, 0) for a in (1.0, 3.0, 9.0)]
     assert rates[0] < rates[1] < rates[2]

@@ -73,6 +73,7 @@ def run(
     if json_target != "-":
         _print_verdict(diagnosis)
         _print_free_run(evidence, out)
+        _print_next(diagnosis)
         console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
@@ -88,7 +89,8 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
         for name, value in effect["parameters"].items():
             told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
             spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
-            console.print(f"  {effect['id']} {name} = {told}{spread} {value['unit']}", markup=False)
+            unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
+            console.print(f"  {effect['id']} {name} = {told}{spread}{unit}", markup=False)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]
@@ -100,6 +102,12 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             console.print(
                 f"  {name}: normalised error {before:.3g} before, {sealed['nrmse_after'][name]:.3g} after", markup=False
             )
+
+
+def _print_next(diagnosis: dict[str, Any]) -> None:
+    """Say what to record next, where there is something to decide."""
+    if diagnosis["next_experiment"]:
+        console.print(f"  next: {diagnosis['next_experiment']['text']}", soft_wrap=True, markup=False)
 
 
 def _print_free_run(evidence: dict[str, Any], out: Path) -> None:

@@ -80,8 +80,8 @@ def advise(
     of the two expected log-likelihood ratios counts. For the best few both are fitted anew to that recording first: a
     wrong model gives what its parameters can. Cost: two filter passes an experiment, four fits for each of the best.
     """
-    stretch = _stretch(prepared)
-    menu = _menu(prepared, inputs, stretch)
+    stretch = stretch_of(prepared)
+    menu = menu_of(prepared, inputs, stretch)
     ranked = sorted(((_evidence(rivals, stretch, prepared, e, seed, 0), i) for i, e in enumerate(menu)), reverse=True)
     best: Advice | None = None
     for rough, i in ranked[:_BEST]:
@@ -91,13 +91,14 @@ def advise(
     return best
 
 
-def _stretch(prepared: Prepared) -> Segment:
+def stretch_of(prepared: Prepared) -> Segment:
     """Return the longest stretch of the fitting part, at most some thousand rows of it."""
     longest = max(prepared.split.fit, key=lambda s: len(s.y))
     return longest.head(min(len(longest.y), _MOST_ROWS))
 
 
-def _menu(prepared: Prepared, inputs: Sequence[Channel], stretch: Segment) -> list[Experiment]:
+def menu_of(prepared: Prepared, inputs: Sequence[Channel], stretch: Segment) -> list[Experiment]:
+    """Return the experiments to choose from: steps held for 1 to 64 samples and a ladder, on each input that moves."""
     found, units = [], {c.name: c.unit for c in inputs}
     for place, s in enumerate(prepared.declared.inputs):
         spread = float(np.nanstd(stretch.u[:, place]))

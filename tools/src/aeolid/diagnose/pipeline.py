@@ -18,6 +18,7 @@ from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.deficiency import deficient
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.exchange import Alternative, exchanged
+from aeolid.diagnose.expected import evidence_in_loop
 from aeolid.diagnose.first_effect import find_first, first_effect
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.locate import evidence_cells
@@ -97,7 +98,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     done = step("evidence", 0.68)
     bands = band_power(prepared.predictor, prepared.fit, seed)
-    cells = evidence_cells(prepared, case, seed) | {"path": evidence_paths(prepared)}
+    cells = evidence_cells(prepared, case, seed) | {"path": evidence_paths(prepared)} | evidence_in_loop(prepared, seed)
     equations = deficient(prepared, seed)
     done()
     done = step("sham runs", 0.7)

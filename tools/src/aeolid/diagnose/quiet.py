@@ -38,7 +38,7 @@ def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
 def _forgetful(predictor: Predictor, point: Point, free: Free, limit: float) -> Point:
     """Give silent forces their declared memory back: of one without amplitude rounding chose 4 seconds or an hour."""
     model, theta = predictor.compiled.model, point.theta.copy()
-    for _, rate in _silent(model, point):
+    for _, rate in silent_forces(model, point):
         if rate in free.theta:
             theta[rate] = model.parameters[rate].value
     trial = replace(point, theta=theta)
@@ -51,7 +51,7 @@ def audible(model: Equations, fit: Fit) -> Bools:
     An amplitude that was fitted to nothing imitates nothing. Its column is next to nothing, too, but a direction as
     good as any: the tanks' overflow had z 13.2 or 10.9, by what memory rounding had left to a silent force.
     """
-    silent = _silent(model, fit.point)
+    silent = silent_forces(model, fit.point)
     found = np.ones(fit.jacobian.shape[1], dtype=bool)
     theta, noise = {rate for _, rate in silent}, {state for state, _ in silent}
     found[: len(fit.free.theta)] = [i not in theta for i in fit.free.theta]
@@ -59,7 +59,7 @@ def audible(model: Equations, fit: Fit) -> Bools:
     return found
 
 
-def _silent(model: Equations, point: Point) -> list[tuple[int, int]]:
+def silent_forces(model: Equations, point: Point) -> list[tuple[int, int]]:
     """List the unmeasured forces without amplitude: index of the state, and of the rate at which it forgets."""
     place = {p.name: i for i, p in enumerate(model.parameters)}
     pairs = [(i, place.get(_RATE + s.name.removeprefix(_FORCE))) for i, s in enumerate(model.states)]

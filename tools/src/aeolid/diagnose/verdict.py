@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.closer import describe_closer, look_closer
 from aeolid.diagnose.declared import also_speaking, contradicted, form_speaking, parameter_effect
-from aeolid.diagnose.experiment import advise, describe
+from aeolid.diagnose.experiment import advise, describe, menu_of, stretch_of
 from aeolid.diagnose.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import PROVEN, Proof, block_interval
@@ -258,6 +259,8 @@ def _next_experiment(
         hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
         names = ids if ids[0] != ids[1] else [c.key for c in candidates]
         return describe(advise(study.prepared, inputs, candidates, study.seed), names, hint)
+    if verdict in ("no_mismatch", "immaterial") or (verdict == "not_testable" and _moves(study)):
+        return describe_closer(look_closer(study.prepared, inputs, study.bank, study.seed))
     if verdict in ("unnamed", "not_testable", "ambiguous"):
         moved = " and ".join(c.name for c in inputs) or "every input"
         where = effects[0]["location"] if effects else _where(study, verdict)
@@ -278,6 +281,11 @@ def _next_experiment(
         sealed = study.prepared.split.sealed[0]
         return {"text": text, "minutes": float(np.ceil(2 * len(sealed.y) * sealed.step / 60)), "separates": []}
     return None
+
+
+def _moves(study: Study) -> bool:
+    """Tell whether some input moves, so that a test signal has a size to go by."""
+    return bool(menu_of(study.prepared, study.case.records[0].of("input"), stretch_of(study.prepared)))
 
 
 def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:

@@ -206,7 +206,8 @@ def _not_excluded(entries: list[Facts]) -> Html:
 def _next_experiment(entry: Facts) -> Html:
     if not entry.get("text"):
         return Html("")
-    minutes = f" ({number(entry['minutes'])} min)" if entry.get("minutes") else ""
+    minutes = f"{number(entry['minutes'])} min" if entry.get("minutes") else ""
+    minutes = f" ({minutes})" if minutes and minutes not in entry["text"] else ""
     separates = entry.get("separates") or []
     apart = f" It tells apart {' and '.join(map(str, separates))}." if len(separates) > 1 else ""
     return section("The next experiment", tag("p", _sentence(entry["text"] + minutes) + apart))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,9 @@ def maps(evidence: Facts) -> Html:
             *region_maps(cells.get("region") or []),
             azimuth_map(cells.get("azimuth") or []),
             path_map(cells.get("path") or []),
+            horizon_map(cells.get("horizon") or []),
+            effort_map(cells.get("effort") or []),
+            inferred_map(cells.get("inferred") or []),
             equations(evidence.get("equations") or []),
         ]
     )
@@ -40,21 +44,11 @@ def maps(evidence: Facts) -> Html:
 
 def band_map(bands: list[Facts]) -> Html:
     """Show channel × frequency: how far the innovations of the model as it was are from white."""
-    outputs = _outputs(bands)
-    if not outputs:
-        return Html("")
-    tiles = [(*b["frequency_hz"], outputs.index(str(b["output"])), _db(b["ratio"]), b) for b in bands]
-    with charts.sketch((charts.WIDE[0], 1.2 + 0.45 * len(outputs))) as drawing:
-        axes = drawing.axes[0, 0]
-        axes.set_xscale("log")
-        image = _paint(axes, tiles, outputs, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
-        axes.set_xlabel("frequency (Hz)")
-        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
     caption = (
         "What the model as it was leaves unexplained, one step ahead: power of its innovations against white noise,"
         f" by channel and third octave. {_DOT}"
     )
-    return figure(drawing.svg, caption)
+    return _over(bands, _outputs(bands), caption, "frequency_hz")
 
 
 def time_map(cells: list[Facts]) -> Html:
@@ -153,24 +147,69 @@ def path_map(cells: list[Facts]) -> Html:
         loudest[pair] = max(loudest[pair], float(c["statistic"]))
     kept = sorted(pairs, key=lambda p: -loudest[p])[:_MOST_ROWS]
     shown = [p for p in pairs if p in kept]
-    tiles = [
-        (*c["frequency_hz"], shown.index(p), _db(c["value"]), c)
-        for c in cells
-        if (p := (str(c["output"]), str(c["channel"]))) in shown
-    ]
-    with charts.sketch((charts.WIDE[0], 1.2 + 0.34 * len(shown))) as drawing:
-        axes = drawing.axes[0, 0]
-        axes.set_xscale("log")
-        names = [f"{output} ← {channel}" for output, channel in shown]
-        image = _paint(axes, tiles, names, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
-        axes.set_xlabel("frequency (Hz)")
-        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
     rest = f" Shown: {len(shown)} of {len(pairs)} pairs." if len(shown) < len(pairs) else ""
     caption = (
         "Which recorded channel the innovations follow: power that they share with a channel's past, by third octave,"
         " against what chance gives; only the past counts, so that a controller's answer is no cause. A dot marks a"
         f" channel that is followed there (1 % for the whole map).{rest}"
     )
+    rows = [f"{output} ← {channel}" for output, channel in shown]
+    named = [c | {"output": f"{c['output']} ← {c['channel']}"} for c in cells]
+    return _over([c for c in named if c["output"] in rows], rows, caption, "frequency_hz", 0.34)
+
+
+def horizon_map(cells: list[Facts]) -> Html:
+    """Show channel × horizon: errors of longer predictions against those that the model itself foretells."""
+    times = sorted({float(c["horizon_s"]) for c in cells})
+    ends = dict(zip(times, pairwise(_between(times)), strict=True)) if len(times) > 1 else {}
+    caption = (
+        "How far ahead the model as it was holds: squared error of its predictions by horizon, the inputs known,"
+        " against what its own noise leads one to expect of a model that lacks nothing, in the same control loop."
+        f" {_DOT}"
+    )
+    tiles = [c | {"ends": ends[float(c["horizon_s"])]} for c in cells] if ends else []
+    return _over(tiles, _outputs(tiles), caption, "ends", xlabel="horizon (s)")
+
+
+def effort_map(cells: list[Facts]) -> Html:
+    """Show input × frequency: control effort against what the model in this loop would call for."""
+    caption = (
+        "Control effort: power of the inputs that a controller computes, by third octave, against what the model as it"
+        f" was would call for behind the same controller and excitation. {_DOT}"
+    )
+    return _over(cells, _outputs(cells), caption, "frequency_hz")
+
+
+def inferred_map(cells: list[Facts]) -> Html:
+    """Show unmeasured input × frequency: whether what the model infers is what it takes such an input to be."""
+    caption = (
+        "Inferred inputs: power of the wind and other forces that nobody measured, as the model infers them, by third"
+        " octave, against what it takes such inputs to be. What the model lacks is easily blamed on the wind, and the"
+        f" wind is then no plausible one. {_DOT}"
+    )
+    return _over(cells, _outputs(cells), caption, "frequency_hz")
+
+
+def _between(values: Sequence[float]) -> list[float]:
+    """Return edges around ascending values on a logarithmic axis."""
+    inner = [float(np.sqrt(a * b)) for a, b in pairwise(values)]
+    return [values[0] ** 2 / inner[0], *inner, values[-1] ** 2 / inner[-1]]
+
+
+def _over(
+    cells: Sequence[Facts], rows: Sequence[str], caption: str, ends: str, height: float = 0.45,
+    xlabel: str = "frequency (Hz)",
+) -> Html:  # fmt: skip
+    """Draw the cells' power in dB, a row an output, over a logarithmic axis; nothing where there are none."""
+    if not rows:
+        return Html("")
+    tiles = [(*c[ends], rows.index(str(c["output"])), _db(c.get("value", c.get("ratio"))), c) for c in cells]
+    with charts.sketch((charts.WIDE[0], 1.2 + height * len(rows))) as drawing:
+        axes = drawing.axes[0, 0]
+        axes.set_xscale("log")
+        image = _paint(axes, tiles, rows, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
+        axes.set_xlabel(xlabel)
+        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
     return figure(drawing.svg, caption)
 
 
@@ -244,7 +283,7 @@ def _unit(kind: str) -> str:
     return _MEAN if kind == "mean" else "power (dB)"
 
 
-def _db(ratio: float) -> float:
+def _db(ratio: Any) -> float:
     return float(10 * np.log10(max(float(ratio), 1e-3)))
 
 
