@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from small_cases import SWING, SWING_CHANNELS, SWING_STEP, swinging, write_case
 
 from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.closer import Closer, describe_closer, look_closer, loudest
+from aeolid.diagnose.closer import Closer, describe_closer, feasible, look_closer
 from aeolid.diagnose.experiment import Experiment
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.scores import Bank, score_bank
@@ -70,10 +70,10 @@ def test_the_same_input_gives_the_same_answer(calm: tuple[Case, Prepared, Bank])
     assert look_closer(prepared, (), bank, 1) is None  # nothing can be moved
 
 
-def test_of_one_kind_the_loudest_is_looked_at() -> None:
-    menu = [Experiment("push", "N", a, "steps", d) for a in (1.0, 2.0) for d in (0.1, 0.4)]
+def test_of_one_kind_the_loudest_is_looked_at_and_none_that_no_drive_follows() -> None:
+    menu = [Experiment("push", "N", a, "steps", d) for a in (1.0, 2.0) for d in (0.02, 0.1, 0.4)]
     ladder = Experiment("push", "N", 1.0, "ladder", 0.8)
-    assert loudest([*menu, ladder]) == [*menu[2:], ladder]
+    assert feasible([*menu, ladder], 0.02) == [*menu[4:], ladder]
 
 
 def test_what_is_said_names_channel_size_time_and_what_it_shows() -> None:

@@ -13,14 +13,14 @@ from aeolid.diagnose.experiment import Experiment, menu_of, stretch_of
 from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import imitate
-from aeolid.diagnose.scores import Bank, Row, minimum_detectable, score_bank
+from aeolid.diagnose.scores import Bank, Row, deviations, minimum_detectable
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]
 _WORTH = 1.25  # times smaller in the median: less is not worth another recording
 _MOST = 8.0  # times smaller counts for no more, and so much counts what could not be tested at all
 _TOLD = 3  # effects whose sizes are told
-_ROWS = 1000  # of what is simulated
+_ROWS = 600  # of what is simulated
 _FARTHEST = 1e12  # what a planned recording may reach
 
 
@@ -67,13 +67,13 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
     longest = stretch_of(prepared)
     stretch = longest.head(min(len(longest.y), _ROWS))
     asked = [r for r in bank.rows if r.attachment.entry != unlisted.ID and not r.attachment.always_fit]
-    plain = _seen(prepared, stretch, asked, bank, seed)
+    plain = _seen(prepared, stretch, asked, seed)
     best: tuple[float, Experiment, dict[str, float]] | None = None
-    for test in loudest(menu_of(prepared, inputs, stretch)):
+    for test in feasible(menu_of(prepared, inputs, stretch), stretch.step):
         u = stretch.u.copy()
         place = [s.name for s in prepared.declared.inputs].index(test.channel)
         u[:, place] += test.signal(len(u), stretch.fine_step, seed)
-        found = _seen(prepared, replace(stretch, u=u), asked, bank, seed)
+        found = _seen(prepared, replace(stretch, u=u), asked, seed)
         ratios = {k: _ratio(plain.get(k, 0.0), v) for k, v in found.items() if v > 0}
         ratios |= {k: 1 / _MOST for k, v in plain.items() if v > 0 and k not in ratios}
         value = float(np.mean([np.log(r) for r in ratios.values()])) if ratios else 0.0
@@ -82,12 +82,12 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
     return None if best is None else _told(prepared, best[1], best[2], asked, bank, plain)
 
 
-def loudest(menu: Sequence[Experiment]) -> list[Experiment]:
-    """Return the experiments of a menu without those that are another one with a smaller amplitude."""
+def feasible(menu: Sequence[Experiment], step: float) -> list[Experiment]:
+    """Return the loudest experiments of each kind, without steps held for one sample: no drive follows them."""
     most: dict[tuple[str, str, float], Experiment] = {}
     for test in menu:
         kind = test.channel, test.kind, test.dwell_s
-        if kind not in most or most[kind].amplitude < test.amplitude:
+        if test.dwell_s > 1.5 * step and (kind not in most or most[kind].amplitude < test.amplitude):
             most[kind] = test
     return list(most.values())
 
@@ -96,7 +96,7 @@ def _ratio(before: float, after: float) -> float:
     return float(np.clip(after / before, 1 / _MOST, _MOST)) if before > 0 else _MOST
 
 
-def _seen(prepared: Prepared, planned: Segment, asked: Sequence[Row], bank: Bank, seed: int) -> dict[str, float]:
+def _seen(prepared: Prepared, planned: Segment, asked: Sequence[Row], seed: int) -> dict[str, float]:
     """Return for each hypothesis, by key, the inverse deviation of its size; nothing where the model runs away."""
     bare = prepared.only(())
     point = replace(bare.fit.point, x0=bare.fit.point.x0[:1])
@@ -108,14 +108,7 @@ def _seen(prepared: Prepared, planned: Segment, asked: Sequence[Row], bank: Bank
     if predictor.objective(point) >= 1e299:
         return {}
     world = replace(bare, predictor=predictor, fit=predictor.at(point, bare.fit.free))
-    rows = score_bank(world, [r.attachment for r in asked], seed, known=bank).rows
-    return {r.attachment.key: _sharpness(r) for r in rows}
-
-
-def _sharpness(row: Row) -> float:
-    """Return the inverse deviation of an effect's first quantity, of the surest grid point; 0 where it has none."""
-    stds = [s for _, s in row.graded] if row.graded else list(row.std.values())[:1]
-    return max((1.0 / s for s in stds if np.isfinite(s) and s > 0), default=0.0)
+    return {key: 1.0 / std for key, std in deviations(world, [r.attachment for r in asked]).items() if std > 0}
 
 
 def _told(

@@ -100,7 +100,7 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     Cost: one filter pass for every LANES parameters and grid points.
     """
     fit = prepared.fit
-    basis = span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
+    basis = _own(prepared)
     outputs = prepared.predictor.segments[0].y.shape[1]
     draws = _DRAWS if known is None else _FEW_DRAWS
     blocks = blocks_of(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
@@ -132,6 +132,29 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     heard = np.any(np.isfinite(null_max))
     limits = (float(np.quantile(z, 1 - level)) for z, level in zip(null_max, _LEVELS, strict=True))
     return Bank(tuple(rows), *(limits if heard else (np.inf, np.inf)))
+
+
+def deviations(prepared: Prepared, attachments: Sequence[Attachment]) -> dict[str, float]:
+    """Return, by key, the smallest deviation of each attachment's first quantity over its grid, in white noise.
+
+    That of its share where it has one; what the baseline absorbs is projected out. Left out is what says nothing here.
+    Cost: that of the score bank without its thresholds.
+    """
+    found = {}
+    for attachment, cells in zip(attachments, _cells(prepared, attachments, _own(prepared)), strict=True):
+        own = []
+        for cell in (c for c in cells if c.names):
+            place = cell.names.index(attachment.share) if attachment.share in cell.names else 0
+            own.append(float(np.linalg.norm(np.linalg.inv(cell.triangle)[place])))
+        if own:
+            found[attachment.key] = min(own)
+    return found
+
+
+def _own(prepared: Prepared) -> Array:
+    """Return an orthonormal basis (M + p, q) of what the baseline's own parameters can do; silent forces have none."""
+    fit = prepared.fit
+    return span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
 
 
 @dataclass(frozen=True, eq=False)
