@@ -158,6 +158,17 @@ def test_missing_readings_change_little_and_mark_nothing(tmp_path: Path) -> None
     assert marked(maps) == set() and maps["effort"] and maps["horizon"]
 
 
+def test_a_loop_whose_outputs_are_read_at_every_other_input_is_seen_but_not_told(tmp_path: Path) -> None:
+    """What the controller does between the rows is not known."""
+    prepared = stage(tmp_path, recording()).only(())
+    segment = prepared.predictor.segments[0]
+    half = replace(segment, y=np.ascontiguousarray(segment.y[::2]), stride=2, step=2 * STEP)
+    rare = replace(prepared, predictor=prepared.predictor.on([half]))
+    found = controller_of([half], 1, np.array([True, True]))
+    assert found is not None and found.places == [0]
+    assert expected._loop(rare)[1] is False
+
+
 def test_a_loop_that_runs_away_is_not_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     prepared = stage(tmp_path, recording())
     found = fitted(prepared)

@@ -62,10 +62,10 @@ class Controller:
 def controller_of(segments: Sequence[Segment], inputs: int, at_once: NDArray[np.bool_]) -> Controller | None:
     """Fit by least squares what computes inputs from outputs; None where nothing does.
 
-    inputs: how many columns of u are inputs, the first ones; at_once (l,): the output looks at no input, so that an
-    input may answer it within the row (of others, which feel the input at once, it would be the effect). Outputs are
-    taken one after another, each with 1, 2, 4 or 10 of its last samples, as long as they foretell the input by more
-    than their coefficients' price (BIC) beyond its own past and those before.
+    inputs: how many columns of u are inputs, the first ones, read where the outputs are; at_once (l,): the output looks
+    at no input, so that an input may answer it within the row (of others, which feel the input at once, it would be the
+    effect). Outputs are taken one after another, each with 1, 2, 4 or 10 of its last samples, as long as they foretell
+    the input by more than their coefficients' price (BIC) beyond its own past and those before.
 
     The own past must be longer than steps are held: of 10 samples beside steps of 10 the outputs tell when the next
     step is due, and were taken for a cause in one of four recordings in open loop; gains of a controller came out 1.2
@@ -114,14 +114,14 @@ def _weights(X: Array, u: Array, at_once: NDArray[np.bool_]) -> tuple[Array, Arr
 
 def _regressors(segment: Segment, place: int) -> tuple[Array, Array]:
     """Return what an input may be computed from (n, q), and the input (n, 1), of the rows that are whole."""
-    X, u = _lagged(segment, place), segment.u[LAGS:, place, None]
+    X, u = _lagged(segment, place), segment.u[:: segment.stride][LAGS:, place, None]
     whole = np.all(np.isfinite(X), axis=1)
     return X[whole], u[whole]
 
 
 def _lagged(segment: Segment, place: int) -> Array:
     """Return the regressors of an input (N − p, q) from row p on."""
-    count, u, y = max(len(segment.y), LAGS), segment.u[:, place, None], segment.y
+    count, u, y = max(len(segment.y), LAGS), segment.u[:: segment.stride, place, None], segment.y
     own = [u[LAGS - i : count - i] for i in range(1, LAGS + 1)]
     seen = [y[LAGS - i : count - i, j : j + 1] for j in range(y.shape[1]) for i in range(_SEEN + 1)]
     return np.hstack([np.ones((max(len(y) - LAGS, 0), 1)), *own, *seen])
