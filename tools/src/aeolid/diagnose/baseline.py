@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
+from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.modal import ModalForm
 from aeolid.diagnose.sums import factors_of, written_out
 from aeolid.models import expressions as ex
@@ -95,7 +96,7 @@ def shape_forces(model: Equations, slowest_s: float, step: float) -> tuple[Equat
     parameters, states, added = list(model.parameters), list(model.states), []
     for i in noisy_states(model):
         state = model.states[i]
-        force, rate = f"unmeasured_{state.name}", f"unmeasured_rate_{state.name}"
+        force, rate = f"{FORCE}{state.name}", f"{RATE}{state.name}"
         model = with_force(model, state.name, ast.Name(id=force))
         states[i] = model.states[i]
         low, high = 1.0 / slowest_s, 1.0 / step

@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 from aeolid.diagnose.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
 from aeolid.diagnose.candidate import finite
+from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
@@ -25,7 +26,6 @@ _DRAWS = 999
 _COSINES = 4  # of a random walk about its mean: 87 % of its variance
 _ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
 _REFIT = 2  # Gauss–Newton iterations without an equation's noise, from where the fit stands
-_FORCE, _RATE = "unmeasured_", "unmeasured_rate_"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def _driven(bare: Prepared) -> list[dict[str, Any]]:
     best = bare.predictor.objective(fit.point)
     rows = []
     for state in driven:
-        lost = _lost(bare, [states[n] for n in (state.name, _FORCE + state.name) if n in states], best)
+        lost = _lost(bare, [states[n] for n in (state.name, FORCE + state.name) if n in states], best)
         rows.append(_row("state", state.name, "noise its equation needs", finite(lost), limit, "nats"))
     return rows
 
@@ -75,7 +75,7 @@ def _lost(bare: Prepared, silent: Sequence[int], best: float) -> float:
     fit, model = bare.fit, bare.extended
     noise = fit.point.noise.copy()
     noise[list(silent)] = 0.0
-    rates = {_RATE + model.states[i].name.removeprefix(_FORCE) for i in silent}
+    rates = {RATE + model.states[i].name.removeprefix(FORCE) for i in silent}
     free = replace(
         fit.free,
         theta=tuple(i for i in fit.free.theta if model.parameters[i].name not in rates),

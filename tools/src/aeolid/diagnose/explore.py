@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from aeolid.diagnose import modal
+from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.quiet import quieted
@@ -61,8 +62,8 @@ def core(predictor: Predictor, free: Free) -> Free:
     instead of 0.335).
     """
     model = predictor.compiled.model
-    quiet = {i for i, s in enumerate(model.states) if s.name.startswith("unmeasured_")}
-    rates = {i for i, p in enumerate(model.parameters) if p.name.startswith(("unmeasured_rate_", modal.PREFIX))}
+    quiet = {i for i, s in enumerate(model.states) if s.name.startswith(FORCE)}
+    rates = {i for i, p in enumerate(model.parameters) if p.name.startswith((RATE, modal.PREFIX))}
     return replace(
         free,
         theta=tuple(i for i in free.theta if i not in rates),
@@ -77,7 +78,7 @@ def with_forces_awake(predictor: Predictor, point: Point) -> list[Point]:
     a recording that lacked nothing.
     """
     states = [s.name for s in predictor.compiled.model.states]
-    forces = [i for i, n in enumerate(states) if n.startswith("unmeasured_")]
+    forces = [i for i, n in enumerate(states) if n.startswith(FORCE)]
     if point.K is not None or not forces:
         return []
     noise = point.noise.copy()

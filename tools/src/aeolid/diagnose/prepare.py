@@ -18,6 +18,7 @@ from aeolid.diagnose.catalogue import ENTRIES, unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
+from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
@@ -36,7 +37,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", "unmeasured_rate_", PREFIX, modal.PREFIX)
+NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +138,7 @@ def _anatomy(
     own = dict(zip([s.name for s in declared.states], rates.tolist(), strict=True))
     span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
     working, added = shape_forces(declared, span, split.fit[0].step)
-    forces = {f: own[f.removeprefix("unmeasured_")] * _mass(declared, f) for f in added}
+    forces = {f: own[f.removeprefix(FORCE)] * _mass(declared, f) for f in added}
     bodies = motions_of_equations(declared, sizes, rates)
     return (*bodies, *motions_between(declared, bodies, sizes, rates)), working, forces
 
@@ -231,6 +232,6 @@ def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array
 
 
 def _mass(model: Equations, force: str) -> float:
-    state = next(s for s in model.states if s.name == force.removeprefix("unmeasured_"))
+    state = next(s for s in model.states if s.name == force.removeprefix(FORCE))
     mass = mass_of(state.derivative, model)
     return abs(mass.value) if mass else 1.0

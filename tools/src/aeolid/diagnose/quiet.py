@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.models.equations import Equations
 
 Bools = NDArray[np.bool_]
 _UNHEARD, _QUIETEST = 0.1, 1e-2  # nats that all quieter noise together may cost; its least amplitude, in sizes
-_FORCE, _RATE = "unmeasured_", "unmeasured_rate_"
 
 
 def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
@@ -62,5 +62,5 @@ def audible(model: Equations, fit: Fit) -> Bools:
 def silent_forces(model: Equations, point: Point) -> list[tuple[int, int]]:
     """List the unmeasured forces without amplitude: index of the state, and of the rate at which it forgets."""
     place = {p.name: i for i, p in enumerate(model.parameters)}
-    pairs = [(i, place.get(_RATE + s.name.removeprefix(_FORCE))) for i, s in enumerate(model.states)]
+    pairs = [(i, place.get(RATE + s.name.removeprefix(FORCE))) for i, s in enumerate(model.states)]
     return [(i, rate) for i, rate in pairs if rate is not None and point.noise[i] <= _QUIETEST]

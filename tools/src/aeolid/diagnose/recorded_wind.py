@@ -14,6 +14,7 @@ from scipy.special import logit
 
 from aeolid.diagnose.catalogue.wind import winds
 from aeolid.diagnose.exogenous import Exogenous
+from aeolid.diagnose.forces import FORCE
 from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
@@ -200,7 +201,7 @@ class RecordedWind:
     def _forgetful(self, wind: State, model: Equations) -> ast.expr:
         """Return the derivative of the wind's state, that goes to where it rests faster by the free rate."""
         own = written_out(wind.derivative, model)
-        quiet: dict[str, ast.expr] = {f"unmeasured_{self.name}": ast.Constant(0.0)}
+        quiet: dict[str, ast.expr] = {f"{FORCE}{self.name}": ast.Constant(0.0)}
         still, moved = (ex.substitute(own, quiet | {self.name: ast.Constant(w)}) for w in (0.0, 1.0))
         slope = ex.combine("-", moved, still)
         if model.sample_time_s:

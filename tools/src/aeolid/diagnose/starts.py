@@ -11,6 +11,7 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.forces import FORCE
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
@@ -99,7 +100,7 @@ def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -
     if prepared.linear is None or base.point.K is None:
         noise = base.point.noise.copy()
         loud = [i for i in noisy_states(prepared.declared) if noise[i] > _LOUD]
-        forces = [i for i, s in enumerate(prepared.extended.states) if s.name.startswith("unmeasured_")]
+        forces = [i for i, s in enumerate(prepared.extended.states) if s.name.startswith(FORCE)]
         if not loud and not np.any(noise[forces] > _LOUD_FORCE):
             return [[base.point, declared]]
         noise[loud], noise[forces] = _QUIET, np.minimum(noise[forces], _SILENT)

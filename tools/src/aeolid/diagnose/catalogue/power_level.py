@@ -11,6 +11,7 @@ from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.baseline import FELT, mass_of
 from aeolid.diagnose.catalogue import rotor
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
+from aeolid.diagnose.forces import FORCE
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
 
@@ -75,7 +76,7 @@ def aerodynamic(site: Site, motion: Motion, kind: str) -> ast.expr | None:
     terms = []
     for sign, term in _terms(forces, 1):
         names = _reach(site.model, term) & variables
-        if any(n.startswith("unmeasured_") for n in names):
+        if any(n.startswith(FORCE) for n in names):
             continue
         others = {n for n in names & set(site.symbols) if n not in air}
         structural = names <= own and bool(names)

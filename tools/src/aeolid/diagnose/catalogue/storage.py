@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aeolid.diagnose.catalogue.base import Site
+from aeolid.diagnose.forces import FORCE
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
@@ -33,7 +34,7 @@ def stores(site: Site) -> list[Store]:
     if site.linear is not None or model.sample_time_s:
         return []
     moving = {ex.to_text(e) for m in site.motions for e in (m.velocity, m.position) if e is not None}
-    forces = {s.name for s in model.states if s.name.startswith("unmeasured_")}
+    forces = {s.name for s in model.states if s.name.startswith(FORCE)}
     held = [s for s in model.states if s.name not in moving | forces and _holds(s, model)]
     result = []
     for s in held:

@@ -13,6 +13,7 @@ from aeolid.diagnose.baseline import noisy_states, with_force
 from aeolid.diagnose.catalogue import operating_point
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
 from aeolid.diagnose.catalogue.forces import force_on, say, with_parameters
+from aeolid.diagnose.forces import FORCE
 from aeolid.diagnose.passing import Passing, passings
 from aeolid.models import expressions as ex
 from aeolid.models.equations import TIME, Equations, State
@@ -43,9 +44,9 @@ def _attach(site: Site) -> list[Attachment]:
 def stores(site: Site) -> list[State]:
     """List the states of equations that store something and lose it: levels, temperatures."""
     moving = {n.id for m in site.motions for n in (m.velocity, m.position) if isinstance(n, ast.Name)}
-    forces = {s.name for s in site.model.states if s.name.startswith("unmeasured_")}
+    forces = {s.name for s in site.model.states if s.name.startswith(FORCE)}
     others = [site.model.states[i] for i in noisy_states(site.model)]
-    storing = [s for s in others if s.name not in moving | forces and f"unmeasured_{s.name}" in forces]
+    storing = [s for s in others if s.name not in moving | forces and f"{FORCE}{s.name}" in forces]
     return [s for s in storing if s.name in ex.names_in(s.derivative) and not _alone(site, s)]
 
 
@@ -84,7 +85,7 @@ def _bent(site: Site, i: int) -> Attachment:
 
 def _alone(site: Site, state: State) -> bool:
     """Tell whether a state's equation holds only itself, constants and its own force: a wind with memory."""
-    known = {state.name, f"unmeasured_{state.name}", *(p.name for p in site.model.parameters)}
+    known = {state.name, f"{FORCE}{state.name}", *(p.name for p in site.model.parameters)}
     return ex.names_in(state.derivative) <= known
 
 

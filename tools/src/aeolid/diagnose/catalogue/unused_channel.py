@@ -16,6 +16,7 @@ from aeolid.diagnose.baseline import with_force
 from aeolid.diagnose.catalogue import rotor
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
 from aeolid.diagnose.exogenous import Exogenous
+from aeolid.diagnose.forces import FORCE
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 from aeolid.models.state_space import StateSpace
@@ -70,7 +71,7 @@ def entrances(site: Site) -> list[Entrance]:
     if site.linear is not None:
         moving = [Entrance(m.location, m.force_size, m.inject) for m in site.motions]
         return (moving + _real_poles(site, site.linear))[:_MOST_PLACES]
-    pushed = [s for s in site.model.states if f"unmeasured_{s.name}" in {x.name for x in site.model.states}]
+    pushed = [s for s in site.model.states if f"{FORCE}{s.name}" in {x.name for x in site.model.states}]
     sizes = {m.location: m.force_size for m in site.motions}
     found = [Entrance(f"state:{s.name}", sizes.get(f"state:{s.name}", _rate(site, s)), _on_state(s)) for s in pushed]
     return sorted(found, key=lambda e: e.location not in sizes)[:_MOST_PLACES]

@@ -9,6 +9,7 @@ import numpy as np
 
 from aeolid.diagnose.catalogue.base import Site
 from aeolid.diagnose.catalogue.rotor import Place
+from aeolid.diagnose.forces import FORCE
 from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
@@ -60,7 +61,7 @@ def _with_more(model: Equations, name: str, gust: ast.expr) -> Equations:
 
 def _is_undriven(state: State, model: Equations) -> bool:
     """Tell whether nothing enters a state's equation but itself, constants and the noise that has a memory."""
-    own = {state.name, f"unmeasured_{state.name}", *(p.name for p in model.parameters)}
+    own = {state.name, f"{FORCE}{state.name}", *(p.name for p in model.parameters)}
     return ex.names_in(written_out(state.derivative, model)) <= own
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
+from aeolid.diagnose.forces import FORCE
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, InputFilter, Memory, Output, Parameter
@@ -174,4 +175,4 @@ def _linearised(site: Site) -> tuple[Array, Array, NDArray[np.bool_]]:
     compiled, u = _compiled(site), np.median(site.u, axis=0)
     J = numeric_jacobian(compiled, model.x0, u, model.theta)
     C = output_jacobian(compiled, model.x0, u, model.theta)
-    return J, C, np.array([s.name.startswith("unmeasured_") for s in model.states])
+    return J, C, np.array([s.name.startswith(FORCE) for s in model.states])
