@@ -12,7 +12,7 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from study_modules import load_study
 
-from aeolid.diagnose import first_effect, scores
+from aeolid.diagnose import directions, first_effect, scores
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.declared import Moved
 from aeolid.diagnose.gains import kalman_gain
@@ -104,9 +104,9 @@ def test_a_missing_input_stands_out_though_one_place_it_may_enter_is_dead(turbin
 def test_directions_that_say_the_same_are_left_out_whatever_their_units() -> None:
     rng = np.random.default_rng(2)
     a, b = rng.standard_normal((2, 40))
-    kept = scores._independent(np.column_stack([a, b, a + b, 1e-6 * a, np.zeros(40)]))
+    kept = directions._independent(np.column_stack([a, b, a + b, 1e-6 * a, np.zeros(40)]))
     assert kept.sum() == 2 and not kept[4]
-    assert scores._independent(np.zeros((40, 0))).size == 0
+    assert directions._independent(np.zeros((40, 0))).size == 0
 
 
 def test_a_baseline_is_not_bettered_by_what_it_holds_fixed() -> None:

@@ -15,6 +15,7 @@ from study_modules import load_study
 from aeolid.diagnose import scores
 from aeolid.diagnose.blocks import shares_of
 from aeolid.diagnose.case import Case, load_case
+from aeolid.diagnose.directions import cells_of
 from aeolid.diagnose.predictor import Free, Point, Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.projection import span
@@ -216,9 +217,9 @@ def test_the_null_distribution_and_the_family_level(
     """
     _, prepared, _ = world
     offered = prepared.hypotheses
-    found = scores._cells(prepared, offered, span(prepared.fit.jacobian))
+    found = cells_of(prepared, offered, span(prepared.fit.jacobian))
     cells = {a.key: c for a, c in zip(offered, found, strict=True)}
-    monkeypatch.setattr(scores, "_cells", lambda prepared, attachments, basis: [cells[a.key] for a in attachments])
+    monkeypatch.setattr(scores, "cells_of", lambda prepared, attachments, basis: [cells[a.key] for a in attachments])
     count = 200
     banks = [
         score_bank(replace(prepared, fit=replace(prepared.fit, residual=r)), offered, 1000 + k)
@@ -250,7 +251,7 @@ def test_the_stated_spread_is_that_of_the_score(world: tuple[Case, Prepared, Ban
     _, prepared, bank = world
     chosen = [a for a in prepared.hypotheses if a.entry in ("actuator_lag", "coulomb_friction")]
     own = span(prepared.fit.jacobian)
-    cells = {a.key: c[0] for a, c in zip(chosen, scores._cells(prepared, chosen, own), strict=True)}
+    cells = {a.key: c[0] for a, c in zip(chosen, cells_of(prepared, chosen, own), strict=True)}
     ratios: dict[str, list[float]] = {a.key: [] for a in chosen}
     for k, r in enumerate(draws(30, len(prepared.fit.residual))):
         for a in chosen:

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import entry, unlisted
+from aeolid.diagnose.directions import deviations
 from aeolid.diagnose.experiment import Experiment, menu_of, stretch_of
 from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import imitate
-from aeolid.diagnose.scores import Bank, Row, deviations, minimum_detectable
+from aeolid.diagnose.scores import Bank, Row, minimum_detectable
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 
@@ -58,6 +61,14 @@ class Point:
     noise: Array
     K: Array | None
     x0: tuple[Array, ...]
+
+
+def shifted(point: Point, model: Equations, values: Mapping[str, float]) -> Point:
+    """Return the point with some parameters set by name."""
+    theta = point.theta.copy()
+    for name, value in values.items():
+        theta[model.index(name)] = value
+    return replace(point, theta=theta)
 
 
 @dataclass(frozen=True)

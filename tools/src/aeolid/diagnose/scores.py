@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
 from aeolid.diagnose.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
 from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
-from aeolid.diagnose.point import Point
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.directions import Cell, cells_of, own_of
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.projection import outside, span
-from aeolid.diagnose.quiet import audible
-from aeolid.diagnose.sensitivity import Variant, columns, gain_variant, noise_variant, theta_variant
-from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 _DRAWS = 999
 _FEW_DRAWS = 99  # where the threshold is given: for the deviations alone
-_TOGETHER = 10  # attachments in one model of the bank
 _LEVELS = 0.01, 0.01  # family-wise false-alarm levels of the bank: of the plain z, of the fair one
-_DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
-_ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
-_FELT = 1e-3  # standard deviations that all of a range must move the innovations together: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +90,12 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     Cost: one filter pass for every LANES parameters and grid points.
     """
     fit = prepared.fit
-    basis = _own(prepared)
+    basis = own_of(prepared)
     outputs = prepared.predictor.segments[0].y.shape[1]
     draws = _DRAWS if known is None else _FEW_DRAWS
     blocks = blocks_of(len(fit.residual) // outputs, outputs, len(fit.prior_residual), seed, draws)
     residual = np.concatenate([fit.residual, fit.prior_residual])
-    cells = _cells(prepared, attachments, basis)
+    cells = cells_of(prepared, attachments, basis)
     null_max = np.full((2, draws), -np.inf)
     rows = []
     for attachment, options in zip(attachments, cells, strict=True):
@@ -134,147 +124,7 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     return Bank(tuple(rows), *(limits if heard else (np.inf, np.inf)))
 
 
-def deviations(prepared: Prepared, attachments: Sequence[Attachment]) -> dict[str, float]:
-    """Return, by key, the smallest deviation of each attachment's first quantity over its grid, in white noise.
-
-    That of its share where it has one; what the baseline absorbs is projected out. Left out is what says nothing here.
-    Cost: that of the score bank without its thresholds.
-    """
-    found = {}
-    for attachment, cells in zip(attachments, _cells(prepared, attachments, _own(prepared)), strict=True):
-        own = []
-        for cell in (c for c in cells if c.names):
-            place = cell.names.index(attachment.share) if attachment.share in cell.names else 0
-            own.append(float(np.linalg.norm(np.linalg.inv(cell.triangle)[place])))
-        if own:
-            found[attachment.key] = min(own)
-    return found
-
-
-def _own(prepared: Prepared) -> Array:
-    """Return an orthonormal basis (M + p, q) of what the baseline's own parameters can do; silent forces have none."""
-    fit = prepared.fit
-    return span(np.vstack([fit.jacobian, fit.prior_jacobian])[:, audible(prepared.predictor.compiled.model, fit)])
-
-
-@dataclass(frozen=True, eq=False)
-class _Cell:
-    grid: Mapping[str, float]
-    names: tuple[str, ...]
-    gains: tuple[tuple[str, int], ...]
-    basis: Array
-    triangle: Array
-    one_sided: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _Direction:
-    """Hold what one cell of the bank asks: which quantities move (θ by name, gains by state and output), and where."""
-
-    attachment: Attachment
-    grid: Mapping[str, float]
-    names: tuple[str, ...]
-    gains: tuple[tuple[str, int], ...]
-    variants: tuple[Variant, ...]
-
-
-def _directions(predictor: Predictor, fit: Fit, attachment: Attachment) -> list[_Direction]:
-    local = [s for s in attachment.slots if s.local]
-    if not local and not attachment.gain_states:
-        return []
-    model = predictor.compiled.model
-    states = [s.name for s in model.states]
-    outputs = predictor.segments[0].y.shape[1]
-    result = []
-    for grid in attachment.grid:
-        point = shifted(fit.point, model, grid)
-        variants = [theta_variant(point, {model.index(s.name): s.size}) for s in local]
-        stirred = () if point.K is None else attachment.gain_states
-        gains = [(g, j) for g in stirred for j in range(outputs)]
-        variants += [gain_variant(predictor, point, states.index(g), j) for g, j in gains]
-        if point.K is None and attachment.gain_states:  # the state that noise drives: the last of the pair
-            gains = [(attachment.gain_states[-1], -1)]
-            variants.append(noise_variant(point, states.index(gains[0][0])))
-        names = tuple(s.name for s in local)
-        result.append(_Direction(attachment, grid, names, tuple(gains), tuple(variants)))
-    return result
-
-
-def _cells(prepared: Prepared, attachments: Sequence[Attachment], baseline: Array) -> Iterator[list[_Cell]]:
-    """Yield each attachment's cells.
-
-    A few attachments at a time are put into the model: each one makes every pass slower, each model costs its
-    translation.
-    """
-    for first in range(0, len(attachments), _TOGETHER):
-        some = attachments[first : first + _TOGETHER]
-        yield from _cells_of(prepared.only((*prepared.attachments, *some)), some, baseline)
-
-
-def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Array) -> list[list[_Cell]]:
-    predictor, fit = stage.predictor, stage.fit
-    asked = [_directions(predictor, fit, a) for a in attachments]
-    variants = [v for of_one in asked for d in of_one for v in d.variants]
-    # states at rest may still turn the last digits of the Kalman gain: compare with this model's own null
-    base = predictor.whitened(predictor.innovations(fit.point), fit.noise)
-    moved = columns(predictor, fit.point, fit.noise, base, variants)
-    known = np.zeros((len(fit.prior_residual), len(variants)))  # what was known before says nothing of an effect
-    directions, result = np.vstack([moved, known]), []
-    projected = outside(directions, baseline)  # all at once: a product of matrices, not of vectors
-    first = 0
-    for of_one in asked:
-        found = []
-        for d in of_one:
-            own = slice(first, first + len(d.variants))
-            cell = _cell(d, directions[:, own], projected[:, own])
-            first = own.stop
-            found += [cell] if cell else []
-        result.append(found)
-    return result
-
-
-def _cell(asked: _Direction, G: Array, projected: Array) -> _Cell | None:
-    """Span what of one cell's directions the baseline's own leave over; None where they say nothing of their own."""
-    if not np.all(np.abs(G) < _DIVERGED):  # NaN too
-        return None
-    size = np.linalg.norm(G, axis=0)
-    keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
-    keep &= size > _FELT / _reaches(asked)
-    keep[keep] = _independent(projected[:, keep] / size[keep])
-    if not np.any(keep):
-        return None
-    Q, R = np.linalg.qr(projected[:, keep] / size[keep])
-    R = R * size[keep]
-    if len(R) == 1 and R[0, 0] < 0:
-        Q, R = -Q, -R
-    labels: list[str | tuple[str, int]] = [*asked.names, *asked.gains]
-    kept = [n for n, k in zip(labels, keep, strict=True) if k]
-    local = [s for s in asked.attachment.slots if s.local]
-    sided = len(kept) == 1 and len(local) == 1 and local[0].low == local[0].null
-    return _Cell(
-        asked.grid, tuple(n for n in kept if isinstance(n, str)), tuple(n for n in kept if not isinstance(n, str)),
-        Q, R, sided,
-    )  # fmt: skip
-
-
-def _reaches(asked: _Direction) -> Array:
-    """Return how far each direction's quantity can go: a size over its whole range, a noise gain without end."""
-    spans = {s.name: s.high - s.low for s in asked.attachment.slots}
-    return np.array([*(spans[n] for n in asked.names), *([np.inf] * len(asked.gains))])
-
-
-def _independent(scaled: Array) -> NDArray[np.bool_]:
-    """Tell which columns to keep so that none is a sum of the others, the largest first."""
-    if not scaled.shape[1]:
-        return np.zeros(0, dtype=bool)
-    _, R, order = qr(scaled, mode="economic", pivoting=True)
-    diagonal = np.abs(np.diag(R))
-    kept = np.zeros(scaled.shape[1], dtype=bool)
-    kept[order[: len(diagonal)][diagonal > _ABSORBED * diagonal[0]]] = True
-    return kept
-
-
-def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, blocks: Blocks) -> tuple[Row, Array]:
+def _evaluate(attachment: Attachment, cell: Cell, residual: Array, blocks: Blocks) -> tuple[Row, Array]:
     """Return the row of one cell, and its z and fair z under the null: (2, draws)."""
     freedom = cell.basis.shape[1]
     point = cell.basis.T @ residual
@@ -302,14 +152,6 @@ def _evaluate(attachment: Attachment, cell: _Cell, residual: Array, blocks: Bloc
         dict(zip(cell.gains, values[count:].tolist(), strict=True)), cell.basis, True, fair=float(z(point @ white)),
     )  # fmt: skip
     return row, np.stack([z(blocks.signs @ shares), z(redrawn(shares, blocks))])
-
-
-def shifted(point: Point, model: Equations, values: Mapping[str, float]) -> Point:
-    """Return the point with some parameters set by name."""
-    theta = point.theta.copy()
-    for name, value in values.items():
-        theta[model.index(name)] = value
-    return replace(point, theta=theta)
 
 
 def _silent(attachment: Attachment) -> Row:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from aeolid.diagnose.point import shifted
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.scores import Bank, Row, shifted
+from aeolid.diagnose.scores import Bank, Row
 from aeolid.diagnose.starts import starts_of, with_gains_anew
 
 
