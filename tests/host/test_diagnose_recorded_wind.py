@@ -18,7 +18,16 @@ from aeolid.diagnose import prepare as stage
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.correction import corrected_model
 from aeolid.diagnose.exogenous import with_exogenous
-from aeolid.diagnose.recorded_wind import LEVEL, RATE, SHARE, recorded_wind, smoothed_wind, smoother, with_smoothed_wind
+from aeolid.diagnose.recorded_wind import (
+    LEVEL,
+    RATE,
+    SHARE,
+    recorded_wind,
+    smoothed_wind,
+    smoother,
+    wind_findings,
+    with_smoothed_wind,
+)
 from aeolid.diagnose.scores import score_bank
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
@@ -236,7 +245,7 @@ def test_the_first_channel_that_fits_is_taken_whatever_comes_before(tmp_path: Pa
     names = [c.name for c in record.channels]
     vane, first = record.column("vane"), record.column("first")
     gappy = np.where(np.arange(SAMPLES) == 100, np.nan, vane)
-    speed = np.gradient(first, STEP) + 0.5 * first - record.column("push")
+    speed = np.gradient(first, STEP) + 0.5 * first - 0.3 * vane  # of the channels as they are recorded here
     more = np.column_stack([np.full(SAMPLES, 12.0), gappy, 3.0 + np.r_[0, speed[:-1]]])
     values = np.column_stack([more, record.values])
     values[1::2, 3 + names.index("second")] = np.nan
@@ -246,6 +255,15 @@ def test_the_first_channel_that_fits_is_taken_whatever_comes_before(tmp_path: Pa
     told = with_smoothed_wind(crowded, model_of(case))
     assert len(told[0].channels) == len(crowded[0].channels) + 2
     assert np.corrcoef(told[0].values[:, -2], vane)[0, 1] > 0.9
+    said = {f.channel: f.finding for f in wind_findings(crowded, model_of(case))}
+    words = {"stuck": "never changes", "gappy": "missing", "estimate": "as an estimate does", "vane": "tells the model"}
+    assert set(said) == set(words) and all(words[n] in said[n] for n in said), said
+
+
+def test_a_speed_in_another_unit_is_said_to_be_untold(tmp_path: Path) -> None:
+    case = blown(tmp_path, "equations", unit="km/h")
+    (said,) = wind_findings(case.records, model_of(case))
+    assert said.channel == "vane" and said.severity == "info" and "it is in km/h, the model has m/s" in said.finding
 
 
 def test_a_model_with_such_names_of_its_own_is_left_alone(tmp_path: Path) -> None:

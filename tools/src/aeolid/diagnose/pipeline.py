@@ -28,6 +28,7 @@ from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import PROVEN, Proof, imitate
 from aeolid.diagnose.race import fit_finalists, fit_whispering, is_accepted
+from aeolid.diagnose.recorded_wind import wind_findings
 from aeolid.diagnose.reestimate import baseline_of_all
 from aeolid.diagnose.rivals import outdone_by
 from aeolid.diagnose.scores import Bank, score_bank
@@ -87,6 +88,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     done()
     first = find_first(case, seed, step)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
+    findings += wind_findings(case.records, prepared.declared)
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)

@@ -15,6 +15,7 @@ from scipy.special import logit
 from aeolid.diagnose.catalogue.wind import winds
 from aeolid.diagnose.exogenous import Exogenous
 from aeolid.diagnose.forces import FORCE
+from aeolid.diagnose.forensics import Finding
 from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
@@ -31,6 +32,7 @@ _FASTEST = 3.0  # of one a sample: what is forgotten faster is white
 _MOST = 2.0  # an anemometer behind the rotor reads half the wind, not less
 _LAGS, _COMPUTED = 3, 0.9  # share of what a wind does not foretell of itself that others know: then it is theirs
 _MISSING = 0.9  # share of a channel that must be there for it to be asked
+_TOLD = "it tells the model's wind of gusts (share, level and rate are free)"
 _STARTS = ((0.9, 0.3), (0.99, 0.3), (0.99, 0.8), (0.999, 0.9))  # poles of wind and smoother to start from
 
 
@@ -41,20 +43,45 @@ def with_smoothed_wind(records: Sequence[Record], model: Equations) -> tuple[Rec
     nobody computed from the model's own inputs and outputs: an estimate knows of the outputs that shall be predicted.
     Nothing is taken where the model has names of its own that begin as those of this file do.
     """
+    for channel in records[0].channels:
+        if channel.role == "scheduling" and not _refused(channel, records, model):
+            return _with(records, [r.column(channel.name) for r in records], channel.unit)
+    return tuple(records)
+
+
+def wind_findings(records: Sequence[Record], model: Equations) -> tuple[Finding, ...]:
+    """Say of each recorded speed whether the model's wind is told of it, and if not, why; nothing without a wind."""
+    found: list[Finding] = []
+    for channel in records[0].channels if winds(model) else ():
+        if channel.role != "scheduling" or channel.unit not in _SPEEDS:
+            continue
+        refused = _refused(channel, records, model) or ("another one is" if _is_told(found) else "")
+        text = f"the model's wind is not told of it: {refused}" if refused else _TOLD
+        found.append(Finding("wind", channel.name, text, "info"))
+    return tuple(found)
+
+
+def _is_told(found: Sequence[Finding]) -> bool:
+    return any(f.finding == _TOLD for f in found)
+
+
+def _refused(channel: Channel, records: Sequence[Record], model: Equations) -> str:
+    """Return why a scheduling channel is not told to the model's wind, "" where it is."""
     units = [s.unit for s in winds(model)]
     seen = [*(s.name for s in model.inputs), *(o.name for o in model.outputs)]
     taken = (*model.symbols, *(x.name for part in (model.parameters, model.states, model.auxiliaries) for x in part))
+    values = [r.column(channel.name) for r in records]
     if any(name.startswith(PREFIX) for name in taken):
-        return tuple(records)
-    for channel in records[0].channels:
-        fits = channel.role == "scheduling" and [channel.unit] == units and channel.unit in _SPEEDS
-        if not fits or channel.name in seen:
-            continue
-        values = [r.column(channel.name) for r in records]
-        is_whole = np.all(np.isfinite(np.concatenate(values))) and np.ptp(np.concatenate(values)) > 0
-        if is_whole and not _is_computed(values, [r.columns(seen) for r in records], len(model.inputs)):
-            return _with(records, values, channel.unit)
-    return tuple(records)
+        return f"names of the model begin with {PREFIX}"
+    if [channel.unit] != units or channel.unit not in _SPEEDS:
+        return f"it is in {channel.unit or 'no unit'}, the model has {' and '.join(units) or 'none'}"
+    if channel.name in seen:
+        return "the model has it as an input or output"
+    if not np.all(np.isfinite(np.concatenate(values))) or np.ptp(np.concatenate(values)) == 0:
+        return "samples are missing, or it never changes"
+    if _is_computed(values, [r.columns(seen) for r in records], len(model.inputs)):
+        return "it follows from the model's own inputs and outputs, as an estimate does"
+    return ""
 
 
 def _with(records: Sequence[Record], values: Sequence[Array], unit: str) -> tuple[Record, ...]:
