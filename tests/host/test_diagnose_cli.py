@@ -301,6 +301,16 @@ def test_what_cannot_be_tested_ends_in_a_verdict(case: Path, tmp_path: Path, end
         assert word in d["statement"] and html.escape(word) in page, d["statement"]
 
 
+def test_without_a_report_the_rest_is_the_same_and_none_is_left(
+    case: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(result, tmp_path / "out")
+    capsys.readouterr()
+    assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "2", "--no-report"]) == 0
+    assert (tmp_path / "out" / "diagnosis.json").read_bytes() == (result / "diagnosis.json").read_bytes()
+    assert not (tmp_path / "out" / "report.html").exists() and "report" not in capsys.readouterr().out
+
+
 def test_wrong_options_are_usage_errors(case: Path, tmp_path: Path) -> None:
     assert main(["diagnose", str(case)]) == 2
     assert main(["diagnose", str(case), "--out", str(tmp_path), "--sham", "-1"]) == 2

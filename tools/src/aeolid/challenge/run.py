@@ -84,7 +84,7 @@ def diagnose_case(job: Job) -> Facts:
     out = Path(job.out)
     out.mkdir(parents=True, exist_ok=True)
     command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME)]
-    command += ["--sham", str(job.sham), "--seed", str(job.seed)]
+    command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
     begun = time.perf_counter()
     try:
         done = subprocess.run(

@@ -33,6 +33,9 @@ def run(
     fail_on_mismatch: Annotated[
         bool, typer.Option("--fail-on-mismatch", help="Exit 1 when a mismatch is found.")
     ] = False,
+    report: Annotated[
+        bool, typer.Option("--report/--no-report", help="Draw report.html; without it a run takes seconds less.")
+    ] = True,
     json_target: JsonOption = None,
 ) -> None:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
@@ -45,7 +48,6 @@ def run(
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
     from aeolid.errors import Contradiction, DataError
-    from aeolid.report.diagnosis import render_diagnosis
 
     if not (case / "case.toml").is_file():
         raise DataError(
@@ -69,12 +71,18 @@ def run(
             diagnosis, evidence = conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
         except Contradiction as error:  # the files themselves disagree about the recording
             diagnosis, evidence = ended("data_fault", case.name, str(error), out)
-    render_diagnosis(diagnosis, evidence, out / "report.html")
+    page = out / "report.html"
+    page.unlink(missing_ok=True)  # of an earlier run
+    if report:
+        from aeolid.report.diagnosis import render_diagnosis
+
+        render_diagnosis(diagnosis, evidence, page)
     if json_target != "-":
         _print_verdict(diagnosis)
         _print_free_run(evidence, out)
         _print_next(diagnosis)
-        console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
+        if report:
+            console.print(f"  report: {page}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)
