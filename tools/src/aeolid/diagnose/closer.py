@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 _WORTH = 1.25  # times smaller in the median: less is not worth another recording
 _MOST = 8.0  # times smaller counts for no more, and so much counts what could not be tested at all
 _TOLD = 3  # effects whose sizes are told
-_ROWS = 600  # of what is simulated
+_ROWS = 400  # of what is simulated
 _FARTHEST = 1e12  # what a planned recording may reach
 
 
@@ -84,12 +84,16 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
 
 
 def feasible(menu: Sequence[Experiment], step: float) -> list[Experiment]:
-    """Return the loudest experiments of each kind, without steps held for one sample: no drive follows them."""
-    most: dict[tuple[str, str, float], Experiment] = {}
+    """Return a menu's loudest steps of each dwell, without those held for one sample, which no drive follows."""
+    most: dict[tuple[str, float], Experiment] = {}
     for test in menu:
-        kind = test.channel, test.kind, test.dwell_s
-        if test.dwell_s > 1.5 * step and (kind not in most or most[kind].amplitude < test.amplitude):
-            most[kind] = test
+        key = test.channel, test.dwell_s
+        if (
+            test.kind == "steps"
+            and test.dwell_s > 1.5 * step
+            and (key not in most or most[key].amplitude < test.amplitude)
+        ):
+            most[key] = test
     return list(most.values())
 
 
