@@ -43,34 +43,14 @@ def run(
     Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
     verdict.
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    from aeolid.diagnose.case import load_case
-    from aeolid.diagnose.conclude import conclude, ended
-    from aeolid.errors import Contradiction, DataError
+    from aeolid.errors import DataError
 
     if not (case / "case.toml").is_file():
         raise DataError(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
             " model: aeolid example . writes two"
         )
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=progress_console, transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
-
-        def tell(text: str, share: float) -> None:
-            bar.update(task, description=text, completed=share)
-
-        try:
-            diagnosis, evidence = conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
-        except Contradiction as error:  # the files themselves disagree about the recording
-            diagnosis, evidence = ended("data_fault", case.name, str(error), out)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed)
     page = out / "report.html"
     page.unlink(missing_ok=True)  # of an earlier run
     if report:
@@ -86,6 +66,29 @@ def run(
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)
+
+
+def _diagnosed(case: Path, out: Path, sham: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.errors import Contradiction
+
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=progress_console, transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+
+        def tell(text: str, share: float) -> None:
+            bar.update(task, description=text, completed=share)
+
+        try:
+            return conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
+        except Contradiction as error:  # the files themselves disagree about the recording
+            return ended("data_fault", case.name, str(error), out)
 
 
 def _print_verdict(diagnosis: dict[str, Any]) -> None:
