@@ -152,7 +152,7 @@ def imitate_in_loop(
     unwhiten, K = np.linalg.inv(fit.noise.factor), predictor.gain(point)
     for i, segment in enumerate(predictor.segments):
         stop = start + len(segment.y) - segment.burn
-        e = colour_var(_redrawn(white[start:stop], len(segment.y), rng) @ unwhiten, fit.noise.var)
+        e = colour_var(_redrawn(white, (start, stop), len(segment.y), rng) @ unwhiten, fit.noise.var)
         start = stop
         if controller is None:
             errors, predicted, _ = predictor.run_rows(point, i, 0, e, point.x0[i], K, generate=True)
@@ -166,12 +166,15 @@ def imitate_in_loop(
     return made
 
 
-def _redrawn(white: Array, rows: int, rng: np.random.Generator) -> Array:
-    """Return as many rows of innovations, each one of its neighbours' with a sign drawn; the burn-in takes any."""
-    places = np.arange(len(white)) + rng.integers(-_AROUND, _AROUND + 1, len(white))
-    own = white[np.clip(places, 0, len(white) - 1)]
-    before = white[rng.integers(0, len(white), rows - len(white))]
-    result: Array = np.vstack([before, own]) * rng.choice(np.array([-1.0, 1.0]), (rows, 1))
+def _redrawn(white: Array, scored: tuple[int, int], rows: int, rng: np.random.Generator) -> Array:
+    """Return innovations for a segment, the scored rows last, each one of its neighbours' with a sign drawn.
+
+    The burn-in takes any of all segments.
+    """
+    own = white[slice(*scored)]
+    places = np.clip(np.arange(len(own)) + rng.integers(-_AROUND, _AROUND + 1, len(own)), 0, max(len(own) - 1, 0))
+    before = white[rng.integers(0, len(white), rows - len(own))]
+    result: Array = np.vstack([before, own[places]]) * rng.choice(np.array([-1.0, 1.0]), (rows, 1))
     return result
 
 
