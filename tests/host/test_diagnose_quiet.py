@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose import scores
+from aeolid.diagnose import directions
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.prepare import Prepared, prepare
@@ -66,7 +66,7 @@ def test_the_memory_of_a_silent_force_moves_no_score(prepared: Prepared, monkeyp
         return max(abs(slow[k] - fast[k]) for k in slow if max(slow[k], fast[k]) > 0)
 
     assert moved() < 0.02
-    monkeypatch.setattr(scores, "audible", lambda model, fit: np.ones(fit.jacobian.shape[1], dtype=bool))
+    monkeypatch.setattr(directions, "audible", lambda model, fit: np.ones(fit.jacobian.shape[1], dtype=bool))
     assert moved() > 0.2
 
 

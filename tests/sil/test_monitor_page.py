@@ -256,7 +256,7 @@ def test_browsers_that_stall_cost_no_frame(start: Start, tmp_path: Path) -> None
         answers = 0
         while sender.poll() is None:  # one page that does take its answers is served meanwhile
             page = f"http://127.0.0.1:{port}/{state}"
-            with suppress(urllib.error.URLError), urllib.request.urlopen(page, timeout=20) as answer:
+            with suppress(urllib.error.URLError, ConnectionError), urllib.request.urlopen(page, timeout=20) as answer:
                 answers += len(json.loads(answer.read())["facts"]["nodes"])  # not once the sender has closed
             time.sleep(0.1)
         told = sender.stdout.read().split()
