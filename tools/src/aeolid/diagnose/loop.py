@@ -68,8 +68,8 @@ def controller_of(segments: Sequence[Segment], inputs: int, at_once: NDArray[np.
     the input by more than their coefficients' price (BIC) beyond its own past and those before.
 
     The own past must be longer than steps are held: of 10 samples beside steps of 10 the outputs tell when the next
-    step is due, and were taken for a cause in one of four recordings in open loop; gains of a controller came out 1.2
-    to 2.4 times too large, with 40 within 15 %.
+    step is due, and were taken for a cause in one of four recordings in open loop; gains of a controller came out 1.1
+    to 2.4 times too large, with 40 within 20 % (six recordings).
     """
     found = []
     for place in range(inputs):
