@@ -22,6 +22,7 @@ _MOST_ROWS = 12
 _SIGNED, _PLAIN = "PuOr_r", "Purples"
 _MEAN = "mean (std)"
 _DOT = "A dot marks what chance does not give (1 % for the whole map)."
+_DOT_OF_TENTH = f"{_DOT[:-1]} and is a tenth of the power at least."
 
 
 def maps(evidence: Facts) -> Html:
@@ -165,7 +166,7 @@ def horizon_map(cells: list[Facts]) -> Html:
     caption = (
         "How far ahead the model as it was holds: squared error of its predictions by horizon, the inputs known,"
         " against what its own noise leads one to expect of a model that lacks nothing, in the same control loop."
-        f" {_DOT}"
+        f" {_DOT_OF_TENTH}"
     )
     tiles = [c | {"ends": ends[float(c["horizon_s"])]} for c in cells] if ends else []
     return _over(tiles, _outputs(tiles), caption, "ends", xlabel="horizon (s)")
@@ -175,7 +176,7 @@ def effort_map(cells: list[Facts]) -> Html:
     """Show input × frequency: control effort against what the model in this loop would call for."""
     caption = (
         "Control effort: power of the inputs that a controller computes, by third octave, against what the model as it"
-        f" was would call for behind the same controller and excitation. {_DOT}"
+        f" was would call for behind the same controller and excitation. {_DOT_OF_TENTH}"
     )
     return _over(cells, _outputs(cells), caption, "frequency_hz")
 
@@ -185,7 +186,7 @@ def inferred_map(cells: list[Facts]) -> Html:
     caption = (
         "Inferred inputs: power of the wind and other forces that nobody measured, as the model infers them, by third"
         " octave, against what it takes such inputs to be. What the model lacks is easily blamed on the wind, and the"
-        f" wind is then no plausible one. {_DOT}"
+        f" wind is then no plausible one. {_DOT_OF_TENTH}"
     )
     return _over(cells, _outputs(cells), caption, "frequency_hz")
 
