@@ -347,7 +347,7 @@ def run_program(defect: Defect, root: Path, unity: Path, objects: Objects) -> tu
     messages = objects.link(sources, flags, include, root / "t")
     if messages:
         return True, "does not even compile: " + messages  # a defect that cannot be built proves nothing
-    done = subprocess.run([root / "t", *arguments], capture_output=True, text=True, check=False, timeout=200)
+    done = subprocess.run([root / "t", *arguments], capture_output=True, text=True, check=False, timeout=3600)
     failed = [line for line in done.stdout.splitlines() if ":FAIL" in line]
     return done.returncode == 0, "\n".join(failed) or done.stdout
 

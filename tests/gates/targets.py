@@ -100,7 +100,7 @@ def build(target: Target, program: str, precision: str, path: Path, *flags: str)
 
 def run(target: Target, path: Path) -> tuple[int, list[str]]:
     """Run what was built; returns its exit code and the lines it printed."""
-    done = subprocess.run([*target.runner, str(path)], capture_output=True, text=True, check=False, timeout=250)
+    done = subprocess.run([*target.runner, str(path)], capture_output=True, text=True, check=False, timeout=3600)
     return done.returncode, (done.stdout + done.stderr).splitlines()
 
 

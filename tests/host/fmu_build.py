@@ -47,7 +47,7 @@ def build_fmu(folder: Path, drive_unit: str = "V", *, exchange: bool = False) ->
     folder.mkdir(parents=True, exist_ok=True)
     library, headers = folder / "oscillator.so", Path(fmpy.__file__).parent / "c-code"
     subprocess.run(
-        ["cc", "-shared", "-fPIC", "-O2", f"-I{headers}", str(SOURCE), "-o", str(library)], check=True, timeout=60
+        ["cc", "-shared", "-fPIC", "-O2", f"-I{headers}", str(SOURCE), "-o", str(library)], check=True, timeout=3600
     )
     target, kind = folder / "oscillator.fmu", MODEL_EXCHANGE if exchange else CO_SIMULATION
     with zipfile.ZipFile(target, "w") as archive:

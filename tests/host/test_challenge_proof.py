@@ -15,7 +15,7 @@ from aeolid.cli.main import main
 CASES, SAMPLES, SEED = 60, 1200, 12
 LEAST_RECALL = 0.4  # recordings of 6000 samples show about twice as much (README)
 FALSE = 0.1  # per null recording; the aim is 0.02, which 17 recordings cannot tell from this
-pytestmark = pytest.mark.timeout(3000)  # the fixture diagnoses sixty cases: four to five minutes of two cores
+pytestmark = pytest.mark.diagnosis
 
 
 @pytest.fixture(scope="module")

@@ -175,7 +175,7 @@ def test_wrong_usage_is_code_2(arguments: list[str], folder: Path, capsys: pytes
 def test_the_command_itself_ends_with_the_code(folder: Path) -> None:
     """The same through a process of its own, as a script sees it."""
     command = [sys.executable, "-m", "aeolid.cli.main", "identify", "none.csv", "--roles", "roles.toml"]
-    done = subprocess.run([*command, "--past", "10", "--out", "m.json"], capture_output=True, text=True, timeout=100)
+    done = subprocess.run([*command, "--past", "10", "--out", "m.json"], capture_output=True, text=True, timeout=3600)
     assert done.returncode == DATA
     assert done.stderr.strip().splitlines()[-1] == "aeolid: none.csv: no such file"
     assert done.stdout == ""

@@ -69,7 +69,9 @@ def write_errors(folder: Path) -> str:
 
 
 def run(*words: str, **environment: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(words, env=os.environ | environment, capture_output=True, text=True, timeout=100, check=False)
+    return subprocess.run(
+        words, env=os.environ | environment, capture_output=True, text=True, timeout=3600, check=False
+    )
 
 
 def test_help_is_as_stored() -> None:

@@ -22,7 +22,7 @@ def block(language: str, contains: str) -> str:
 
 def aeolid(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "aeolid.cli.main", *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=200, check=False)
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=3600, check=False)
 
 
 @pytest.mark.parametrize("standard", ["c99", "c11"])

@@ -64,7 +64,7 @@ def run(text: str, folder: Path) -> tuple[int, str]:
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     ) as process:  # fmt: skip
         try:
-            said, _ = process.communicate(timeout=280)
+            said, _ = process.communicate(timeout=3600)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)

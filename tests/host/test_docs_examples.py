@@ -20,7 +20,7 @@ SCRIPT = Path(sys.executable).parent / "aeolid"
 def run(*words: object, folder: Path) -> str:
     done = subprocess.run(
         [str(w) for w in words], cwd=folder, env=os.environ | {"MPLBACKEND": "Agg"}, capture_output=True, text=True,
-        timeout=200, check=False,
+        timeout=3600, check=False,
     )  # fmt: skip
     assert done.returncode == 0, f"{words}: {done.stdout[-2000:]}{done.stderr[-2000:]}"
     return done.stdout

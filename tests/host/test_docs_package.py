@@ -25,7 +25,7 @@ ENVIRONMENT = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON"
 
 def run(*words: object, folder: Path) -> str:
     done = subprocess.run(
-        [str(w) for w in words], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=250, check=False
+        [str(w) for w in words], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, timeout=3600, check=False
     )
     assert done.returncode == 0, f"{words}: {done.stdout[-2000:]}{done.stderr[-4000:]}"
     return done.stdout
@@ -85,7 +85,7 @@ def test_the_main_job_runs_from_the_wheel(clean: Path, tmp_path: Path) -> None:
         bus = node.stdout.readline().strip()
         listen = ("listen", "--bus", bus, "--record", "received.csv", "--markov", "markov.npz", "--until-end")
         run(clean / "aeolid", *listen, folder=tmp_path)
-        assert node.wait(60) == 0
+        assert node.wait(3600) == 0
     with np.load(tmp_path / "markov.npz") as received:
         sent = np.fromfile(tmp_path / "theta.f32", dtype="<f4").astype(float)
         assert np.array_equal(received["theta_scaled"].reshape(-1), sent)

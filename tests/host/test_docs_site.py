@@ -50,7 +50,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert {"-W", "-n"} <= set(flags.split()), "warnings and dangling references are errors"
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", *flags.split(), "-b", "html", "-d", str(out / "trees"), str(DOCS)]
-    done = subprocess.run([*command, str(out / "html")], capture_output=True, text=True, timeout=250, check=False)
+    done = subprocess.run([*command, str(out / "html")], capture_output=True, text=True, timeout=3600, check=False)
     assert done.returncode == 0, done.stderr[-4000:]
     return out / "html"
 

@@ -433,7 +433,7 @@ def test_closed_loop_poles_are_no_farther_than_the_toolbox_without_feedthrough(n
 def test_plain_identification_does_without_the_compiler() -> None:
     """Numba costs 60 MB and half a second; only refinement and VARMAX need it."""
     code = "import sys, aeolid.identify.varx; sys.exit('numba' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], check=False, timeout=3600).returncode == 0
 
 
 def rounded(record):

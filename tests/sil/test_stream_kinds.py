@@ -13,7 +13,6 @@ from aeolid.formats import read_record
 from aeolid.plants import hawt
 from aeolid.record import Roles
 
-pytestmark = pytest.mark.timeout(180)
 Start = Callable[..., Process]
 NODE = ("node", "--turbine", "--samples", 400, "--seed", 3, "--past", 8, "--wait", "--speed", "max")
 

@@ -21,7 +21,6 @@ from aeolid.formats.writing import write_table
 from aeolid.plants import hawt
 from aeolid.record import Record, Roles
 
-pytestmark = pytest.mark.timeout(180)
 Start = Callable[..., Process]
 SAMPLES = 1500
 PAST = 8

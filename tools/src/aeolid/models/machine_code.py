@@ -6,6 +6,7 @@ numba's front end took seconds for a model with all effects of the catalogue; st
 from __future__ import annotations
 
 import ast
+import os
 import struct
 import threading
 from collections.abc import Callable, Mapping, Sequence
@@ -62,12 +63,24 @@ def _assemble(text: str) -> llvm.ExecutionEngine:
     llvm.initialize_native_asmprinter()
     module = llvm.parse_assembly(text)
     module.verify()
-    machine = llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=2, jit=True
-    )
+    cpu, features = _processor()
+    machine = llvm.Target.from_default_triple().create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
     engine = llvm.create_mcjit_compiler(module, machine)
     engine.finalize_object()
     return engine
+
+
+def _processor() -> tuple[str, str]:
+    """Return the processor's name and features for LLVM: this machine's, or those of numba's own variables.
+
+    NUMBA_CPU_NAME and NUMBA_CPU_FEATURES thereby choose the instructions of all compiled code at once, so that one
+    machine computes as others do. A name alone stands for that processor's own features.
+    """
+    name, features = os.environ.get("NUMBA_CPU_NAME"), os.environ.get("NUMBA_CPU_FEATURES")
+    if name and features is None:
+        return name, ""
+    host = llvm.get_host_cpu_features().flatten() if features is None else features
+    return name or llvm.get_host_cpu_name(), host
 
 
 def _flow(w: _Writer, model: Equations) -> None:

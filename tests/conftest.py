@@ -1,0 +1,88 @@
+"""What all Python tests share: threads, marks, the order and the workers they run on, a limit, and their answers."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Generator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+from processor_limit import processor_limit
+
+for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    # On small matrices a second thread only waits, and tests run side by side.
+    os.environ.setdefault(variable, "1")
+
+MARKS = {  # the longest first, so that no worker waits for another at the end
+    "nightly": "more of what another test shows already; `sh tests/run nightly` alone runs it",
+    "diagnosis": "makes whole diagnoses, seconds to minutes of processor each; not in `sh tests/run quick`",
+    "slow": "takes some ten seconds of processor or more; not in `sh tests/run quick`",
+}
+MOST_PROCESSOR_S = 1200.0  # of the process that runs a test; the longest takes a tenth of it
+PREPARED = re.compile(r'scope="(module|session)"|^@cache$', re.M)  # a file's tests share what was prepared once
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marks known."""
+    for name, meaning in MARKS.items():
+        config.addinivalue_line("markers", f"{name}: {meaning}")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest tests first; nothing else changes its place."""
+    items.sort(key=lambda item: next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS)))
+
+
+@cache
+def stays_together(file: str) -> bool:
+    """Tell whether the tests of a file share fixtures or a cache, so that one worker should run them all."""
+    return bool(PREPARED.search(Path(file).read_text(encoding="utf-8")))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give tests to whichever worker is free: alone, or a file at a time where its tests share what they prepare."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class FreeWorker(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file: str = nodeid.split("::", 1)[0]
+            return file if stays_together(str(config.rootpath / file)) else nodeid
+
+    config.option.loadscopereorder = False  # the order above
+    return FreeWorker(config, log)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup() -> Generator[None, Any, Any]:
+    """Limit what fixtures take; in processor time, which no other load on the machine uses up."""
+    with processor_limit(MOST_PROCESSOR_S):
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, Any, Any]:
+    """Limit what a test takes."""
+    with processor_limit(MOST_PROCESSOR_S):
+        return (yield)
+
+
+@pytest.fixture(autouse=True)
+def _answers_are_kept(request: pytest.FixtureRequest) -> Generator[None]:
+    """Where AEOLID_ANSWERS names a folder, add what every diagnosis.json of the test says to a file there."""
+    folder = os.environ.get("AEOLID_ANSWERS")
+    if not folder:
+        yield
+        return
+    base = request.getfixturevalue("tmp_path_factory").getbasetemp()
+    before = set(base.rglob("diagnosis.json"))
+    yield
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    with open(Path(folder) / f"{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.jsonl", "a", encoding="utf-8") as out:
+        for file in sorted(set(base.rglob("diagnosis.json")) - before):
+            test = f"{request.node.nodeid} {file.relative_to(base)}"
+            out.write(json.dumps({"test": test, "diagnosis": json.loads(file.read_text(encoding="utf-8"))}) + "\n")
