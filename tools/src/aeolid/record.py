@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError, UsageError
-from aeolid.text_files import is_number, load_toml, shown
+from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Roles:
         sample_time = head.get("sample_time_s")
         if sample_time is not None and not (is_number(sample_time) and 0 < sample_time < 1e6):
             raise DataError(f"{source} [recording]: sample_time_s = {shown(sample_time)} is not a time above 0 s")
-        if not isinstance(head.get("time", ""), str):
+        if not is_short(head.get("time", "")):
             raise DataError(f"{source} [recording]: time = {shown(head['time'])} is not the name of a column")
         entries = data.get("channel", [])
         if not isinstance(entries, list):
@@ -197,8 +197,10 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
     for key in ("name", "unit", "role"):
         if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
             raise DataError(f"{where}: {key} is missing or not a text")
+        if not is_short(entry[key]):
+            raise DataError(f"{where}: {key} = {shown(entry[key])} is longer than {MOST_LETTERS} characters")
     if entry["role"] not in ROLES:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
-    if not isinstance(entry.get("column", ""), str):
+    if not is_short(entry.get("column", "")):
         raise DataError(f"{where}: column = {shown(entry['column'])} is not the heading of a column")
     return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"))

@@ -9,19 +9,19 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import re
 import reprlib
-import stat
 import tomllib
 from pathlib import Path
 from typing import Any, TypeGuard
 
 from aeolid.errors import DataError
+from aeolid.inputs import read_bounded
 
 MOST_TOML = 1 << 20  # bytes: roles of 10,000 channels; the equations of a surrogate with 40 states take a tenth
 MOST_JSON = 16 << 20  # bytes: a model with 800 states, all matrices full
 MOST_DEPTH = 8  # levels of lists and tables: an LPV model's matrices, the deepest of our files, have four
+MOST_LETTERS = 200  # of a name, a unit or a heading
 _MOST_TOML_PARTS = 20_000  # tables, lists and dots of keys: 1 kB each in the parser, so 20 MB
 _MOST_JSON_PARTS = 200_000  # lists and tables: a row of a matrix is one; 0.3 kB each, so 60 MB
 _TOML_TEXT = re.compile(
@@ -29,7 +29,6 @@ _TOML_TEXT = re.compile(
 )
 _JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*+"?', re.DOTALL)
 _KEY = re.compile(r"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++)++")
-_KINDS = {stat.S_ISDIR: "a folder", stat.S_ISFIFO: "a named pipe", stat.S_ISCHR: "a device", stat.S_ISBLK: "a device"}
 _brief = reprlib.Repr()
 _brief.maxstring = _brief.maxother = _brief.maxlong = 60
 _brief.maxlevel = 3
@@ -52,35 +51,15 @@ def is_number(value: Any) -> TypeGuard[int | float]:
         return False
 
 
-def read_bytes(path: str | Path, most: int) -> bytes:
-    """Return the content of a regular file of at most `most` bytes.
-
-    Raises DataError that names the file where it is missing, is a folder, a named pipe, a socket or a device (these
-    are never waited for), or is larger.
-    """
-    try:
-        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
-        raise DataError(f"{path}: {getattr(error, 'strerror', None) or error}") from None
-    with os.fdopen(handle, "rb") as file:
-        about = os.fstat(handle)
-        if not stat.S_ISREG(about.st_mode):
-            kind = next((name for test, name in _KINDS.items() if test(about.st_mode)), "no regular file")
-            raise DataError(f"{path}: is {kind}; a regular file is needed here")
-        if about.st_size > most:
-            raise DataError(f"{path}: {about.st_size} bytes, more than the {most} that such a file may have")
-        content = file.read(most + 1)
-    if len(content) > most:  # it grew while it was read, or has no size, as files of /proc have not
-        raise DataError(f"{path}: more than the {most} bytes that such a file may have")
-    return content
+def is_short(value: Any) -> TypeGuard[str]:
+    """Tell whether a value of a file is a text no longer than a name, a unit or a heading may be."""
+    return isinstance(value, str) and len(value) <= MOST_LETTERS
 
 
 def read_text(path: str | Path, most: int = MOST_TOML) -> str:
-    """Return the text of a regular file in UTF-8; raises DataError as `read_bytes` does, and where it is no text."""
+    """Return the text of a regular file in UTF-8; raises DataError as `read_bounded` does, and where it is no text."""
     try:
-        return read_bytes(path, most).decode("utf-8")
+        return read_bounded(path, most).decode("utf-8")
     except UnicodeDecodeError as error:
         raise DataError(f"{path}: byte {error.start + 1} is no UTF-8 text") from None
 

@@ -11,6 +11,7 @@ from aeolid.errors import Contradiction, DataError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
+from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
 from aeolid.models.state_space import StateSpace
@@ -24,6 +25,8 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
     "offshore": (lambda v: isinstance(v, bool), "true or false"),
     "closed_loop": (lambda v: isinstance(v, bool), "true or false"),
 }
+MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
+_MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -72,12 +75,22 @@ def load_case(directory: str | Path) -> Case:
         baseline = open_fmu(path)
         _check_unit(baseline, records[0])
     else:
-        baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
+        baseline = read_state_space(path) if kind == "state_space" else _equations(path)
         _check_channels(baseline, records[0], str(path))
     same = data["baseline"].get("same_inputs", False)
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
     )  # fmt: skip
+
+
+def _equations(path: Path) -> Equations:
+    """Read equations that a diagnosis can take apart and fit."""
+    model = equations_file.load(path)
+    require_readable(model, str(path))
+    require_few(len(model.states), "states", str(path), MOST_STATES, " by a diagnosis; reduce the model")
+    free = sum(p.free for p in model.parameters)
+    require_few(free, "free parameters", str(path), _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
+    return model
 
 
 def _baseline(table: Any, source: str) -> tuple[str, str]:

@@ -19,9 +19,8 @@ from aeolid.models.equations_size import require_few, require_small
 from aeolid.models.input_filters import KINDS
 from aeolid.models.model_file import Signal
 from aeolid.record import check_keys
-from aeolid.text_files import is_number, parse_toml, read_text, shown
+from aeolid.text_files import MOST_LETTERS, is_number, is_short, parse_toml, read_text, shown
 
-_MOST_LETTERS = 200  # of a name
 _LISTS = ("state", "output", "input", "input_filter", "auxiliary", "memory")
 
 
@@ -96,8 +95,8 @@ def _parameters(table: Any, source: str) -> tuple[Parameter, ...]:
 
 
 def _unit(entry: Any, where: str) -> str:
-    if not isinstance(unit := entry.get("unit", ""), str):
-        raise DataError(f"{where}: unit = {shown(unit)} is not a text")
+    if not is_short(unit := entry.get("unit", "")):
+        raise DataError(f"{where}: unit = {shown(unit)} is not a text of at most {MOST_LETTERS} characters")
     return unit
 
 
@@ -192,7 +191,7 @@ def _check_order(model: Equations, source: str) -> None:
 def _output(entry: Any, index: int, text: str, source: str) -> Output:
     where = f"{source} [[output]] {index + 1}"
     check_keys(entry, {"name", "equation", "unit"}, where)
-    if not isinstance(entry.get("name"), str) or "equation" not in entry:
+    if not is_short(entry.get("name")) or "equation" not in entry:
         raise DataError(f"{where}: name and equation are needed")
     tree = _tree(entry["equation"], text, f"{where} {entry['name']}", source)
     return Output(entry["name"], _unit(entry, where), tree)
@@ -201,8 +200,8 @@ def _output(entry: Any, index: int, text: str, source: str) -> Output:
 def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
     where = f"{source} [[input]] {index + 1}"
     check_keys(entry, {"name", "symbol", "unit"}, where)
-    if not isinstance(entry.get("name"), str):
-        raise DataError(f"{where}: name is missing")
+    if not is_short(entry.get("name")):
+        raise DataError(f"{where}: name is missing, or no text of at most {MOST_LETTERS} characters")
     symbol = entry.get("symbol", entry["name"])
     _check_name(symbol, where)
     return symbol, Signal(entry["name"], _unit(entry, where))
@@ -236,7 +235,7 @@ def _check_filters(model: Equations, source: str) -> None:
 
 def _check_name(name: Any, where: str) -> None:
     reserved = not isinstance(name, str) or name in ex.FUNCTIONS or name in ex.CONSTANTS or name == STEP
-    if reserved or len(name) > _MOST_LETTERS or not name.isidentifier() or keyword.iskeyword(name):
+    if reserved or not is_short(name) or not name.isidentifier() or keyword.iskeyword(name):
         raise DataError(
             f"{where}: {shown(name)} cannot be a name here (letters, digits, _; no function, no Python keyword)"
         )

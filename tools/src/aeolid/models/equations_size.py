@@ -16,10 +16,10 @@ MOST_WRITTEN_OUT = 20_000  # the same with every intermediate written out, as a 
 MOST_LEVELS = 120  # of an equation written out; the depth to which an expression may be nested
 
 
-def require_few(count: int, what: str, source: str, most: int = MOST_NAMES) -> None:
-    """Refuse more than `most` of something; raises DataError that names the file."""
+def require_few(count: int, what: str, source: str, most: int = MOST_NAMES, remedy: str = "") -> None:
+    """Refuse more than `most` of something; raises DataError that names the file and the remedy."""
     if count > most:
-        raise DataError(f"{source}: {count} {what}, more than the {most} that are read")
+        raise DataError(f"{source}: {count} {what}, more than the {most} that are read{remedy}")
 
 
 def require_small(model: Equations, source: str) -> None:

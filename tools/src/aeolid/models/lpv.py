@@ -22,7 +22,7 @@ from aeolid.models.model_file import (
 )
 from aeolid.models.state_space import StateSpace
 from aeolid.record import check_keys
-from aeolid.text_files import shown
+from aeolid.text_files import is_short, shown
 
 Array = NDArray[np.float64]
 
@@ -170,7 +170,7 @@ def _scheduling(entry: Any, source: str) -> tuple[Signal, ...]:
     if not isinstance(channels, list) or not channels:
         raise DataError(f"{source}: scheduling.channels is not a list of channel names")
     units = [""] * len(channels) if entry.get("units") in (None, []) else entry["units"]
-    if not isinstance(units, list) or len(units) != len(channels) or not all(isinstance(u, str) for u in units):
+    if not isinstance(units, list) or len(units) != len(channels) or not all(map(is_short, units)):
         raise DataError(f"{source}: scheduling.units does not name a unit for each of {len(channels)} channels")
     signals = read_signals(channels, "scheduling.channels", source)
     return tuple(Signal(s.name, s.unit or u) for s, u in zip(signals, units, strict=True))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.record import check_keys
-from aeolid.text_files import is_number, shown
+from aeolid.text_files import MOST_LETTERS, is_number, shown
 
 Array = NDArray[np.float64]
 MOST_STATES = 800  # of a linear model: an eigenvalue problem of a second; its file holds no more
@@ -48,6 +48,8 @@ def read_signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
             raise DataError(f"{source}: {key}[{i}] has no name")
         if not isinstance(entry.get("unit", ""), str):
             raise DataError(f"{source}: {key}[{i}] has unit {shown(entry['unit'])}, a text is needed")
+        if max(len(entry["name"]), len(entry.get("unit", ""))) > MOST_LETTERS:
+            raise DataError(f"{source}: {key}[{i}] has a name or unit of more than {MOST_LETTERS} characters")
         if not is_number(offset):
             raise DataError(f"{source}: {key}[{i}] has offset {shown(offset)}, a finite number is needed")
         result.append(Signal(entry["name"], entry.get("unit", ""), float(offset)))
