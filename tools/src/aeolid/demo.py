@@ -19,6 +19,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from aeolid.children import python_command
 from aeolid.errors import AeolidError, DataError, UsageError
 
 console = Console(highlight=False, soft_wrap=True)
@@ -201,7 +202,7 @@ def text_of(arguments: list[str]) -> str:
 def start(arguments: list[str]) -> subprocess.Popen[str]:
     """Start a sub-command in a process of its own."""
     console.print(f"   $ {text_of(arguments)} &", markup=False)
-    command = [sys.executable, "-m", "aeolid.cli.main", *arguments]
+    command = python_command("-m", "aeolid.cli.main", *arguments)
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
 
 
@@ -209,7 +210,7 @@ def call(arguments: list[str], *, quiet: bool = False) -> None:
     """Run a sub-command to its end; raises DataError where it fails."""
     console.print(f"   $ {text_of(arguments)}", markup=False)
     done = subprocess.run(
-        [sys.executable, "-m", "aeolid.cli.main", *arguments], stdout=subprocess.PIPE, text=True, check=False
+        python_command("-m", "aeolid.cli.main", *arguments), stdout=subprocess.PIPE, text=True, check=False
     )
     if not quiet:
         for line in done.stdout.splitlines():

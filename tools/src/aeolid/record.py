@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError, UsageError
+from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
 Array = NDArray[np.float64]
@@ -57,13 +58,18 @@ class Roles:
         head = data.get("recording", {})
         check_keys(head, {"sample_time_s", "time"}, f"{source} [recording]")
         sample_time = head.get("sample_time_s")
-        if sample_time is not None and not (isinstance(sample_time, int | float) and 0 < sample_time < 1e6):
-            raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds above 0")
-        channels = tuple(_read_channel(entry, i, source) for i, entry in enumerate(data.get("channel", [])))
+        if sample_time is not None and not (is_number(sample_time) and 0 < sample_time < 1e6):
+            raise DataError(f"{source} [recording]: sample_time_s = {shown(sample_time)} is not a time above 0 s")
+        if not is_short(head.get("time", "")):
+            raise DataError(f"{source} [recording]: time = {shown(head['time'])} is not the name of a column")
+        entries = data.get("channel", [])
+        if not isinstance(entries, list):
+            raise DataError(f"{source}: channel is a list of tables, each headed [[channel]]")
+        channels = tuple(_read_channel(entry, i, source) for i, entry in enumerate(entries))
         if not channels:
             raise DataError(f"{source}: no [[channel]] entry; name at least one input and one output")
         names = [c.name for c in channels]
-        double = sorted({n for n in names if names.count(n) > 1})
+        double = sorted(n for n, count in Counter(names).items() if count > 1)
         if double:
             raise DataError(f"{source}: channel {double[0]!r} is listed twice")
         return cls(channels, None if sample_time is None else float(sample_time), head.get("time"), source)
@@ -128,26 +134,13 @@ class Record:
         return replace(self, time_s=self.time_s[start:stop], values=self.values[start:stop])
 
 
-def load_toml(path: str | Path) -> dict[str, Any]:
-    """Read a TOML file; raises DataError that names the file and the line."""
-    try:
-        with open(path, "rb") as handle:
-            return tomllib.load(handle)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DataError(f"{path}: not valid TOML: {error}") from None
-
-
 def check_keys(table: Any, allowed: set[str], where: str) -> None:
     """Refuse keys nobody reads; a mistyped key must not be ignored."""
     if not isinstance(table, dict):
         raise DataError(f"{where}: a table is needed here, found {type(table).__name__}")
     unknown = sorted(set(table) - allowed)
     if unknown:
-        raise DataError(f"{where}: unknown key {unknown[0]!r}; allowed are {', '.join(sorted(allowed))}")
+        raise DataError(f"{where}: unknown key {shown(unknown[0])}; allowed are {', '.join(sorted(allowed))}")
 
 
 def file_sha256(path: str | Path) -> str:
@@ -204,6 +197,10 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
     for key in ("name", "unit", "role"):
         if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
             raise DataError(f"{where}: {key} is missing or not a text")
+        if not is_short(entry[key]):
+            raise DataError(f"{where}: {key} = {shown(entry[key])} is longer than {MOST_LETTERS} characters")
     if entry["role"] not in ROLES:
-        raise DataError(f"{where}: role {entry['role']!r} is none of {', '.join(ROLES)}")
+        raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
+    if not is_short(entry.get("column", "")):
+        raise DataError(f"{where}: column = {shown(entry['column'])} is not the heading of a column")
     return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"))

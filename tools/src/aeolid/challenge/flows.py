@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 STATES = 4

@@ -12,11 +12,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from aeolid.challenge.paths import RING, drive
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import bilinear, lfilter
+
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 PARTS = 16  # of a fine step, for drives that follow

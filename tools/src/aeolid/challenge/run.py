@@ -9,7 +9,6 @@ import json
 import os
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from typing import Any
 
 from aeolid import __version__
 from aeolid.challenge.write import hash_of, read_seal
+from aeolid.children import python_command
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.workers import Pool
 
@@ -83,7 +83,7 @@ def diagnose_case(job: Job) -> Facts:
     """Diagnose one case in a process of its own and write its result."""
     out = Path(job.out)
     out.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME)]
+    command = python_command("-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME))
     command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
     begun = time.perf_counter()
     try:

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cholesky, expm, solve_discrete_are, solve_triangular
 
 from aeolid.challenge.plants import Setup
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 SEALED, SETTLE, PAST = 0.7, 50, 12  # where the sealed share begins; samples and lags

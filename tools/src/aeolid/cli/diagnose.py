@@ -61,6 +61,8 @@ def run(
         _print_verdict(diagnosis)
         _print_free_run(evidence, out)
         _print_next(diagnosis)
+        for warning in diagnosis.get("warnings", []):
+            console.print(f"  WARNING: {warning}", soft_wrap=True, markup=False)
         if report:
             console.print(f"  report: {page}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)

@@ -13,6 +13,7 @@ import typer
 from rich.markup import escape
 
 import aeolid.cli
+from aeolid.children import guard_imports
 from aeolid.errors import AeolidError
 
 PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view", "receiving", "reference"}
@@ -60,6 +61,7 @@ def _say_version(wanted: bool) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; exit codes 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative."""
+    guard_imports(started_as_module=__name__ == "__main__")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
     try:
         build_app()(args=arguments, prog_name="aeolid")  # ends in SystemExit; usage errors are reported there, code 2

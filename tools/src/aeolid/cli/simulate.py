@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
 
 EXAMPLES = ("aeolid simulate model.json tuesday.csv --roles roles.toml --out simulated.csv",)
@@ -42,7 +42,7 @@ def simulate(
 
     from aeolid.formats import read_record, write_table
     from aeolid.identify.fit import score
-    from aeolid.models.load import LinearModel, load_model, matched
+    from aeolid.models.load import LinearModel, diverged, load_model, matched
     from aeolid.models.lpv_prediction import LpvModel
     from aeolid.record import Roles
 
@@ -53,16 +53,24 @@ def simulate(
     matched(record, model.inputs)
     y = model.simulate(record)
     names = [s.name for s in model.outputs]
-    columns = {"time_s": record.time_s} | {n: y[:, i] for i, n in enumerate(names)}
+    wild, lost = diverged(model, record, y), not np.isfinite(y).all()
+    columns = {"time_s": record.time_s} | {
+        n: np.where(np.isfinite(y[:, i]), y[:, i], np.nan) for i, n in enumerate(names)
+    }
     write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
-    facts = {"model": str(model_file), "recording": str(recording), "samples": len(record), "outputs": names}
+    facts: dict[str, Any] = {
+        "model": str(model_file), "recording": str(recording), "samples": len(record), "outputs": names,
+        "divergence": None if wild is None else wild.to_json(),
+    }  # fmt: skip
     lines = [f"{len(record)} samples written to {out}"]
-    if not np.isfinite(y).all():
-        lines.append("the model diverges on this recording: part of the outputs is not finite")
+    if wild is not None:
+        lines.append(f"WARNING: {wild.text()}" + (" Values that are not finite are left empty." if lost else ""))
     if set(names) <= {c.name for c in record.channels}:
         fit = score(names, matched(record, model.outputs), y)
         facts["free_run"] = fit.to_json()
         lines += [f"  {n}: {fit.text(n)}" for n in names]
     if json_target != "-":
-        console.print("\n".join(lines), markup=False)
+        console.print("\n".join(lines), markup=False, soft_wrap=True)
+    elif wild is not None:
+        progress_console.print(lines[1], markup=False, soft_wrap=True)
     emit_json(facts, json_target)

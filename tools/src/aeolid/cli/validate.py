@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of
+from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
 
 EXAMPLES = (
@@ -62,6 +62,8 @@ def validate(
         "worst": worst if worst < 1e300 else None,
         "bad": bad,
     }
+    if json_target == "-" and result.divergence is not None:
+        progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
     if json_target != "-":
         console.print(result.summary(), markup=False)
         if bad:

@@ -8,7 +8,7 @@ import numpy as np
 
 from aeolid.diagnose.alongside import alongside, with_run
 from aeolid.diagnose.baseline import discretise, equations_of
-from aeolid.diagnose.case import Case
+from aeolid.diagnose.case import MOST_STATES, Case
 from aeolid.diagnose.exogenous import with_time
 from aeolid.diagnose.rotor_frame import blade_sets, to_fixed_frame, worth_rate
 from aeolid.diagnose.sampled import sample_fmu
@@ -21,7 +21,6 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 _NEAR = 4  # factor up to which the past of a surrogate still spans two periods of the fastest content
-_MOST_STATES = 40  # beyond that compiling and fitting take minutes
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +57,9 @@ def baseline_of(case: Case) -> Baseline:
     if isinstance(case.baseline, Equations):
         return Baseline(case.baseline, None, None, records, len(case.baseline.inputs))
     linear = discretise(case.baseline, case.records[0].sample_time_s)
-    if linear.order > _MOST_STATES:
+    if linear.order > MOST_STATES:
         raise DataError(
-            f"{case.baseline_file}: {linear.order} states; reduce the model to at most {_MOST_STATES} for a diagnosis"
+            f"{case.baseline_file}: {linear.order} states; reduce the model to at most {MOST_STATES} for a diagnosis"
         )
     return Baseline(equations_of(linear, shaped_noise=True), linear, None, records, len(linear.inputs))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,22 @@ from aeolid.errors import Contradiction, DataError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
+from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
 from aeolid.models.state_space import StateSpace
-from aeolid.record import Record, Roles, check_keys, file_sha256, load_toml, require_same_layout
+from aeolid.record import Record, Roles, check_keys, file_sha256, require_same_layout
+from aeolid.text_files import is_number, load_toml, shown
 
+CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of the machine: check, and its wording
+    "machine": (lambda v: isinstance(v, str), "a text"),
+    "blades": (lambda v: isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 9, "a whole number of 1 … 9"),
+    "rated_speed_rad_s": (lambda v: is_number(v) and 0 < v < 1e6, "a speed in rad/s above 0"),
+    "offshore": (lambda v: isinstance(v, bool), "true or false"),
+    "closed_loop": (lambda v: isinstance(v, bool), "true or false"),
+}
+MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
+_MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -43,16 +55,14 @@ def load_case(directory: str | Path) -> Case:
     check_keys(head, {"title"}, f"{source} [case]")
     check_keys(files, {"files", "roles"}, f"{source} [recordings]")
     if not isinstance(head.get("title", ""), str):
-        raise DataError(f"{source} [case]: title = {head['title']!r} is not a text")
+        raise DataError(f"{source} [case]: title = {shown(head['title'])} is not a text")
     names = files.get("files")
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
         raise DataError(f"{source} [recordings]: files must list at least one recording")
     if not isinstance(files.get("roles"), str):
         raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
     kind, file = _baseline(data.get("baseline"), source)
-    context = data.get("context", {})
-    if not isinstance(context, dict):
-        raise DataError(f"{source}: [context] is not a table")
+    context = _context(data.get("context", {}), source)
     roles = Roles.load(folder / files["roles"])
     records = tuple(read_record(folder / n, roles) for n in names)
     require_same_layout(records)
@@ -65,12 +75,22 @@ def load_case(directory: str | Path) -> Case:
         baseline = open_fmu(path)
         _check_unit(baseline, records[0])
     else:
-        baseline = read_state_space(path) if kind == "state_space" else equations_file.load(path)
+        baseline = read_state_space(path) if kind == "state_space" else _equations(path)
         _check_channels(baseline, records[0], str(path))
     same = data["baseline"].get("same_inputs", False)
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
     )  # fmt: skip
+
+
+def _equations(path: Path) -> Equations:
+    """Read equations that a diagnosis can take apart and fit."""
+    model = equations_file.load(path)
+    require_readable(model, str(path))
+    require_few(len(model.states), "states", str(path), MOST_STATES, " by a diagnosis; reduce the model")
+    free = sum(p.free for p in model.parameters)
+    require_few(free, "free parameters", str(path), _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
+    return model
 
 
 def _baseline(table: Any, source: str) -> tuple[str, str]:
@@ -80,12 +100,27 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
     check_keys(table, {"kind", "file", "same_inputs"}, where)
     kind = table.get("kind")
     if kind not in KINDS:
-        raise DataError(f"{where}: kind = {kind!r} is none of {', '.join(KINDS)}")
+        raise DataError(f"{where}: kind = {shown(kind)} is none of {', '.join(KINDS)}")
     if not isinstance(table.get("same_inputs", False), bool):
         raise DataError(f"{where}: same_inputs is true or false")
     if not isinstance(table.get("file"), str):
         raise DataError(f"{where}: file is missing")
     return kind, table["file"]
+
+
+def _context(table: Any, source: str) -> dict[str, Any]:
+    """Check the facts about the machine: those known by their type and range, any other as a text, number or truth."""
+    if not isinstance(table, dict):
+        raise DataError(f"{source}: [context] is not a table")
+    for key, value in table.items():
+        fits, wanted = CONTEXT.get(key, (_is_plain, "a text, a number, true or false"))
+        if not fits(value):
+            raise DataError(f"{source} [context]: {shown(key)[1:-1]} = {shown(value)} is not {wanted}")
+    return table
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, str | bool) or is_number(value)
 
 
 def _check_unit(unit: Fmu, record: Record) -> None:

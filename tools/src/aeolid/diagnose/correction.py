@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aeolid.diagnose.candidate import Candidate
+from aeolid.diagnose.divergent import Diverging, diverging
 from aeolid.diagnose.exogenous import with_exogenous, without_unused
 from aeolid.diagnose.free_run import FreeRun, fitted_to_run_free
 from aeolid.diagnose.pipeline import Study
@@ -19,10 +20,14 @@ from aeolid.models.equations import Equations
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """Hold the corrected model; free_run: what its values were fitted to, None where they predict one step ahead."""
+    """Hold the corrected model; free_run: what its values were fitted to, None where they predict one step ahead.
+
+    diverging: how it leaves the recordings when it runs free, None where it does not.
+    """
 
     model: Equations
     free_run: FreeRun | None
+    diverging: Diverging | None
 
 
 def correct(study: Study) -> Correction:
@@ -37,7 +42,9 @@ def correct(study: Study) -> Correction:
     )
     free = None if study.prepared.linear is not None else fitted_to_run_free(predictor, fit, study.prepared.split)
     model = corrected_model(study.unsealed, fit if free is None else free.fit, chosen)
-    return Correction(model if free is None else replace(model, name=f"{model.name} to run free"), free)
+    model = model if free is None else replace(model, name=f"{model.name} to run free")
+    wild = diverging(model, study.prepared.records)
+    return Correction(model if wild is None else replace(model, name=f"{model.name}, DIVERGES"), free, wild)
 
 
 def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -> Equations:

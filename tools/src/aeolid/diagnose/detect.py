@@ -6,10 +6,10 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
+from aeolid.compiled import njit
 from aeolid.diagnose.noise import filter_var
 from aeolid.diagnose.point import Point, Segment
 from aeolid.diagnose.predictor import Fit, Predictor

@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import json
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from aeolid.diagnose.candidate import finite
-from aeolid.diagnose.correction import correct
+from aeolid.diagnose.correction import Correction, correct
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.models import expressions as ex
@@ -19,17 +20,27 @@ from aeolid.models.equations_file import to_toml
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
+    correction = correct(study)
+    wild = correction.diverging
+    diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
+    diagnosis["warnings"] = [*diagnosis.get("warnings", []), *([] if wild is None else [wild.text()])]
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    correction = correct(study)
     (folder / "model").mkdir(exist_ok=True)
-    (folder / "model" / "model.toml").write_text(to_toml(correction.model), encoding="utf-8")
+    (folder / "model" / "model.toml").write_text(_headed(correction), encoding="utf-8")
     facts = evidence(study)
     if correction.free_run is not None:
         facts["free_run"] = correction.free_run.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
     (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
     return facts
+
+
+def _headed(correction: Correction) -> str:
+    """Return the text of model.toml; what forbids its use stands first."""
+    wild = correction.diverging
+    head = "" if wild is None else "".join(f"# {line}\n" for line in wrap(f"WARNING: {wild.text()}", 100))
+    return head + to_toml(correction.model)
 
 
 def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:

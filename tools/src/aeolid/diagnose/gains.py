@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from aeolid.compiled import njit
 from aeolid.diagnose.riccati import FLOORS, double, exponential, product, transposed
 from aeolid.models.integrate import Compiled, addresses, contiguous, numeric_jacobian, output_jacobian
 from aeolid.models.march import reading_jacobian, settle, state_jacobian

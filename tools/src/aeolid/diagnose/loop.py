@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from aeolid.compiled import njit
 from aeolid.diagnose.noise import colour_var
 from aeolid.diagnose.point import Point, Segment
 from aeolid.diagnose.predictor import Fit, Predictor

@@ -45,7 +45,7 @@ class Prepared:
     """Hold the stage for all later steps: the model, its predictor, data and baseline fit.
 
     hypotheses: all that the catalogue offers for this model; attachments: those of them that are in the model, at their
-    nulls or as fitted.
+    nulls or as fitted. records: the recordings as the model takes them, at its rate and with every channel it may use.
     """
 
     declared: Equations
@@ -63,6 +63,7 @@ class Prepared:
     decimation: int
     run: Record | None
     site: Site
+    records: tuple[Record, ...] = ()
 
     @property
     def extended(self) -> Equations:
@@ -123,7 +124,7 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
-        base.run, site,
+        base.run, site, tuple(records),
     )  # fmt: skip
 
 

@@ -7,8 +7,9 @@ installation waiting longer for the compiler, and a gain takes no less time.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 FLOORS = (0.0, 1e-12)  # least sensor noise to be tried, in squares of what the process noise moves in one step

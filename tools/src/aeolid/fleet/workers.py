@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol
 
+from aeolid.children import guard_children
 from aeolid.errors import UsageError
 from aeolid.fleet.tasks import reason_of
 
@@ -92,6 +93,7 @@ def open_pool(workers: int, scheduler: str | None = None, *, threads: bool = Fal
         return
     import dask
 
+    guard_children()
     distributed = _distributed()
     with dask.config.set({"distributed.logging.distributed": "error", "distributed.comm.timeouts.connect": "10s"}):
         if scheduler is not None:

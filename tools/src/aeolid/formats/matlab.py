@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from aeolid.children import python_command
 from aeolid.errors import DataError
 from aeolid.formats.binary import from_arrays, unreadable
 from aeolid.formats.table import Choose, Table, guard_size
@@ -29,7 +30,7 @@ def read_mat(path: Path, choose: Choose) -> Table:
     guard_size(path, 4 * path.stat().st_size)
     with tempfile.TemporaryDirectory() as folder:
         target = Path(folder) / "arrays.npz"
-        command = [sys.executable, "-c", _CONVERT, str(path), str(target)]
+        command = python_command("-c", _CONVERT, str(path), str(target))
         try:
             done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
         except subprocess.TimeoutExpired:

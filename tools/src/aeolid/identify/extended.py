@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from aeolid.compiled import njit
 from aeolid.identify.windows import Scaling
 from aeolid.models.prediction import complete_stretches
 from aeolid.record import Record

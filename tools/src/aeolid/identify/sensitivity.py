@@ -14,10 +14,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from aeolid.compiled import njit
 from aeolid.identify.subspace import ScaledModel
 
 Array = NDArray[np.float64]

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from aeolid.identify.fit import Fit, Score, measure_fit, score, stretches
+from aeolid.identify.fit import SHORTEST, Fit, Score, measure_fit, score, stretches
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
-from aeolid.models.load import LinearModel, Model, discretise, matched
+from aeolid.models.divergence import Divergence
+from aeolid.models.load import LinearModel, Model, discretise, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
+from aeolid.models.prediction import complete_stretches
 from aeolid.record import Record
 
 
@@ -22,6 +24,7 @@ class Validation:
     free_run: Score
     fit: Fit | None
     residuals: ResidualReport | None
+    divergence: Divergence | None = None
 
     def worst_nrmse(self, metric: str) -> float:
         """Return the largest NRMSE of the outputs, infinite where it is not a number or not available."""
@@ -36,6 +39,7 @@ class Validation:
             facts |= self.fit.to_json() | {"free_run": self.free_run.to_json()}
         if self.residuals is not None:
             facts["residuals"] = self.residuals.to_json()
+        facts["divergence"] = None if self.divergence is None else self.divergence.to_json()
         return facts | {"advice": list(self.advice)}
 
     @property
@@ -66,7 +70,7 @@ class Validation:
 
     def summary(self) -> str:
         """Return a few lines of text."""
-        lines = []
+        lines = [] if self.divergence is None else [f"WARNING: {self.divergence.text()}"]
         for name in self.free_run.vaf:
             lines.append(f"{name}\n    free run  {self.free_run.text(name)}")
             if self.fit is not None:
@@ -91,10 +95,19 @@ def _worst(tests: list[ResidualTest]) -> ResidualTest | None:
 
 
 def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:
-    """Measure free run, one-step and k-step fit of a model and test its innovations.
+    """Measure free run, one-step and k-step fit of a model, test its innovations, and say whether its run diverges.
 
     steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
     """
+    found = _measured(model, record, steps)
+    driven = (*model.inputs, *(model.state_space.scheduling if isinstance(model, LpvModel) else ()))
+    runs = complete_stretches(np.column_stack([matched(record, driven), record.time_s]), SHORTEST)
+    start, stop = max(runs, key=lambda r: r[1] - r[0], default=(0, len(record)))
+    part = record.slice(start, stop)
+    return replace(found, divergence=diverged(model, part, model.simulate(part)))
+
+
+def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validation:
     names = (tuple(s.name for s in model.outputs), tuple(s.name for s in model.inputs))
     if isinstance(model, LpvModel) and model.state_space.K is not None:
         fit, u = measure_lpv_fit(model.state_space, [record], steps)

@@ -2,73 +2,101 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import keyword
 import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
 from aeolid.models.equations import STEP, Auxiliary, Equations, InputFilter, Memory, Output, Parameter, State
+from aeolid.models.equations_size import require_few, require_small
 from aeolid.models.input_filters import KINDS
 from aeolid.models.model_file import Signal
-from aeolid.record import check_keys, load_toml
+from aeolid.record import check_keys
+from aeolid.text_files import MOST_LETTERS, is_number, is_short, parse_toml, read_text, shown
+
+_LISTS = ("state", "output", "input", "input_filter", "auxiliary", "memory")
 
 
 def load(path: str | Path) -> Equations:
     """Read model.toml; raises DataError that names file, line and key."""
-    return from_toml(load_toml(path), Path(path).read_text(encoding="utf-8"), str(path))
+    text = read_text(path)
+    return from_toml(parse_toml(text, str(path)), text, str(path))
 
 
 def from_toml(data: dict[str, Any], text: str, source: str) -> Equations:
     """Build the model from parsed TOML; `text` serves to name the line of a bad expression."""
-    check_keys(data, {"model", "parameters", "state", "output", "input", "input_filter", "auxiliary", "memory"}, source)
+    check_keys(data, {"model", "parameters", *_LISTS}, source)
     head = data.get("model", {})
     check_keys(head, {"name", "time", "sample_time_s"}, f"{source} [model]")
+    name = head.get("name", Path(source).stem)
+    if not isinstance(name, str):
+        raise DataError(f"{source} [model]: name = {shown(name)} is not a text")
     sample_time = _time_base(head, source)
-    parameters = tuple(_parameter(n, v, source) for n, v in data.get("parameters", {}).items())
+    parameters = _parameters(data.get("parameters", {}), source)
+    tables = {key: _tables(data, key, source) for key in _LISTS}
     key = "next" if sample_time else "derivative"
-    states = tuple(_state(s, i, text, source, key) for i, s in enumerate(_tables(data, "state", source)))
-    outputs = tuple(_output(o, i, text, source) for i, o in enumerate(_tables(data, "output", source)))
+    states = tuple(_state(s, i, text, source, key) for i, s in enumerate(tables["state"]))
+    outputs = tuple(_output(o, i, text, source) for i, o in enumerate(tables["output"]))
     if not outputs:
         raise DataError(f"{source}: no [[output]] entry")
-    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(_tables(data, "auxiliary", source)))
-    memories = tuple(_memory(m, i, text, source) for i, m in enumerate(_tables(data, "memory", source)))
-    own = [n.name for group in (parameters, states, memories, auxiliaries) for n in group]
-    declared = [_input(entry, i, source) for i, entry in enumerate(_tables(data, "input", source))]
-    symbols = [symbol for symbol, _ in declared]
-    signals = [signal for _, signal in declared]
-    for names in (own + symbols, [s.name for s in signals], [o.name for o in outputs]):
-        double = sorted({n for n in names if names.count(n) > 1})
-        if double:
-            raise DataError(f"{source}: {double[0]!r} is defined twice")
-    formulas = [a.equation for a in auxiliaries] + [s.derivative for s in states] + [o.equation for o in outputs]
-    formulas += [tree for m in memories for tree in (m.next, m.settled)]
-    for tree in formulas:
-        for name in ex.unknown_names(tree, [*own, *symbols, STEP]):
-            symbols.append(name)
-            signals.append(Signal(name))
-    filters = tuple(_filter(f, i, source) for i, f in enumerate(_tables(data, "input_filter", source)))
+    auxiliaries = tuple(_auxiliary(a, i, text, source) for i, a in enumerate(tables["auxiliary"]))
+    memories = tuple(_memory(m, i, text, source) for i, m in enumerate(tables["memory"]))
     model = Equations(
-        str(head.get("name", Path(source).stem)), sample_time, parameters, states, outputs,
-        tuple(signals), tuple(symbols), filters, auxiliaries, memories,
+        name, sample_time, parameters, states, outputs, (), (),
+        tuple(_filter(f, i, source) for i, f in enumerate(tables["input_filter"])), auxiliaries, memories,
     )  # fmt: skip
+    model = _with_inputs(model, [_input(entry, i, source) for i, entry in enumerate(tables["input"])], source)
+    require_small(model, source)
     _check_filters(model, source)
     _check_order(model, source)
     return model
+
+
+def _with_inputs(model: Equations, declared: Sequence[tuple[str, Signal]], source: str) -> Equations:
+    """Return the model with its inputs: those declared, then every name in a formula that nothing defines."""
+    symbols, signals = [symbol for symbol, _ in declared], [signal for _, signal in declared]
+    own = [n.name for group in (model.parameters, model.states, model.memories, model.auxiliaries) for n in group]
+    for names in (own + symbols, [s.name for s in signals], [o.name for o in model.outputs]):
+        double = sorted(n for n, count in Counter(names).items() if count > 1)
+        if double:
+            raise DataError(f"{source}: {shown(double[0])} is defined twice")
+    known = {*own, *symbols, STEP}
+    memories = [tree for m in model.memories for tree in (m.next, m.settled)]
+    formulas = [[a.equation for a in model.auxiliaries], [s.derivative for s in model.states],
+                [o.equation for o in model.outputs], memories]  # fmt: skip
+    for tree in (tree for group in formulas for tree in group):
+        found = sorted(ex.names_in(tree) - known)
+        known.update(found)
+        symbols += found
+        signals += map(Signal, found)
+    return replace(model, inputs=tuple(signals), symbols=tuple(symbols))
 
 
 def _tables(data: dict[str, Any], key: str, source: str) -> list[Any]:
     entries = data.get(key, [])
     if not isinstance(entries, list):
         raise DataError(f"{source}: {key} is a list of tables, each headed [[{key}]]")
+    require_few(len(entries), f"[[{key}]] tables", source)
     return entries
 
 
+def _parameters(table: Any, source: str) -> tuple[Parameter, ...]:
+    if not isinstance(table, dict):
+        raise DataError(f"{source}: parameters = {shown(table)} is not a table, headed [parameters]")
+    require_few(len(table), "parameters", source)
+    return tuple(_parameter(name, entry, source) for name, entry in table.items())
+
+
 def _unit(entry: Any, where: str) -> str:
-    if not isinstance(unit := entry.get("unit", ""), str):
-        raise DataError(f"{where}: unit = {unit!r} is not a text")
+    if not is_short(unit := entry.get("unit", "")):
+        raise DataError(f"{where}: unit = {shown(unit)} is not a text of at most {MOST_LETTERS} characters")
     return unit
 
 
@@ -77,16 +105,16 @@ def _time_base(head: dict[str, Any], source: str) -> float:
     if base == "continuous":
         return 0.0
     if base != "discrete":
-        raise DataError(f"{source} [model]: time = {base!r}; 'continuous' or 'discrete' is needed")
+        raise DataError(f"{source} [model]: time = {shown(base)}; 'continuous' or 'discrete' is needed")
     step = head.get("sample_time_s")
-    if not isinstance(step, int | float) or not 0 < step < 1e6:
-        raise DataError(f"{source} [model]: time = 'discrete' needs sample_time_s above 0, found {step!r}")
+    if not is_number(step) or not 0 < step < 1e6:
+        raise DataError(f"{source} [model]: time = 'discrete' needs sample_time_s above 0, found {shown(step)}")
     return float(step)
 
 
 def _number(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise DataError(f"{where}: {value!r} is not a finite number")
+    if not is_number(value):
+        raise DataError(f"{where}: {shown(value)} is not a finite number")
     return float(value)
 
 
@@ -121,7 +149,7 @@ def _state(entry: Any, index: int, text: str, source: str, key: str) -> State:
     formula = entry.get(key)
     if formula is None:
         raise DataError(f"{where} {name}: {key} is missing")
-    tree = ex.parse(formula, _line(formula, text, f"{where} {name}", source))
+    tree = _tree(formula, text, f"{where} {name}", source)
     initial = entry.get("initial", 0.0)
     initial = initial if isinstance(initial, dict) else {"value": initial}
     check_keys(initial, {"value", "free"}, f"{where} {name} initial")
@@ -137,7 +165,7 @@ def _auxiliary(entry: Any, index: int, text: str, source: str) -> Auxiliary:
     _check_name(entry.get("name"), where)
     if "equation" not in entry:
         raise DataError(f"{where} {entry['name']}: equation is missing")
-    return Auxiliary(entry["name"], ex.parse(entry["equation"], _line(entry["equation"], text, where, source)))
+    return Auxiliary(entry["name"], _tree(entry["equation"], text, where, source))
 
 
 def _memory(entry: Any, index: int, text: str, source: str) -> Memory:
@@ -147,14 +175,15 @@ def _memory(entry: Any, index: int, text: str, source: str) -> Memory:
     for key in ("next", "settled"):
         if key not in entry:
             raise DataError(f"{where} {entry['name']}: {key} is missing")
-    trees = [ex.parse(entry[key], _line(entry[key], text, where, source)) for key in ("next", "settled")]
+    trees = [_tree(entry[key], text, where, source) for key in ("next", "settled")]
     return Memory(entry["name"], _unit(entry, where), *trees)
 
 
 def _check_order(model: Equations, source: str) -> None:
-    names = [a.name for a in model.auxiliaries]
-    for i, a in enumerate(model.auxiliaries):
-        late = sorted(ex.names_in(a.equation) & set(names[i:]))
+    later = {a.name for a in model.auxiliaries}
+    for a in model.auxiliaries:
+        late = sorted(ex.names_in(a.equation) & later)
+        later.discard(a.name)
         if late:
             raise DataError(f"{source} [[auxiliary]] {a.name}: uses {late[0]!r}, which must stand before it")
 
@@ -162,17 +191,17 @@ def _check_order(model: Equations, source: str) -> None:
 def _output(entry: Any, index: int, text: str, source: str) -> Output:
     where = f"{source} [[output]] {index + 1}"
     check_keys(entry, {"name", "equation", "unit"}, where)
-    if not isinstance(entry.get("name"), str) or "equation" not in entry:
+    if not is_short(entry.get("name")) or "equation" not in entry:
         raise DataError(f"{where}: name and equation are needed")
-    tree = ex.parse(entry["equation"], _line(entry["equation"], text, f"{where} {entry['name']}", source))
+    tree = _tree(entry["equation"], text, f"{where} {entry['name']}", source)
     return Output(entry["name"], _unit(entry, where), tree)
 
 
 def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
     where = f"{source} [[input]] {index + 1}"
     check_keys(entry, {"name", "symbol", "unit"}, where)
-    if not isinstance(entry.get("name"), str):
-        raise DataError(f"{where}: name is missing")
+    if not is_short(entry.get("name")):
+        raise DataError(f"{where}: name is missing, or no text of at most {MOST_LETTERS} characters")
     symbol = entry.get("symbol", entry["name"])
     _check_name(symbol, where)
     return symbol, Signal(entry["name"], _unit(entry, where))
@@ -180,7 +209,7 @@ def _input(entry: Any, index: int, source: str) -> tuple[str, Signal]:
 
 def _filter(entry: Any, index: int, source: str) -> InputFilter:
     where = f"{source} [[input_filter]] {index + 1}"
-    if not isinstance(entry, dict) or entry.get("kind") not in KINDS:
+    if not isinstance(entry, dict) or not _is_kind(entry.get("kind")):
         raise DataError(f"{where}: kind is none of {', '.join(KINDS)}")
     slots = KINDS[entry["kind"]].slots
     check_keys(entry, {"input", "kind", *slots}, where)
@@ -190,20 +219,34 @@ def _filter(entry: Any, index: int, source: str) -> InputFilter:
     return InputFilter(entry["input"], entry["kind"], tuple(entry[s] for s in slots))
 
 
+def _is_kind(kind: Any) -> bool:
+    return isinstance(kind, str) and kind in KINDS
+
+
 def _check_filters(model: Equations, source: str) -> None:
     known = {p.name for p in model.parameters}
     for f in model.filters:
         if f.channel not in {s.name for s in model.inputs}:
-            raise DataError(f"{source} [[input_filter]]: {f.channel!r} is no input of the equations")
+            raise DataError(f"{source} [[input_filter]]: {shown(f.channel)} is no input of the equations")
         for name in f.parameters:
             if name not in known:
-                raise DataError(f"{source} [[input_filter]]: {name!r} is no parameter")
+                raise DataError(f"{source} [[input_filter]]: {shown(name)} is no parameter")
 
 
 def _check_name(name: Any, where: str) -> None:
-    reserved = name in ex.FUNCTIONS or name in ex.CONSTANTS or name == STEP if isinstance(name, str) else True
-    if reserved or not name.isidentifier() or keyword.iskeyword(name):
-        raise DataError(f"{where}: {name!r} cannot be a name here (letters, digits, _; no function, no Python keyword)")
+    reserved = not isinstance(name, str) or name in ex.FUNCTIONS or name in ex.CONSTANTS or name == STEP
+    if reserved or not is_short(name) or not name.isidentifier() or keyword.iskeyword(name):
+        raise DataError(
+            f"{where}: {shown(name)} cannot be a name here (letters, digits, _; no function, no Python keyword)"
+        )
+
+
+def _tree(formula: Any, text: str, where: str, source: str) -> ast.expr:
+    """Parse a formula; a bad one is named by its line, which is looked for only then."""
+    try:
+        return ex.parse(formula, where)
+    except DataError:
+        return ex.parse(formula, _line(formula, text, where, source))
 
 
 def _line(formula: Any, text: str, where: str, source: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
+from aeolid.text_files import shown
 
 Array = NDArray[np.float64]
 # Functions of the model file, with the fewest and the most arguments each takes.
@@ -35,13 +36,13 @@ def parse(text: str, where: str) -> ast.expr:
     Allowed: numbers, names, + - * / **, parentheses and FUNCTIONS; ^ is refused with a hint.
     """
     if not isinstance(text, str):
-        raise DataError(f"{where}: an expression in quotes is needed, found {text!r}")
+        raise DataError(f"{where}: an expression in quotes is needed, found {shown(text)}")
     if len(text) > _MAX_LENGTH:
         raise DataError(f"{where}: the expression is longer than {_MAX_LENGTH} characters")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise DataError(f"{where}: {text!r} is not an arithmetic expression") from None
+        raise DataError(f"{where}: {shown(text)} is not an arithmetic expression") from None
     _check(tree, text, where, 0)
     return tree
 
@@ -49,18 +50,23 @@ def parse(text: str, where: str) -> ast.expr:
 def names_in(tree: ast.expr) -> set[str]:
     """List the variables of an expression: every name that is neither a function nor a constant."""
     found: set[str] = set()
-    left: list[ast.AST] = [tree]
+    left: list[ast.expr] = [tree]
     while left:
         node = left.pop()
         if isinstance(node, ast.Name):
             found.add(node.id)
-        elif isinstance(node, ast.BinOp):
-            left += (node.left, node.right)
-        elif isinstance(node, ast.UnaryOp):
-            left.append(node.operand)
-        elif isinstance(node, ast.Call):
-            left += node.args
+        else:
+            left += parts_of(node)
     return found - CONSTANTS.keys()
+
+
+def parts_of(tree: ast.expr) -> list[ast.expr]:
+    """Return the expressions that one is made of: operands, or the arguments of a function."""
+    if isinstance(tree, ast.BinOp):
+        return [tree.left, tree.right]
+    if isinstance(tree, ast.UnaryOp):
+        return [tree.operand]
+    return tree.args if isinstance(tree, ast.Call) else []
 
 
 def substitute(tree: ast.expr, replacements: Mapping[str, ast.expr]) -> ast.expr:
@@ -156,16 +162,16 @@ def _representable(value: int | float) -> bool:
 
 def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
     if depth > _MAX_DEPTH:
-        raise DataError(f"{where}: {text[:60]!r} … is nested too deeply")
+        raise DataError(f"{where}: {shown(text)} is nested too deeply")
     if isinstance(node, ast.Constant):
         if isinstance(node.value, bool) or not isinstance(node.value, int | float):
-            raise DataError(f"{where}: {node.value!r} in {text!r} is not a number")
+            raise DataError(f"{where}: {shown(node.value)} in {shown(text)} is not a number")
         if not _representable(node.value):
-            raise DataError(f"{where}: a number in {text[:60]!r} … is too large for double precision")
+            raise DataError(f"{where}: a number in {shown(text)} is too large for double precision")
         return
     if isinstance(node, ast.Name):
         if node.id in FUNCTIONS:
-            raise DataError(f"{where}: function {node.id} in {text!r} needs its arguments in parentheses")
+            raise DataError(f"{where}: function {node.id} in {shown(text)} needs its arguments in parentheses")
         return
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, _UNARY):
         return _check(node.operand, text, where, depth + 1)
@@ -173,22 +179,22 @@ def _check(node: ast.AST, text: str, where: str, depth: int) -> None:
         _check(node.left, text, where, depth + 1)
         return _check(node.right, text, where, depth + 1)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
-        raise DataError(f"{where}: '^' in {text!r}; a power is written **")
+        raise DataError(f"{where}: '^' in {shown(text)}; a power is written **")
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
         _check_call(node, text, where)
         for argument in node.args:
             _check(argument, text, where, depth + 1)
         return None
-    piece = ast.unparse(node) if isinstance(node, ast.expr) else text
-    raise DataError(f"{where}: {piece!r} is not allowed; use + - * / ** and {', '.join(FUNCTIONS)}, pi")
+    piece = ast.get_source_segment(text.strip(), node) or text
+    raise DataError(f"{where}: {shown(piece)} is not allowed; use + - * / ** and {', '.join(FUNCTIONS)}, pi")
 
 
 def _check_call(node: ast.Call, text: str, where: str) -> None:
     name = node.func.id  # type: ignore[attr-defined]
     if name not in FUNCTIONS:
-        raise DataError(f"{where}: function {name!r} is not known; allowed are {', '.join(FUNCTIONS)}")
+        raise DataError(f"{where}: function {shown(name)} is not known; allowed are {', '.join(FUNCTIONS)}")
     fewest, most = FUNCTIONS[name]
     if not fewest <= len(node.args) <= most:
         raise DataError(
-            f"{where}: {name} in {text!r} takes {fewest if fewest == most else f'{fewest} or more'} arguments"
+            f"{where}: {name} in {shown(text)} takes {fewest if fewest == most else f'{fewest} or more'} arguments"
         )

@@ -13,8 +13,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees

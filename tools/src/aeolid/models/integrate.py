@@ -123,6 +123,15 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
 
     Raises DataError where the model leaves the finite numbers, naming the sample.
     """
+    y = free_run(compiled, u, theta, x0, step)
+    if not np.all(np.isfinite(y)):
+        first = int(np.argwhere(~np.isfinite(y))[0][0])
+        raise DataError(f"model {compiled.model.name!r}: the free run leaves the finite numbers at sample {first + 1}")
+    return y
+
+
+def free_run(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float) -> Array:
+    """Run free as `simulate` does, and return also what is not finite."""
     _check_step(compiled.model, step)
     filtered = driven(compiled, u, theta, step)
     blank = np.full((len(u), len(compiled.model.outputs)), np.nan)
@@ -130,9 +139,6 @@ def simulate(compiled: Compiled, u: Array, theta: Array, x0: Array, step: float)
     middle = np.median(u, axis=0) if len(u) else np.zeros(u.shape[1])
     count = substeps(compiled, middle, theta, x0, step)
     y: Array = compiled.predict(filtered, blank, theta, gain, x0, step, count, 1, False)[1]
-    if not np.all(np.isfinite(y)):
-        first = int(np.argwhere(~np.isfinite(y))[0][0])
-        raise DataError(f"model {compiled.model.name!r}: the free run leaves the finite numbers at sample {first + 1}")
     return y
 
 

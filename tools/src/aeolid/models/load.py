@@ -13,6 +13,7 @@ from scipy.signal import cont2discrete
 
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
+from aeolid.models.divergence import Divergence, divergence_of
 from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
 from aeolid.models.lpv import LpvStateSpace
@@ -133,6 +134,12 @@ def discretise(model: StateSpace, sample_time_s: float) -> StateSpace:
         return model
     A, B, C, D, _ = cont2discrete((model.A, model.B, model.C, model.D), sample_time_s, method="zoh")
     return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=sample_time_s)
+
+
+def diverged(model: Model, record: Record, y: Array) -> Divergence | None:
+    """Return how the free run y (N, l) of a model on a recording diverges; None where it does not."""
+    linear = discretise(model.state_space, record.sample_time_s) if isinstance(model, LinearModel) else None
+    return divergence_of(y, record, model.outputs, linear)
 
 
 def matched(record: Record, signals: Sequence[Named]) -> Array:

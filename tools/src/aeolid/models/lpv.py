@@ -13,13 +13,16 @@ from aeolid.models.model_file import (
     Signal,
     read_array,
     read_signals,
+    read_size,
     read_states,
+    read_time_step,
     require_keys,
     write_array,
     write_signals,
 )
 from aeolid.models.state_space import StateSpace
 from aeolid.record import check_keys
+from aeolid.text_files import is_short, shown
 
 Array = NDArray[np.float64]
 
@@ -143,37 +146,34 @@ def from_json(data: dict[str, Any], source: str) -> LpvStateSpace:
     inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
     m, r, l_ = 1 + len(scheduling), len(inputs), len(outputs)
     stack = data["A"]
-    n = len(stack[0]) if isinstance(stack, list) and stack and isinstance(stack[0], list) else -1
+    n = read_size(stack[0] if isinstance(stack, list) and stack else None, "A", source)
     A = _stacked(data, "A", m, (n, n), source)
     states = read_states(data.get("states"), n, source)
     D = _stacked(data, "D", m, (l_, r), source) if data.get("D") is not None else np.zeros((m, l_, r))
     K = _stacked(data, "K", m, (n, l_), source) if data.get("K") is not None else None
     covariance = data.get("innovation_covariance")
-    x0 = np.zeros(n) if not data.get("x0") else read_array(data["x0"], (n,), "x0", source)
+    x0 = np.zeros(n) if data.get("x0") is None else read_array(data["x0"], (n,), "x0", source)
     b = data.get("state_constant")
-    sample_time = data["sample_time_s"]
-    if not isinstance(sample_time, int | float) or not 0 < sample_time < 1e6:
-        raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds above 0")
     return LpvStateSpace(
         A, _stacked(data, "B", m, (n, r), source), _stacked(data, "C", m, (l_, n), source), D, K,
         np.zeros((m, n)) if b is None else read_array(b, (m, n), "state_constant", source), x0,
         None if covariance is None else read_array(covariance, (l_, l_), "innovation_covariance", source),
-        float(sample_time), inputs, outputs, states, scheduling,
+        read_time_step(data, source, continuous=False), inputs, outputs, states, scheduling,
     )  # fmt: skip
 
 
 def _scheduling(entry: Any, source: str) -> tuple[Signal, ...]:
     check_keys(entry, {"channels", "units", "first_is_one"}, f"{source} scheduling")
     if entry.get("first_is_one") is not True:
-        raise DataError(f"{source}: scheduling.first_is_one is {entry.get('first_is_one')!r}, true is needed")
+        raise DataError(f"{source}: scheduling.first_is_one is {shown(entry.get('first_is_one'))}, true is needed")
     channels = entry.get("channels")
     if not isinstance(channels, list) or not channels:
         raise DataError(f"{source}: scheduling.channels is not a list of channel names")
-    units = entry.get("units") or [""] * len(channels)
-    if not isinstance(units, list) or len(units) != len(channels):
+    units = [""] * len(channels) if entry.get("units") in (None, []) else entry["units"]
+    if not isinstance(units, list) or len(units) != len(channels) or not all(map(is_short, units)):
         raise DataError(f"{source}: scheduling.units does not name a unit for each of {len(channels)} channels")
     signals = read_signals(channels, "scheduling.channels", source)
-    return tuple(Signal(s.name, s.unit or str(u)) for s, u in zip(signals, units, strict=True))
+    return tuple(Signal(s.name, s.unit or u) for s, u in zip(signals, units, strict=True))
 
 
 def _stacked(data: dict[str, Any], key: str, m: int, shape: tuple[int, int], source: str) -> Array:

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
+
+from aeolid.compiled import intrinsic, njit, types
 
 Array = NDArray[np.float64]
 _WORD = 8  # bytes a double

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.record import check_keys
+from aeolid.text_files import MOST_LETTERS, is_number, shown
 
 Array = NDArray[np.float64]
+MOST_STATES = 800  # of a linear model: an eigenvalue problem of a second; its file holds no more
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Signal:
 def require_keys(data: dict[str, Any], keys: Sequence[str], source: str) -> None:
     """Refuse another kind of model, or one that lacks a key."""
     if data.get("kind") != "state_space":
-        raise DataError(f"{source}: kind is {data.get('kind')!r}, 'state_space' is needed")
+        raise DataError(f"{source}: kind is {shown(data.get('kind'))}, 'state_space' is needed")
     for key in keys:
         if key not in data:
             raise DataError(f"{source}: key {key!r} is missing")
@@ -44,15 +46,38 @@ def read_signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
         offset = entry.get("offset", 0.0)
         if not isinstance(entry.get("name"), str):
             raise DataError(f"{source}: {key}[{i}] has no name")
-        if not isinstance(offset, int | float) or not np.isfinite(offset):
-            raise DataError(f"{source}: {key}[{i}] has offset {offset!r}, a finite number is needed")
-        result.append(Signal(entry["name"], str(entry.get("unit", "")), float(offset)))
+        if not isinstance(entry.get("unit", ""), str):
+            raise DataError(f"{source}: {key}[{i}] has unit {shown(entry['unit'])}, a text is needed")
+        if max(len(entry["name"]), len(entry.get("unit", ""))) > MOST_LETTERS:
+            raise DataError(f"{source}: {key}[{i}] has a name or unit of more than {MOST_LETTERS} characters")
+        if not is_number(offset):
+            raise DataError(f"{source}: {key}[{i}] has offset {shown(offset)}, a finite number is needed")
+        result.append(Signal(entry["name"], entry.get("unit", ""), float(offset)))
     return tuple(result)
+
+
+def read_size(matrix: Any, key: str, source: str) -> int:
+    """Return the number of rows of a matrix, which is that of the states; at most MOST_STATES."""
+    if not isinstance(matrix, list):
+        raise DataError(f"{source}: {key} is not a matrix of numbers")
+    if len(matrix) > MOST_STATES:
+        raise DataError(f"{source}: {key} has {len(matrix)} rows; models of at most {MOST_STATES} states are read")
+    return len(matrix)
+
+
+def read_time_step(data: dict[str, Any], source: str, *, continuous: bool) -> float:
+    """Return sample_time_s; 0 where the model may be one of continuous time."""
+    value = data["sample_time_s"]
+    if not is_number(value) or not 0 <= value < 1e6 or not (continuous or value):
+        wanted = "a time in seconds (0 for continuous time)" if continuous else "a time in seconds above 0"
+        raise DataError(f"{source}: sample_time_s = {shown(value)} is not {wanted}")
+    return float(value)
 
 
 def read_states(entries: Any, count: int, source: str) -> tuple[Signal, ...]:
     """Read the names of so many states; x1, x2 … where none are given."""
-    states = read_signals(entries or [f"x{i + 1}" for i in range(count)], "states", source)
+    names = [f"x{i + 1}" for i in range(count)] if entries is None or entries == [] else entries
+    states = read_signals(names, "states", source)
     if len(states) != count:
         raise DataError(f"{source}: {len(states)} states are named, A has {count}")
     return states
@@ -62,9 +87,12 @@ def read_array(value: Any, shape: tuple[int, ...], key: str, source: str) -> Arr
     """Read nested lists of finite numbers of this shape."""
     try:
         array = np.array(value, dtype=float)
-    except (ValueError, TypeError):
+        plain = all(type(v) in (int, float) for v in np.array(value, dtype=object).ravel())
+    except (ValueError, TypeError, OverflowError):
+        plain = False
+    if not plain:  # neither texts that read like numbers, nor truth values
         what = "a matrix of numbers" + (", or not one for each scheduling entry" if len(shape) > 2 else "")
-        raise DataError(f"{source}: {key} is not {what}") from None
+        raise DataError(f"{source}: {key} is not {what}")
     if array.size == 0 and 0 in shape:
         array = np.zeros(shape)
     if array.shape != shape:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,12 +14,15 @@ from aeolid.models.model_file import (
     Signal,
     read_array,
     read_signals,
+    read_size,
     read_states,
+    read_time_step,
     require_keys,
     write_array,
     write_signals,
 )
 from aeolid.models.recursion import run_states
+from aeolid.text_files import load_json
 
 Array = NDArray[np.float64]
 
@@ -97,7 +99,7 @@ def from_json(data: dict[str, Any], source: str) -> StateSpace:
         raise DataError(f"{source}: a scheduled (LPV) model; a linear time-invariant one is needed here")
     require_keys(data, ("A", "B", "C", "inputs", "outputs", "sample_time_s"), source)
     inputs, outputs = (read_signals(data[k], k, source) for k in ("inputs", "outputs"))
-    n = len(data["A"]) if isinstance(data["A"], list) else -1
+    n = read_size(data["A"], "A", source)
     r, m = len(inputs), len(outputs)
     A, B, C = (read_array(data[k], shape, k, source) for k, shape in (("A", (n, n)), ("B", (n, r)), ("C", (m, n))))
     states = read_states(data.get("states"), n, source)
@@ -105,11 +107,9 @@ def from_json(data: dict[str, Any], source: str) -> StateSpace:
     K = read_array(data["K"], (n, m), "K", source) if data.get("K") is not None else None
     S = data.get("innovation_covariance")
     covariance = None if S is None else read_array(S, (m, m), "innovation_covariance", source)
-    x0 = read_array(data["x0"], (n,), "x0", source) if data.get("x0") else np.zeros(n)
-    sample_time = data["sample_time_s"]
-    if not isinstance(sample_time, int | float) or not 0 <= sample_time < 1e6:
-        raise DataError(f"{source}: sample_time_s = {sample_time!r} is not a time in seconds (0 for continuous time)")
-    return StateSpace(A, B, C, D, K, x0, covariance, float(sample_time), inputs, outputs, states)
+    x0 = np.zeros(n) if data.get("x0") is None else read_array(data["x0"], (n,), "x0", source)
+    step = read_time_step(data, source, continuous=True)
+    return StateSpace(A, B, C, D, K, x0, covariance, step, inputs, outputs, states)
 
 
 def load(path: str | Path) -> StateSpace:
@@ -119,14 +119,7 @@ def load(path: str | Path) -> StateSpace:
 
 def read_json(path: str | Path) -> dict[str, Any]:
     """Read a JSON object; raises DataError that names the file."""
-    try:
-        data = json.loads(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:
-        raise DataError(f"{path}: not valid JSON: {error}") from None
+    data = load_json(path)
     if not isinstance(data, dict):
         raise DataError(f"{path}: a JSON object is needed, found {type(data).__name__}")
     return data

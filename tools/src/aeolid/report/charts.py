@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from aeolid.report.markup import Html
 from aeolid.report.numbers import number
 
+matplotlib.rcParams.update(matplotlib.rcParamsDefault)  # a matplotlibrc in the current folder has no say here
 Array = NDArray[np.float64]
 INK, BEFORE, AFTER, TRUTH, GREY = "#1b1f24", "#d55e00", "#0072b2", "#d55e00", "#9aa4b0"
 WIDE, HALF = (10.6, 3.2), (5.6, 3.6)  # inches: the full width of the page, and one of two columns

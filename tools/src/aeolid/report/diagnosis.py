@@ -53,6 +53,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     return join(
         [
             _verdict(diagnosis, effects),
+            *(tag("p", f"Warning: {text}", class_="verdict open") for text in diagnosis.get("warnings") or []),
             before_after(evidence, diagnosis.get("sealed") or {}, after=_after(diagnosis)),
             _effects(effects, diagnosis.get("beside") or {}),
             _rivals(effects),

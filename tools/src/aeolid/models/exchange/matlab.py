@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.children import python_command
 from aeolid.errors import DataError, UsageError
 from aeolid.models import state_space
 from aeolid.models.state_space import StateSpace
@@ -110,7 +111,7 @@ def _content(path: str | Path) -> dict[str, Any]:
         raise DataError(f"{path}: {error.strerror}") from None
     if head == b"MATLAB 7.3":
         raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
-    command = [sys.executable, "-c", _READ, str(path)]
+    command = python_command("-c", _READ, str(path))
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
     except subprocess.TimeoutExpired:
