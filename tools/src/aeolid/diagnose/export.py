@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from aeolid import output
 from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.correction import correct
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.verdict import shown_proof
+from aeolid.formats.headings import heading_line
 from aeolid.models import expressions as ex
 from aeolid.models.equations_file import to_toml
 
 
 def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, model/model.toml, sealed_before_after.csv, evidence.json; returns the evidence."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    output.make_folder(folder)
+    output.write_json(folder / "diagnosis.json", diagnosis)
     correction = correct(study)
-    (folder / "model").mkdir(exist_ok=True)
-    (folder / "model" / "model.toml").write_text(to_toml(correction.model), encoding="utf-8")
+    output.make_folder(folder / "model")
+    output.write_text(folder / "model" / "model.toml", to_toml(correction.model))
     facts = evidence(study)
     if correction.free_run is not None:
         facts["free_run"] = correction.free_run.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
-    (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
+    output.write_text(folder / "evidence.json", json.dumps(facts, default=lambda v: v.tolist()) + "\n")
     return facts
 
 
 def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, an empty sealed_before_after.csv and evidence.json; returns the evidence."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    output.make_folder(folder)
+    output.write_json(folder / "diagnosis.json", diagnosis)
     write_series({}, folder / "sealed_before_after.csv")
-    (folder / "evidence.json").write_text(json.dumps(evidence) + "\n", encoding="utf-8")
+    output.write_text(folder / "evidence.json", json.dumps(evidence) + "\n")
     return evidence
 
 
@@ -45,14 +46,11 @@ def write_series(series: dict[str, Any], path: Path) -> None:
     """Write measured, before and after of every output over the sealed data; an empty series gives a heading only."""
     names = list(series)
     heads = ["time_s"] + [f"{n}_{kind}" for n in names for kind in ("measured", "before", "after")]
-    with open(path, "w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(heads)
-        if names:
-            columns = [series[names[0]]["time_s"]] + [
-                series[n][k] for n in names for k in ("measured", "before", "after")
-            ]
-            writer.writerows([["" if v is None else f"{v:.9g}" for v in row] for row in zip(*columns, strict=True)])
+    lines = [heading_line(heads)]
+    if names:
+        columns = [series[names[0]]["time_s"]] + [series[n][k] for n in names for k in ("measured", "before", "after")]
+        lines += [",".join("" if v is None else f"{v:.9g}" for v in row) + "\n" for row in zip(*columns, strict=True)]
+    output.write_text(path, "".join(lines))
 
 
 def evidence(study: Study) -> dict[str, Any]:
