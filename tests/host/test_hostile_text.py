@@ -182,7 +182,7 @@ def toml(value: Any) -> str:
 
 
 def test_a_value_of_a_wrong_type_is_refused_in_one_sentence(tmp_path: Path) -> None:
-    """Each of 23 values in each place of roles, case, equations and both kinds of state-space model, an eighth of all."""
+    """Each of 23 values in each place of roles, case, equations and both kinds of state-space model."""
     write_examples(tmp_path, samples=200)
     draw, calls = random.Random(7), 0
     for name in ("my_case/roles.toml", "stage/case.toml", "stage/model.toml", "my_case/model.json", "lpv.json"):

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.wire import FD_VALUES, WIRE_VERSIONS
+from aeolid.formats.headings import harmless_name
 
 Array = NDArray[np.float64]
 WIRE, SHAPE, PARAMETERS, SAMPLE_TIME, FORGETTING, REGULARISATION, FEEDTHROUGH, OFFSET, SCALE, NAME, UNIT = range(11)
@@ -137,6 +138,7 @@ class DescriptionCollector:
         model_set, method = _model_set(single[SHAPE][0])
         r, l, s = shape & 0xFF, shape >> 8 & 0xFF, shape >> 16 & 0xFF  # noqa: E741
         m = r + l + s
+        units = [_text(parts, UNIT, i, _UNIT_PARTS) for i in range(m)]
         offset, scale = (np.array([number(parts.get((item, i), 0)) for i in range(m)]) for item in (OFFSET, SCALE))
         result = Description(
             self.version or 0, self._hash or 0, model_set,
@@ -144,8 +146,8 @@ class DescriptionCollector:
             _short(number(single[SAMPLE_TIME][1])), _short(number(single[FORGETTING][1])),
             _short(number(single[REGULARISATION][1])),
             tuple(j for j in range(32) if single[FEEDTHROUGH][1] >> j & 1), offset, scale,
-            _names([_text(parts, NAME, i, _NAME_PARTS) for i in range(m)], r, l),
-            tuple(_text(parts, UNIT, i, _UNIT_PARTS) for i in range(m)), method, max(1, shape >> 24),
+            _names([_text(parts, NAME, i, _NAME_PARTS) for i in range(m)], units, r, l),
+            tuple(units), method, max(1, shape >> 24),
         )  # fmt: skip
         self.problem = _find_problem(result)
         return None if self.problem else result
@@ -172,12 +174,12 @@ def _short(value: float) -> float:
     return float(str(np.float32(value)))
 
 
-def _names(given: list[str], r: int, outputs: int) -> tuple[str, ...]:
-    """Fill in missing names and make double ones distinct."""
+def _names(given: list[str], units: list[str], r: int, outputs: int) -> tuple[str, ...]:
+    """Fill in missing names, make double ones distinct, and change those that no file of ours could hold."""
     names = ["time_s"]  # the recording's clock has this heading
-    for i, name in enumerate(given):
+    for i, (name, unit) in enumerate(zip(given, units, strict=True)):
         kind = f"u{i + 1}" if i < r else f"y{i - r + 1}" if i < r + outputs else f"s{i - r - outputs + 1}"
-        name = name or kind
+        name = harmless_name(name, unit) or kind
         while name in names:
             name = f"{name}_{kind}"
         names.append(name)

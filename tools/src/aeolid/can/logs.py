@@ -14,6 +14,7 @@ import numpy as np
 from aeolid.can.damage import find_damage
 from aeolid.can.messages import pack_messages
 from aeolid.can.wire import GARBLED, Frames, no_frames
+from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
 from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
 from aeolid.formats.mdf import quiet
@@ -163,6 +164,5 @@ def _unpack(stamps: Any, ids: Any, flags: Any, data: Any) -> Frames:
 
 
 def reason_of(error: Exception) -> str:
-    """Return what an error says, in one line."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text[:200]
+    """Return what an error says, in one line and without what it quotes of a file."""
+    return token(without_quotes(" ".join(str(error).split())), 200) or type(error).__name__

@@ -45,7 +45,7 @@ class RawLog(Protocol):
 
 
 def open_raw_log(path: Path) -> RawLog:
-    """Create a log in the format that its suffix names; an existing file is replaced.
+    """Create a log in the format that its suffix names; one that an earlier run wrote is replaced.
 
     Raises UsageError on another suffix or a place that cannot be written to.
     """

@@ -16,6 +16,7 @@ from aeolid.can.chunks import ChunkedLog
 from aeolid.can.messages import MARKER, PASSIVE
 from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, GARBLED, REMOTE, Frames
 from aeolid.formats.spare import SPARE
+from aeolid.output import create
 
 _KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")  # ASAM MDF bus logging 1.0
 _FIELDS = (("BusChannel", "<u1"), ("ID", "<u4"), ("IDE", "<u1"), ("DLC", "<u1"), ("DataLength", "<u1"),
@@ -38,7 +39,7 @@ class Mf4Log(ChunkedLog):
         from asammdf.blocks.v4_blocks import SourceInformation
 
         super().__init__(path)
-        path.touch()  # a place that cannot be written to is told now
+        os.close(create(path))  # a place that cannot be written to is told now
         self._folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.")
         self._mdf: Any = MDF(version="4.10", temporary_folder=self._folder.name)
         self._begin: float | None = None
@@ -67,7 +68,9 @@ class Mf4Log(ChunkedLog):
 
     def _finish(self) -> None:
         try:
-            self._mdf.save(self.path, overwrite=True, compression=2)
+            whole = Path(self._folder.name) / "whole.mf4"
+            self._mdf.save(whole, overwrite=True, compression=2)
+            os.replace(whole, self.path)
         finally:
             self._mdf.close()
             self._folder.cleanup()

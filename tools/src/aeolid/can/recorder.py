@@ -10,11 +10,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid import output
 from aeolid.can.logs import open_log
 from aeolid.can.node import Assembly, Configuration, Node
 from aeolid.can.runs import Run, channels_of
 from aeolid.can.snapshots import MarkovSnapshot
-from aeolid.errors import DataError
+from aeolid.errors import DataError, UsageError
 from aeolid.filters import COUNTERS, FilterSettings
 from aeolid.record import Record
 
@@ -62,7 +63,7 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, run: Run | No
     told = zip(COUNTERS, _HEALTH_ITEMS, strict=True)  # two of them are not on the wire
     counters = {name: node.counters[item] for name, item in told if item in node.counters}
     try:
-        with open(path, "wb") as handle:
+        with output.replacing(path) as handle:
             np.savez_compressed(
                 handle,
                 theta=snapshot.theta,
@@ -84,8 +85,8 @@ def write_markov(path: Path, node: Node, snapshot: MarkovSnapshot, run: Run | No
                 complete=np.bool_(snapshot.complete),
                 missing=np.array(snapshot.missing, np.int64),
             )
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written: {error.strerror}") from None
+    except UsageError as error:  # it could be written when the reception began
+        raise DataError(str(error)) from None
 
 
 def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:

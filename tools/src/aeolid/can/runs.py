@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid import output
 from aeolid.can.clock import ClockFit, ClockPairs
 from aeolid.can.node import Assembly, Configuration, Node
 from aeolid.can.samples import SampleTable, follows
@@ -56,6 +56,11 @@ class Run:
     _inside: int = 0  # rows in it
     ended: bool = False  # nothing more will be added
     _digest: Any = field(default_factory=hashlib.sha256)
+
+    @property
+    def table_path(self) -> Path | None:
+        """Return where the rows are now."""
+        return None if self._table is None else self._table.path
 
     @property
     def step(self) -> int:
@@ -159,7 +164,7 @@ class Run:
         self.end()
         if self._table is None or target is None:
             return
-        os.replace(self._table.path, target)
+        output.adopt(self._table.path, target)
         self.file = target
         self.roles = write_roles(target, channels_of(self.configuration), self.sample_time_s, self.clock)
 
@@ -186,7 +191,7 @@ def write_roles(path: Path, channels: tuple[Channel, ...], sample_time_s: float,
     lines += ["[recording]", f"sample_time_s = {sample_time_s!r}", 'time = "time_s"', ""]
     for c in channels:
         lines += ["[[channel]]"] + [f"{key} = {_quote(getattr(c, key))}" for key in ("name", "unit", "role")] + [""]
-    roles.write_text("\n".join(lines), encoding="utf-8")
+    output.write_text(roles, "\n".join(lines))
     return roles
 
 
@@ -203,6 +208,11 @@ class RunRecorder:
         self._target, self._folder, self._only = target, innovations, only
         self.clocks: Callable[[int], list[ClockPairs]] | None = None  # of a node; with it, runs that are over are ended
         self._seen: dict[int, int] = {}  # node -> values that had arrived at the last look
+
+    @property
+    def target(self) -> Path | None:
+        """Return the name of the recording, None where only counts are kept."""
+        return self._target
 
     @property
     def full(self) -> bool:
@@ -275,6 +285,8 @@ class RunRecorder:
                 run.finish(with_tag(self._target, tag + (f"-run{k + 1}" if len(runs) > 1 else "")))
             except OSError as error:
                 raise DataError(f"{self._target}: cannot be completed ({error.strerror or error})") from None
+            except UsageError as error:  # the name was taken meanwhile: the rows stay where they are
+                raise DataError(f"{error}; they are in {run.table_path}") from None
 
     def _settle(self, number: int) -> None:
         """Complete the file of a node's newest run: one that starts again and again must not use up all handles."""

@@ -20,6 +20,7 @@ from aeolid.challenge.write import hash_of, read_seal
 from aeolid.children import python_command
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.workers import Pool
+from aeolid.output import make_folder, write_text
 
 Facts = dict[str, Any]
 Notice = Callable[[int, int, Facts], None]
@@ -61,10 +62,7 @@ def run(
         if not (folder / name).is_dir() or hash_of(folder / name) != digest:
             raise DataError(f"{folder / name}: is not the case that was sealed; make the challenge anew")
         jobs.append(Job(str(folder / name), str(out / name), sham, seed, most_s, keep))
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror or error})") from None
+    make_folder(out)
     results: dict[int, Facts] = {}
     for i, job in enumerate(jobs):
         stored = _stored(job, seal["cases"][Path(job.case).name])
@@ -82,7 +80,7 @@ def run(
 def diagnose_case(job: Job) -> Facts:
     """Diagnose one case in a process of its own and write its result."""
     out = Path(job.out)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     command = python_command("-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME))
     command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
     begun = time.perf_counter()
@@ -112,12 +110,10 @@ def _ended(job: Job, outcome: str, reason: str, seconds: float, found: Facts | N
         "reason": reason, "seconds": round(seconds, 1), "diagnosis": found,
     }  # fmt: skip
     out = Path(job.out)
-    out.mkdir(parents=True, exist_ok=True)
+    make_folder(out)
     if not job.keep:  # hundreds of reports and models nobody asked for
         shutil.rmtree(out / OUTCOME, ignore_errors=True)
-    partial = out / (RESULT + ".part")
-    partial.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
-    os.replace(partial, out / RESULT)
+    write_text(out / RESULT, json.dumps(result, indent=1) + "\n", own=True)
     return result
 
 

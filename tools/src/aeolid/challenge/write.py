@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid import output
 from aeolid.challenge.draw import DECIDABLE, Draw, build, draw_all, place
 from aeolid.challenge.families import family_of
 from aeolid.challenge.items import WAYS
@@ -35,7 +36,7 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
     """
     tell = notice or (lambda done, of: None)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        output.make_folder(folder)
         if any(folder.iterdir()):
             raise UsageError(f"{folder}: is not empty; name a new folder")
         answers: dict[str, Facts] = {}
@@ -49,9 +50,10 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
             tell(number, cases)
         settings = {"version": VERSION, "seed": seed, "samples": samples, "cases": cases}
         text = json.dumps({"settings": settings, "answers": answers}, indent=1, sort_keys=True)
-        (folder / ANSWERS).write_bytes(gzip.compress(text.encode(), mtime=0))
+        with output.replacing(folder / ANSWERS, own=True) as handle:
+            handle.write(gzip.compress(text.encode(), mtime=0))
         seal = {"schema": 1, "answers": ANSWERS, "sha256": sha256(folder / ANSWERS), "cases": hashes}
-        (folder / SEAL).write_text(json.dumps(seal, indent=1) + "\n", encoding="utf-8")
+        output.write_json(folder / SEAL, seal, own=True)
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: cannot be written ({error.strerror or error})") from None
     return seal
@@ -102,13 +104,13 @@ def open_answers(folder: Path) -> Facts:
 
 def write_case(case: Path, draw: Draw, samples: int) -> None:
     """Write recording, roles, baseline and case.toml; nothing in them tells what is hidden."""
-    case.mkdir()
+    output.make_folder(case)
     setup = place(draw, draw.strength)
     columns = simulate(setup, samples, draw.seed)
     channels = _channels(setup)
     _write_table(case / "recording.csv", columns, channels)
     rows = [f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, _, u, r in channels]
-    (case / "roles.toml").write_text('[recording]\ntime = "time_s"\n' + "".join(rows), encoding="utf-8")
+    _write(case / "roles.toml", '[recording]\ntime = "time_s"\n' + "".join(rows))
     context = dict(setup.plant.context)
     if any(c[0] == "wave" for c in channels):
         context["offshore"] = True
@@ -117,7 +119,7 @@ def write_case(case: Path, draw: Draw, samples: int) -> None:
     lines += ['roles = "roles.toml"', "[baseline]", f'kind = "{draw.kind}"', f'file = "{file}"']
     lines += ["same_inputs = false"] if draw.kind == "run" else []
     lines += ["[context]", *(f"{k} = {json.dumps(v)}" for k, v in context.items())]
-    (case / "case.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write(case / "case.toml", "\n".join(lines) + "\n")
 
 
 def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
@@ -136,7 +138,12 @@ def _write_table(path: Path, columns: Mapping[str, Any], channels: list[tuple[st
     table = np.column_stack([columns["time_s"], *(columns[c] for _, c, _, _ in channels)])
     lines = [",".join(["time_s", *(n for n, _, _, _ in channels)])]
     lines += [",".join(f"{x:.8g}" for x in row) for row in table]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    _write(path, "\n".join(lines) + "\n")
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file of a case: no account is kept beside it, the folder is new and its answers are sealed."""
+    output.write_text(path, text, durable=False, own=True)
 
 
 def _write_baseline(
@@ -146,10 +153,9 @@ def _write_baseline(
         _write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
         return "simulation.csv"
     if draw.kind == "equations":
-        text = setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory)
-        (case / "model.toml").write_text(text, encoding="utf-8")
+        _write(case / "model.toml", setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory))
         return "model.toml"
-    (case / "model.json").write_text(json.dumps(state_space(setup), indent=1) + "\n", encoding="utf-8")
+    _write(case / "model.json", json.dumps(state_space(setup), indent=1) + "\n")
     return "model.json"
 
 

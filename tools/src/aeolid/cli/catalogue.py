@@ -8,7 +8,8 @@ from typing import Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json
+from aeolid.output import declare
 
 EXAMPLES = (
     "aeolid catalogue",
@@ -21,8 +22,9 @@ def register(app: typer.Typer) -> None:
     app.command("catalogue")(run)
 
 
-def run(json_target: JsonOption = None) -> None:
+def run(json_target: JsonOption = None, force: ForceOption = False) -> None:
     """List the effects a diagnosis can name, with equations, parameters and what they are confused with."""
+    declare("catalogue", force=force, files={"--json": json_target})
     from aeolid.diagnose.catalogue import ENTRIES
 
     facts: list[dict[str, Any]] = [

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
+from aeolid.output import declare
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -71,6 +72,7 @@ def challenge(
         float | None, typer.Option("--fail-below", min=0.0, max=1.0, help="score: exit 1 when the recall lies below.")
     ] = None,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Prove the diagnosis: hide physics in recordings, diagnose them blind, open the answers and count.
 
@@ -81,12 +83,27 @@ def challenge(
              "timeout": timeout, "keep": keep or None, "page": page, "fail_below": fail_below}  # fmt: skip
     _check(step, {name for name, value in given.items() if value is not None})
     target = out or folder / "results"
+    page = page or target / "score.html"
+    _declare(step, folder, target, page, json_target, force)
     if step == "make":
         _make(folder, cases or 60, 1 if seed is None else seed, samples or 6000, json_target)
     elif step == "run":
         _run(folder, target, workers or len(os.sched_getaffinity(0)), sham or 0, timeout or 900.0, keep, json_target)
     else:
-        _score(folder, target, page or target / "score.html", fail_below, json_target)
+        _score(folder, target, page, fail_below, json_target)
+
+
+def _declare(step: str, folder: Path, target: Path, page: Path, json_target: str | None, force: bool) -> None:
+    """Say where a step writes; the folder of results is emptied of old diagnoses, so it must be of our making."""
+    files: dict[str, str | Path | None] = {"--json": json_target}
+    if step == "score":
+        declare("challenge score", force=force, files=files | {"--page": page})
+    elif step == "make":
+        declare("challenge make", force=force, folders={"DIR": folder}, files=files)
+    else:
+        if target.resolve() == folder.resolve():
+            raise UsageError(f"--out {target}: holds the cases themselves; name another folder")
+        declare("challenge run", force=force, folders={"--out": target}, files=files, claimed=True)
 
 
 def _check(step: str, given: set[str]) -> None:

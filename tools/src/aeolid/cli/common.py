@@ -4,26 +4,42 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 
+from aeolid import output
+from aeolid.display import visible_lines
 from aeolid.errors import UsageError
 
 FILTERS = ("rls", "els", "fast-rls", "lattice")  # aeolid.filters.METHODS, not imported for the sake of --help
 
-console = Console(highlight=False)
-progress_console = Console(stderr=True, highlight=False)
+
+class SafeConsole(Console):
+    """Write text as `visible_lines` does, wherever it comes from: only styles of our own act on the terminal."""
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """Yield the segments of a renderable, what is unseen in their text written out."""
+        for text, style, control in super().render(renderable, options):
+            yield Segment(text if control else visible_lines(text), style, control)
+
+
+console = SafeConsole(highlight=False)
+progress_console = SafeConsole(stderr=True, highlight=False)
 
 RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names each channel, its unit and role.")]
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),
+]
+ForceOption = Annotated[
+    bool, typer.Option("--force", help="Replace also inputs, and files that this command did not write.")
 ]
 
 
@@ -87,10 +103,7 @@ def emit_json(facts: Any, target: str | None) -> None:
     if target == "-":
         sys.stdout.write(text)
         return
-    try:
-        Path(target).write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{target}: cannot be written ({error.strerror})") from None
+    output.write_text(target, text)
 
 
 def plain(value: Any) -> Any:

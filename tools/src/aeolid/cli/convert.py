@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, one_of
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of
 from aeolid.errors import UsageError
+from aeolid.output import declare, write_text
 
 if TYPE_CHECKING:
     from aeolid.models.state_space import StateSpace
@@ -54,6 +55,7 @@ def convert(
     ] = None,
     name: Annotated[str | None, typer.Option("--name", help="Prefix in C; default: the name of the file.")] = None,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Convert a linear model: MATLAB files, OpenFAST linearisations, a Kalman observer in C."""
     suffix = out.suffix.lower()
@@ -63,6 +65,7 @@ def convert(
         raise UsageError(f"--precision and --name belong to a C observer (.h), not to {out.name}")
     if sample_time is not None and not 0 < sample_time < 1e6:
         raise UsageError(f"--sample-time {sample_time:g} is not a time in seconds above 0")
+    declare("convert", force=force, inputs=[model_file], files={"OUT": out, "--json": json_target})
     from aeolid.models.exchange.files import read_with_notes
     from aeolid.models.exchange.select import select
 
@@ -76,7 +79,7 @@ def convert(
             kept = ", ".join(s.name for s in whole.outputs)
             raise UsageError(f"--output: an observer needs all outputs that its Kalman gain was made for: {kept}")
         prefix = name or re.sub(r"\W", "_", out.stem, flags=re.ASCII)
-        _write(out, c_observer(model, name=prefix, precision=precision or "f32", source=model_file.name))
+        write_text(out, c_observer(model, name=prefix, precision=precision or "f32", source=model_file.name))
     elif suffix == ".mat":
         from aeolid.models.exchange.matlab import write_mat
 
@@ -100,13 +103,6 @@ def _at_sample_time(model: StateSpace, sample_time: float | None, source: Path) 
             f"--sample-time {sample_time:g}"
         )
     return discretise(model, sample_time)
-
-
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
 
 
 def _facts(model: StateSpace, source: Path, out: Path) -> dict[str, Any]:

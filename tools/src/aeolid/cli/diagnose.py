@@ -7,12 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, progress_console
+from aeolid.output import declare, discard
 
 EXAMPLES = (
     "aeolid diagnose my_case --out my_case/diagnosis",
     "aeolid diagnose my_case --out checked --sham 5 --fail-on-mismatch --json -",
 )
+
+FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
 
 
 def register(app: typer.Typer) -> None:
@@ -36,7 +39,11 @@ def run(
     report: Annotated[
         bool, typer.Option("--report/--no-report", help="Draw report.html; without it a run takes seconds less.")
     ] = True,
+    allow_outside: Annotated[
+        bool, typer.Option("--allow-outside", help="Read also files that the case names outside its folder.")
+    ] = False,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
 
@@ -50,9 +57,10 @@ def run(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
             " model: aeolid example . writes two"
         )
-    diagnosis, evidence = _diagnosed(case, out, sham, seed)
+    declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, allow_outside)
     page = out / "report.html"
-    page.unlink(missing_ok=True)  # of an earlier run
+    discard(page)  # of an earlier run
     if report:
         from aeolid.report.diagnosis import render_diagnosis
 
@@ -70,7 +78,9 @@ def run(
         raise typer.Exit(1)
 
 
-def _diagnosed(case: Path, out: Path, sham: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def _diagnosed(
+    case: Path, out: Path, sham: int, seed: int, allow_outside: bool
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -88,7 +98,7 @@ def _diagnosed(case: Path, out: Path, sham: int, seed: int) -> tuple[dict[str, A
             bar.update(task, description=text, completed=share)
 
         try:
-            return conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
+            return conclude(load_case(case, allow_outside=allow_outside), out, sham=sham, seed=seed, progress=tell)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)
 

@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json
+from aeolid.output import declare
 
 EXAMPLES = ("aeolid example .", "aeolid example tryout --samples 6000 --seed 3")
 NEXT = (
@@ -27,14 +28,16 @@ def run(
     samples: Annotated[int, typer.Option("--samples", help="Of each turbine recording, ten a second.")] = 3000,
     seed: Annotated[int, typer.Option("--seed", help="Of wind, excitation and noise.", min=0)] = 1,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Write small recordings, roles, models and cases to try the other commands on.
 
     Two recordings of the built-in turbine and the case my_case with its model; a positioning stage with its equations,
     the case stage. Something is concealed in each.
     """
-    from aeolid.plants.examples import write_examples
+    from aeolid.plants.examples import EXAMPLE_FILES, write_examples
 
+    declare("example", force=force, folders={"DIR": folder}, files={"--json": json_target}, inside=EXAMPLE_FILES)
     files = write_examples(folder, samples=samples, seed=seed)
     emit_json({"folder": folder, "files": files, "next": NEXT}, json_target)
     if json_target == "-":

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of
+from aeolid.cli.common import FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of
 from aeolid.errors import UsageError
+from aeolid.output import declare, replacing
 
 EXAMPLES = (
     "aeolid filter monday.csv --roles roles.toml --method rls --past 20 --out m.npz",
@@ -43,6 +44,7 @@ def run(
         list[str] | None, typer.Option("--feedthrough", help="Input whose present value acts at once; repeatable.")
     ] = None,
     json: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Replay a recording through the C filters and write its Markov parameters.
 
@@ -51,6 +53,7 @@ def run(
     """
     if method not in FILTERS:
         raise UsageError(f"--method {method}: there are {', '.join(FILTERS)}")
+    declare("filter", force=force, inputs=[recording, roles], files={"--out": out, "--json": json})
     from aeolid.filters import filter_record, save_markov
     from aeolid.formats import read_record
     from aeolid.record import Roles
@@ -66,11 +69,8 @@ def run(
         precision=precision,
         feedthrough=tuple(feedthrough or ()),
     )
-    try:
-        with open(out, "wb") as handle:
-            save_markov(handle, result, record)
-    except OSError as error:
-        raise UsageError(f"{out}: cannot be written ({error.strerror})") from None
+    with replacing(out) as handle:
+        save_markov(handle, result, record)
     emit_json({"source": record.source, "sha256": record.sha256, "out": out, **result.to_json()}, json)
     if json != "-":
         console.print(f"{recording}: {result.summary()} → {out}")

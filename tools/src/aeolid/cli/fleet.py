@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, progress_console
 from aeolid.errors import UsageError
+from aeolid.output import declare, make_folder
 
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
@@ -20,6 +21,8 @@ EXAMPLES = (
     "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
     'aeolid fleet "park/*/2026-*.csv" --roles roles.toml --past 30 --window 1w --models --out trends',
 )
+
+FILES = ("modes.parquet", "fleet.json", "report.html")
 
 
 def register(app: typer.Typer) -> None:
@@ -59,6 +62,7 @@ def fleet(
         str | None, typer.Option("--scheduler", help="Address of a Dask scheduler whose workers see the same paths.")
     ] = None,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Map recordings to models of each turbine and period and follow their modes; a second run does what is new."""
     if workers is not None and (scheduler is not None or not 1 <= workers <= 1024):
@@ -71,6 +75,10 @@ def fleet(
 
     plan = _plan(roles, past, order, group, window, feedthrough)
     paths = find_recordings(recordings, out)
+    files = {"--json": json_target}
+    declare("fleet", force=force, inputs=[roles, *paths], folders={"--out": out}, files=files, inside=FILES)
+    if models:
+        make_folder(out / "models")
     count = min(workers or len(os.sched_getaffinity(0)), len(paths))
     try:
         with open_pool(count, scheduler) as pool, _progress() as notice:

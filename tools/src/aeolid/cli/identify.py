@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import FILTERS, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.common import FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
 from aeolid.errors import UsageError
+from aeolid.output import declare
 
 if TYPE_CHECKING:
     from aeolid.identify.lpv import LpvIdentification
@@ -135,6 +136,7 @@ def identify(
     ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
     _check_method(method)
@@ -151,6 +153,8 @@ def identify(
     _check_finish(finish, method, order)
     joint = _given(joint_order=joint_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
+    files = {"--out": out, "--report": report, "--json": json_target}
+    declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
     from aeolid.record import Roles
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, ForceOption, JsonOption
 from aeolid.cli.receiving import (
     BitRateOption,
     BusOption,
@@ -54,6 +54,7 @@ def run(
     bit_rate: BitRateOption = 500_000,
     data_bit_rate: DataBitRateOption = 2_000_000,
     json: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Receive the stream of nodes, show its progress, write recordings, raw logs and Markov parameters.
 
@@ -64,6 +65,6 @@ def run(
 
     wanted = Wanted(
         bus, record, log, markov, modes, poles, poles_every, order, seconds, until_end, reconnect, node_id, base,
-        bit_rate, data_bit_rate, json,
+        bit_rate, data_bit_rate, json, force=force,
     )  # fmt: skip
     receive(wanted, lambda reception, follower, _: shown(reception, follower))

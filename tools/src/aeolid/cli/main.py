@@ -13,16 +13,18 @@ import typer
 from rich.markup import escape
 
 import aeolid.cli
+from aeolid import output
 from aeolid.children import guard_imports
-from aeolid.errors import AeolidError
+from aeolid.cli import guard
 
-PLUMBING = {"main", "common", "listen_facts", "listen_modes", "listen_view", "receiving", "reference"}
+PLUMBING = {"main", "common", "guard", "listen_facts", "listen_modes", "listen_view", "receiving", "reference"}
 HELP = """Identify and diagnose wind-turbine models from controller recordings.
 
 No recording at hand? aeolid example writes some. Each command says more: aeolid identify --help."""
 ENDING = (
     "Exit codes: 0 done; 1 done, and the answer is the bad news asked for; 2 wrong usage; 3 unreadable or inconsistent "
-    "data; 4 the data do not carry the answer. --json FILE writes the facts of a command for machines."
+    "data; 4 the data do not carry the answer; 70 a defect of aeolid itself; 130 stopped. --json FILE writes the facts "
+    "of a command for machines."
 )
 
 
@@ -43,6 +45,8 @@ def build_app() -> typer.Typer:
             module = importlib.import_module(f"aeolid.cli.{info.name}")
             module.register(app)
             command = app.registered_commands[-1]
+            assert command.callback is not None
+            command.callback = guard.carrying(command.callback)
             command.help = _paragraphs(inspect.getdoc(command.callback) or "")
             command.epilog = escape("\n".join(["Examples:", *getattr(module, "EXAMPLES", ())]))
     return app
@@ -60,17 +64,25 @@ def _say_version(wanted: bool) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; exit codes 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative."""
+    """Run one command.
+
+    Returns the exit code: 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative, 130 stopped, 70 a defect.
+    """
     guard_imports(started_as_module=__name__ == "__main__")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
+    with guard.standard_streams() as stream, guard.interrupts():
+        try:
+            code = _run(arguments)
+        except BaseException as error:
+            code = guard.explain(error)
+        finally:
+            output.finished()
+        return guard.end_of(stream, code)
+
+
+def _run(arguments: list[str] | None) -> int:
     try:
         build_app()(args=arguments, prog_name="aeolid")  # ends in SystemExit; usage errors are reported there, code 2
-    except AeolidError as error:
-        print(f"aeolid: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("aeolid: stopped", file=sys.stderr)
-        return 130
     except SystemExit as done:
         return done.code if isinstance(done.code, int) else 0
     return 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aeolid.cli.common import DEFAULT_BASE, BaseOption, JsonOption, console, progress_console
+from aeolid.cli.common import DEFAULT_BASE, BaseOption, ForceOption, JsonOption, console, progress_console
 from aeolid.cli.receiving import (
     BitRateOption,
     BusOption,
@@ -73,6 +73,7 @@ def run(
     bit_rate: BitRateOption = 500_000,
     data_bit_rate: DataBitRateOption = 2_000_000,
     json: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Watch nodes while they stream: modes with their bands, Markov parameters, innovations, health, losses, bus load.
 
@@ -83,13 +84,14 @@ def run(
 
     wanted = Wanted(
         bus, record, log, markov, True, poles, poles_every, order, seconds, until_end, reconnect, node_id, base,
-        bit_rate, data_bit_rate, json, "--for",
+        bit_rate, data_bit_rate, json, "--for", "monitor", force,
     )  # fmt: skip
     board = Board()
 
     @contextmanager
     def show(reception: Reception, follower: ModeFollower | None, stop: Stop) -> Iterator[None]:
-        board.watch(reception, follower, node_id, None if record is None else str(record))
+        target = reception.recorder.target
+        board.watch(reception, follower, node_id, None if target is None else str(target))
         with _shown(board, (address, port, browser, terminal)) as view:
             yield
             view.farewell("The reception is over.")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,6 +13,7 @@ from aeolid.cli.common import (
     DEFAULT_BASE,
     FILTERS,
     BaseOption,
+    ForceOption,
     JsonOption,
     check_address,
     console,
@@ -20,6 +22,7 @@ from aeolid.cli.common import (
     progress_console,
 )
 from aeolid.errors import UsageError
+from aeolid.output import declare, private_path
 
 if TYPE_CHECKING:
     from aeolid.can.software_node import Feed, SoftwareNode
@@ -77,13 +80,13 @@ def run(
     ] = 1,
     dump: Annotated[Path | None, typer.Option("--dump", help="Write the last theta as float32.")] = None,
     json: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Run the C filters in a process of their own and stream what they find on a virtual CAN bus.
 
     The first line on standard output is the address that `aeolid listen --bus` takes.
     """
-    if dump is not None and (dump.is_dir() or not dump.parent.is_dir()):
-        raise UsageError(f"--dump {dump}: a file in a folder that exists is needed")
+    declare("node", force=force, inputs=[recording, roles], files={"--dump": dump, "--json": json})
     feed = _choose_feed(recording, roles, turbine, samples, seed)
     _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
@@ -94,8 +97,8 @@ def run(
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
     options += (["--wait"] if wait else []) + (["--innovations"] if innovations else [])
     options += ["--seal" if seal else "--no-seal", *(["--fd"] if fd else []), "--fd-ratio", fd_ratio]
-    options += ["--dump", dump] if dump else []
-    health = _run(feed, [str(o) for o in options])
+    with nullcontext() if dump is None else private_path(dump) as partial:
+        health = _run(feed, [str(o) for o in [*options, *(["--dump", partial] if partial else [])]])
     facts = json_module.loads(health)
     emit_json(facts, json)
     if json != "-" and facts:

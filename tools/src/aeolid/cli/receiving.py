@@ -5,13 +5,14 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import check_address, console, emit_json, read_base
+from aeolid import output
+from aeolid.cli.common import check_address, console, emit_json, progress_console, read_base
 from aeolid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -84,6 +85,8 @@ class Wanted:
     data_bit_rate: int
     json: str | None
     time_option: str = "--seconds"
+    command: str = "listen"
+    force: bool = False
 
 
 def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> None:
@@ -102,6 +105,11 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     _check_modes(w)
     identifiers = read_base(w.base) if w.node_id is None else check_address(w.base, w.node_id)
     source = open_source(w.bus, reconnect=not w.until_end if w.reconnect is None else w.reconnect)
+    try:
+        w = _declared(w, source.is_log)
+    except UsageError:
+        source.close()
+        raise
     raw = open_raw_log(w.log) if w.log else None
     recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
     rates = {"bit_rate": w.bit_rate, "data_bit_rate": w.data_bit_rate}
@@ -118,8 +126,32 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
             if follower is not None:
                 follower.finish()
                 reception.fault = reception.fault or follower.fault
+        for grown in (w.log, w.poles):
+            if grown is not None and grown.is_file():
+                output.record_written(grown)
         nodes = [n for n in reception.assembly.nodes.values() if w.node_id is None or n.number == w.node_id]
         _finish(reception, nodes, reason, (w.markov, follower, w.poles), w.json, w.until_end)
+
+
+def _declared(w: Wanted, is_log: bool) -> Wanted:
+    """Say what is written; returns the options with names that are free.
+
+    What came over a bus does not come again: where a name is taken, all files of the reception get the next number
+    that is free. A log can be read again, so its files may replace those of the same command.
+    """
+    names = {"--record": w.record, "--log": w.log, "--markov": w.markov, "--poles": w.poles}
+    if not is_log and not w.force:
+        k = output.free_number(names.values())
+        names = {option: None if path is None else output.numbered(path, k) for option, path in names.items()}
+        if k > 1:
+            told = ", ".join(str(path) for path in names.values() if path is not None)
+            progress_console.print(f"aeolid: the name is taken, so this is number {k}: {told}", soft_wrap=True)
+    inputs = [w.bus] if is_log else []
+    output.declare(
+        w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=not is_log
+    )
+    record, log, markov, poles = names.values()
+    return replace(w, record=record, log=log, markov=markov, poles=poles)
 
 
 def _follow(reception: Reception, w: Wanted, observer: Observer | None) -> ModeFollower:
@@ -167,6 +199,8 @@ def _check(w: Wanted) -> None:
     for target in given:
         if not target.parent.is_dir():
             raise UsageError(f"{target}: the folder {target.parent} does not exist")
+        if target.is_symlink():
+            raise UsageError(f"{target}: is a link; name the file itself")
         if target.is_dir():
             raise UsageError(f"{target}: is a folder; name a file in it")
     names = [str(p.resolve()) for p in [*given, Path(w.bus)]]

@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
+from aeolid.output import declare
 
 EXAMPLES = ("aeolid simulate model.json tuesday.csv --roles roles.toml --out simulated.csv",)
 
@@ -32,10 +33,13 @@ def simulate(
         ),
     ] = "estimate",
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Run a model free on the recorded inputs and write its outputs."""
     if initial not in ("estimate", "model", "zero"):
         raise UsageError(f"--initial {initial!r} is none of estimate, model, zero")
+    files = {"--out": out, "--json": json_target}
+    declare("simulate", force=force, inputs=[model_file, recording, roles], files=files)
     from dataclasses import replace
 
     import numpy as np

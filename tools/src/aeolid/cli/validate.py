@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, RolesOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, progress_console
 from aeolid.errors import UsageError
+from aeolid.output import declare
 
 EXAMPLES = (
     "aeolid validate model.json tuesday.csv --roles roles.toml",
@@ -40,6 +41,7 @@ def validate(
         ),
     ] = "free-run",
     json_target: JsonOption = None,
+    force: ForceOption = False,
 ) -> None:
     """Measure one-step, k-step and free-run fit, and test the innovations of the predictor."""
     if metric not in ("free-run", "one-step"):
@@ -47,6 +49,7 @@ def validate(
     if fail_above is not None and not 0 <= fail_above < float("inf"):
         raise UsageError(f"--fail-above {fail_above:g} is no NRMSE; give a finite number of 0 or more")
     horizons = _horizons(steps)
+    declare("validate", force=force, inputs=[model_file, recording, roles], files={"--json": json_target})
     from aeolid.formats import read_record
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model

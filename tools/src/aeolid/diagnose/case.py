@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from aeolid.diagnose.inside import resolve
 from aeolid.errors import Contradiction, DataError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
@@ -45,10 +47,15 @@ class Case:
     same_inputs: bool = False
 
 
-def load_case(directory: str | Path) -> Case:
-    """Read `case.toml` and all it names; raises DataError that names the file and the key."""
+def load_case(directory: str | Path, *, allow_outside: bool = False) -> Case:
+    """Read `case.toml` and all it names; raises DataError that names the file and the key.
+
+    allow_outside: files may lie outside the folder too; default no, a case from elsewhere could name any of this
+    machine's.
+    """
     folder = Path(directory)
-    source = str(folder / "case.toml")
+    find = partial(resolve, folder, allow_outside=allow_outside)
+    source = str(find("case.toml", str(folder)))
     data = load_toml(source)
     check_keys(data, {"case", "recordings", "baseline", "context"}, source)
     head, files = data.get("case", {}), data.get("recordings", {})
@@ -63,10 +70,10 @@ def load_case(directory: str | Path) -> Case:
         raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
     kind, file = _baseline(data.get("baseline"), source)
     context = _context(data.get("context", {}), source)
-    roles = Roles.load(folder / files["roles"])
-    records = tuple(read_record(folder / n, roles) for n in names)
+    roles = Roles.load(find(files["roles"], f"{source} [recordings] roles"))
+    records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
     require_same_layout(records)
-    path = folder / file
+    path = find(file, f"{source} [baseline] file")
     baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
         baseline = read_record(path, roles)

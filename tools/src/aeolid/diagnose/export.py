@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from pathlib import Path
 from textwrap import wrap
@@ -10,10 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from aeolid import output
 from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.correction import Correction, correct
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.verdict import shown_proof
+from aeolid.formats.headings import heading_line
 from aeolid.models import expressions as ex
 from aeolid.models.equations_file import to_toml
 
@@ -24,15 +25,15 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     wild = correction.diverging
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
     diagnosis["warnings"] = [*diagnosis.get("warnings", []), *([] if wild is None else [wild.text()])]
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    (folder / "model").mkdir(exist_ok=True)
-    (folder / "model" / "model.toml").write_text(_headed(correction), encoding="utf-8")
+    output.make_folder(folder)
+    output.write_json(folder / "diagnosis.json", diagnosis)
+    output.make_folder(folder / "model")
+    output.write_text(folder / "model" / "model.toml", _headed(correction))
     facts = evidence(study)
     if correction.free_run is not None:
         facts["free_run"] = correction.free_run.to_json()
     write_series(facts.get("series", {}), folder / "sealed_before_after.csv")
-    (folder / "evidence.json").write_text(json.dumps(facts, default=lambda v: v.tolist()) + "\n", encoding="utf-8")
+    output.write_text(folder / "evidence.json", json.dumps(facts, default=lambda v: v.tolist()) + "\n")
     return facts
 
 
@@ -45,10 +46,10 @@ def _headed(correction: Correction) -> str:
 
 def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, an empty sealed_before_after.csv and evidence.json; returns the evidence."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    output.make_folder(folder)
+    output.write_json(folder / "diagnosis.json", diagnosis)
     write_series({}, folder / "sealed_before_after.csv")
-    (folder / "evidence.json").write_text(json.dumps(evidence) + "\n", encoding="utf-8")
+    output.write_text(folder / "evidence.json", json.dumps(evidence) + "\n")
     return evidence
 
 
@@ -56,14 +57,11 @@ def write_series(series: dict[str, Any], path: Path) -> None:
     """Write measured, before and after of every output over the sealed data; an empty series gives a heading only."""
     names = list(series)
     heads = ["time_s"] + [f"{n}_{kind}" for n in names for kind in ("measured", "before", "after")]
-    with open(path, "w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle)
-        writer.writerow(heads)
-        if names:
-            columns = [series[names[0]]["time_s"]] + [
-                series[n][k] for n in names for k in ("measured", "before", "after")
-            ]
-            writer.writerows([["" if v is None else f"{v:.9g}" for v in row] for row in zip(*columns, strict=True)])
+    lines = [heading_line(heads)]
+    if names:
+        columns = [series[names[0]]["time_s"]] + [series[n][k] for n in names for k in ("measured", "before", "after")]
+        lines += [",".join("" if v is None else f"{v:.9g}" for v in row) + "\n" for row in zip(*columns, strict=True)]
+    output.write_text(path, "".join(lines))
 
 
 def evidence(study: Study) -> dict[str, Any]:

@@ -7,7 +7,6 @@ again. So a recording can be compressed by its own mean and deviation, before th
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid import output
 from aeolid.errors import DataError
 from aeolid.identify.assemble import rotor_frequency
 from aeolid.identify.order import FIT_PART
@@ -164,11 +164,9 @@ def merge_all(summaries: Iterable[Summary]) -> Summary:
 
 def save(summary: Summary, path: Path) -> None:
     """Write a summary; the file appears whole or not at all, whoever else writes the same one."""
-    partial = path.with_name(f"{path.name}.{os.getpid()}.{id(summary)}.part")
     content: dict[str, Any] = {key: np.asarray(value) for key, value in summary.__dict__.items()}
-    with open(partial, "wb") as handle:
+    with output.replacing(path, durable=False, own=True) as handle:
         np.savez(handle, **content)
-    os.replace(partial, path)
 
 
 def load(path: Path) -> Summary:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from aeolid import __version__
-from aeolid.errors import UsageError
+from aeolid import __version__, output
 
 SCHEMA: Mapping[str, tuple[str, str]] = {
     "turbine": ("string", "name from --group, or the folder of the recording"),
@@ -55,11 +53,8 @@ def write_models(folder: Path, periods: Sequence[Mapping[str, Any]]) -> None:
         while path in written:  # names that differ in what no file name holds
             path = path.with_name(f"{path.stem}_.json")
         written.add(path)
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(json.dumps(period["model"], indent=1), encoding="utf-8")
-        except OSError as error:
-            raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
+        output.make_folder(path.parent)
+        output.write_text(path, json.dumps(period["model"], indent=1), durable=False)
 
 
 def write_modes(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -72,9 +67,5 @@ def write_modes(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     ]
     schema = pa.schema(fields, metadata={"aeolid": __version__})
     table = pa.Table.from_pylist([dict(row) for row in rows], schema=schema)
-    partial = path.with_name(path.name + ".part")
-    try:
-        parquet.write_table(table, partial)
-        os.replace(partial, path)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
+    with output.replacing(path) as handle:
+        parquet.write_table(table, handle)

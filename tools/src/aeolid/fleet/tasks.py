@@ -20,6 +20,7 @@ from aeolid.fleet.modelling import choose_common_order, model_summary
 from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary, load, merge_all, save, summarise
 from aeolid.formats import read_record
+from aeolid.output import make_folder
 from aeolid.record import file_sha256
 
 BROKEN = (OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile)  # what a damaged cache file may raise
@@ -62,7 +63,7 @@ class Period:
 def prepare_cache(cache: Path) -> None:
     """Make the folders of the cache and clear what a killed run left half written; raises OSError."""
     for name in ("factors", "periods"):
-        (cache / name).mkdir(parents=True, exist_ok=True)
+        make_folder(cache / name)
         for left in (cache / name).glob("*.part"):
             if time.time() - left.stat().st_mtime > STALE_S:  # a younger one may be another run's
                 left.unlink(missing_ok=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
 from aeolid.formats.headings import split_heading
 from aeolid.formats.table import Array, Choose, Table, guard_size, require_one_length, to_numbers
@@ -122,5 +123,5 @@ def _require_outb_size(path: Path) -> None:
 
 def unreadable(path: Path, kind: str, error: Exception) -> DataError:
     """Build the refusal of a file its own reader cannot take."""
-    cause = " ".join(str(error).split())[:160] or type(error).__name__
+    cause = token(without_quotes(" ".join(str(error).split())), 160) or type(error).__name__
     return DataError(f"{path}: not readable as {kind} ({cause}); check that the copy is complete and the suffix right")

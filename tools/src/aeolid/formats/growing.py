@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from aeolid.errors import UsageError
+from aeolid.formats.headings import heading_line
 from aeolid.formats.spare import SPARE, SpareFile
 from aeolid.formats.table import Array
+from aeolid.output import create
 
 GROWING_SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mf4")
 PART = 1 << 16  # rows that make a part of a Parquet or MDF4 file
@@ -94,8 +96,7 @@ class CsvTable(GrowingTable):
         self._file: Any = io.BufferedWriter(self._raw, 1 << 16)
         if suffix.endswith(".gz"):
             self._file = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, compresslevel=6)
-        heading = ",".join('"' + n.replace('"', '""') + '"' if any(c in n for c in ',"\n\r') else n for n in names)
-        self._file.write((heading + "\n").encode())
+        self._file.write(heading_line(names).encode())
 
     def _put(self, rows: Array) -> None:
         from pyarrow import csv
@@ -148,7 +149,7 @@ class Mf4Table(GrowingTable):
         from asammdf import MDF, Signal
 
         super().__init__(path, suffix, names, units)
-        path.touch()  # a place that cannot be written to is told now
+        os.close(create(path))  # a place that cannot be written to is told now
         self._folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.")
         self._mdf: Any = MDF(version="4.10", temporary_folder=self._folder.name)
         self._mdf.header.start_time = datetime.fromtimestamp(0, UTC)
@@ -168,7 +169,9 @@ class Mf4Table(GrowingTable):
             self._mdf.header.start_time = start
         self._mdf.header.comment = "\n".join(f"{name}: {value}" for name, value in notes.items())
         try:
-            self._mdf.save(self.path, overwrite=True, compression=2)
+            whole = Path(self._folder.name) / "whole.mf4"
+            self._mdf.save(whole, overwrite=True, compression=2)
+            os.replace(whole, self.path)
         finally:
             self._mdf.close()
             self._folder.cleanup()

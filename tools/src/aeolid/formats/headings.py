@@ -1,11 +1,16 @@
-"""Match the channels of a roles file with the headings of a table, and their units."""
+"""Match the channels of a roles file with the headings of a table, and their units; write headings that are found.
+
+A heading that begins with =, +, -, @ or a tab is a formula to a spreadsheet. Where we write one an apostrophe goes
+before it, which the reader takes off again; names that begin with apostrophes and then such a sign get one more.
+"""
 
 from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from aeolid.display import is_unseen, token, visible
 from aeolid.errors import DataError
 from aeolid.formats.table import listed
 
@@ -15,6 +20,50 @@ _SAME = {
     "1/min": "rpm", "/min": "rpm", "rev/min": "rpm", "min1": "rpm", "r/min": "rpm", "ms2": "m/s2", "ms1": "m/s",
     "°/s": "deg/s", "1": "", "none": "", "unitless": "", "%": "%",
 }  # fmt: skip
+_FORMULA = re.compile("'*[=+\\-@\t\r＝＋－＠]")
+_GUARDED = re.compile("'+[=+\\-@\t\r＝＋－＠]")
+
+
+def heading_line(names: Sequence[str]) -> str:
+    """Return the first line of a CSV file, its end included: quoted where needed, formulas made harmless."""
+    cells = [f"'{n}" if _FORMULA.match(n) else n for n in names]
+    return ",".join('"' + c.replace('"', '""') + '"' if any(s in c for s in ',;\t"\n\r') else c for c in cells) + "\n"
+
+
+def bare_heading(cell: str) -> str:
+    """Return the name behind a heading as `heading_line` writes it."""
+    return cell[1:] if _GUARDED.match(cell) else cell
+
+
+def fault_of_name(name: str, unit: str = "") -> str:
+    """Say why a channel of this name and unit would not be found again in a file of ours; empty where it would."""
+    if not name.strip() or name != name.strip():
+        return "is empty" if not name.strip() else "begins or ends with a blank"
+    if any(is_unseen(c) for c in name):
+        return "holds a control character"
+    found = split_heading(name)[1]
+    if found is not None and unit and plain_unit(found) and not same_unit(found, unit):
+        return f"ends in what reads as the unit {visible(found)!r}"
+    return ""
+
+
+def require_readable(source: str, names: Sequence[str], units: Mapping[str, str]) -> None:
+    """Refuse names that a file cannot hold so that its reader finds them; raises DataError."""
+    for name in names:
+        fault = fault_of_name(name, units.get(name, ""))
+        if fault:
+            raise DataError(f"{source}: the name {visible(name)!r} {fault}, so it is not written; rename the channel")
+
+
+def harmless_name(name: str, unit: str) -> str:
+    """Return a name as near as possible to one that a device sent, which every file of ours can hold; empty for blanks.
+
+    Unseen characters are written out, and so are brackets that would read as a unit.
+    """
+    plain = visible(name).strip()
+    if fault_of_name(plain, unit):
+        plain = re.sub(r"[\[\]()]", lambda m: f"\\x{ord(m[0]):02x}", plain)
+    return plain
 
 
 def split_heading(heading: str) -> tuple[str, str | None]:
@@ -52,9 +101,10 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
     bare = [split_heading(name)[0] for name in names]
     folded = {name.lower(): name for name in reversed(bare)}
     near = [folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)]
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = f"; did you mean {token(near[0])!r}?" if near and len(names) > 1 else ""
+    held = listed(bare) if len(names) > 1 else "one column only"  # the first line of what is no table is not shown
     raise DataError(
-        f"{source}: no channel {wanted!r}{hint or '.'} The file holds {listed(bare) or 'no named channel'};"
+        f"{source}: no channel {wanted!r}{hint or '.'} The file holds {held or 'no named channel'};"
         f" set `column` in the roles file to the heading"
     )
 

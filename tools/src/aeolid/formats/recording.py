@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from aeolid.errors import DataError
-from aeolid.formats.headings import check_unit, find_heading, split_heading
+from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
 from aeolid.formats.timebase import uniform_grid
 from aeolid.record import Record, Roles, file_sha256
@@ -27,6 +27,12 @@ def read_record(path: str | Path, roles: Roles) -> Record:
     """
     channels = tuple(c for c in roles.channels if c.role != "ignore")
     source = str(path)
+    for channel in channels:
+        fault = fault_of_name(channel.name, channel.unit)
+        if fault:
+            raise DataError(
+                f"{roles.source}: the name {channel.name!r} {fault}; rename it and give `column` its heading"
+            )
 
     def choose(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:
         time = _time_heading(names, roles, clock, source)

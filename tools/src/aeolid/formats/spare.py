@@ -9,6 +9,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from aeolid.output import create
+
 SPARE = 4 << 20  # bytes: the last part of a Parquet file and its footer, a container of BLF, some seconds of text
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT)
 
@@ -18,7 +20,7 @@ class SpareFile(io.FileIO):
 
     def __init__(self, path: Path) -> None:
         """Create the file, and beside it a nameless one that holds the room. Raises OSError."""
-        super().__init__(path, "w+")
+        super().__init__(path, "w+", opener=lambda name, _: create(Path(name)))
         self.full = False
         self._spare = self._keep(path.parent)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import token
 from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
@@ -108,4 +109,4 @@ def text_error(source: str | Path, name: str, place: str, value: object) -> Data
 def listed(names: Sequence[str], most: int = 12) -> str:
     """Join names for a message, the first `most` of them."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return ", ".join(token(name) for name in names[:most]) + more

@@ -6,6 +6,7 @@ import csv
 import gzip
 import io
 import itertools
+import re
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from typing import IO, cast
 import numpy as np
 
 from aeolid.errors import DataError
-from aeolid.formats.headings import split_heading
+from aeolid.formats.headings import bare_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, guard_size, text_error
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
@@ -125,7 +126,7 @@ def _csv_layout(path: Path) -> Layout:
 
 def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
     delimiter = max(",;\t", key=lines[0].count)
-    names = tuple(cell.strip() for cell in next(csv.reader([lines[0]], delimiter=delimiter)))
+    names = tuple(bare_heading(cell.strip()) for cell in next(csv.reader([lines[0]], delimiter=delimiter)))
     if all(_is_number(name) for name in names):
         raise DataError(f"{path}: line {skip + 1} holds numbers where the headings should be; add a heading line")
     units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
@@ -200,7 +201,9 @@ def _locate(path: Path, layout: Layout, wanted: tuple[str, ...], cause: str) -> 
                     place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
                     return text_error(path, layout.names[i], place, cell)
             sample += 1
-    return DataError(f"{path}: not a readable table: {cause.splitlines()[0][:160]}")
+    rows = re.search(r"Expected \d+ columns, got \d+", cause)  # what follows it is the row itself
+    told = f" ({rows[0]})" if rows else ""
+    return DataError(f"{path}: not a readable table{told}; export it as CSV, one row a sample")
 
 
 def _ragged(path: Path, sample: int, first: int, expected: int, found: int) -> DataError:

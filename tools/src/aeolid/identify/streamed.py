@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
 from aeolid.identify.markov import MarkovEstimate, regressor_columns, with_theta
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, measure, sample_indices
@@ -134,7 +135,9 @@ class StreamedMarkov:
         except FileNotFoundError:
             raise DataError(f"{path}: no such file") from None
         except (OSError, ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
-            raise DataError(f"{path}: not a readable .npz of Markov parameters: {error}") from None
+            raise DataError(
+                f"{path}: not a readable .npz of Markov parameters: {token(without_quotes(str(error)), 160)}"
+            ) from None
         if theta.ndim != 2:
             raise DataError(f"{path}: theta has shape {theta.shape}, a matrix (outputs x regressors) is needed")
         if not np.isfinite(theta).all():

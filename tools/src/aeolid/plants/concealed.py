@@ -7,12 +7,12 @@ without the drive.
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid import output
 from aeolid.errors import UsageError
 from aeolid.formats import write_table
 from aeolid.plants.hawt import SAMPLE_TIME_S, ClosedLoop, Excitation, build_turbine, roles
@@ -75,7 +75,7 @@ def write_case(
     lag_s: time constant of the concealed drive in s (0: nothing is concealed); samples: length, 6000 are 10 minutes.
     """
     target = Path(folder)
-    target.mkdir(parents=True, exist_ok=True)
+    output.make_folder(target)
     loop = LaggedLoop(seed, lag_s=lag_s, excitation=excitation)
     values, time = np.empty((samples, 7)), np.empty(samples)
     for k in range(samples):
@@ -86,8 +86,7 @@ def write_case(
     write_table(target / "recording.csv", {"time_s": np.round(time, 3)} | columns)
     lines = [f'[recording]\nsample_time_s = {SAMPLE_TIME_S}\ntime = "time_s"\n']
     lines += [f'[[channel]]\nname = "{c.name}"\nunit = "{c.unit}"\nrole = "{c.role}"\n' for c in table.channels]
-    (target / "roles.toml").write_text("\n".join(lines), encoding="utf-8")
-    model = json.dumps(build_turbine().model().to_json(), indent=1)
-    (target / "model.json").write_text(model + "\n", encoding="utf-8")
-    (target / "case.toml").write_text(_CASE.format(title="Built-in turbine against its model"), encoding="utf-8")
+    output.write_text(target / "roles.toml", "\n".join(lines))
+    output.write_json(target / "model.json", build_turbine().model().to_json())
+    output.write_text(target / "case.toml", _CASE.format(title="Built-in turbine against its model"))
     return target

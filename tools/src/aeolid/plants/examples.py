@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid import output
 from aeolid.errors import UsageError
 from aeolid.formats import write_table
 from aeolid.models.model_file import Signal
@@ -112,11 +113,18 @@ machine = "rig"
 """
 
 
+EXAMPLE_FILES = (
+    "monday.csv", "tuesday.csv", "roles.toml", "my_case/monday.csv", "my_case/tuesday.csv", "my_case/roles.toml",
+    "my_case/case.toml", "my_case/model.json", "stage/roles.toml", "stage/model.toml", "stage/case.toml",
+    "stage/recording.csv",
+)  # fmt: skip
+
+
 def write_examples(folder: str | Path, *, samples: int = 3000, seed: int = 1) -> list[Path]:
     """Write monday.csv, tuesday.csv, roles.toml and the cases my_case and stage into `folder`; returns the files.
 
     samples: of each turbine recording, default 3000, which are five minutes and enough to find the lag; seed: of wind,
-    excitation and noise. Files of these names are written over. Raises UsageError where the folder cannot be written.
+    excitation and noise. Raises UsageError where the folder cannot be written.
     """
     if not 100 <= samples <= 1_000_000:
         raise UsageError(f"{samples} samples: 100 to 1000000 are of use")
@@ -130,13 +138,10 @@ def write_examples(folder: str | Path, *, samples: int = 3000, seed: int = 1) ->
     }  # fmt: skip
     tables = {place / name: table for place in (target, case) for name, table in days.items()}
     tables[stage / "recording.csv"] = stage_table(STAGE_SAMPLES, seed)
-    try:
-        for place in (case, stage):
-            place.mkdir(parents=True, exist_ok=True)
-        for path, text in texts.items():
-            path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{error.filename or target}: cannot be written ({error.strerror})") from None
+    for place in (case, stage):
+        output.make_folder(place)
+    for path, text in texts.items():
+        output.write_text(path, text, durable=False)
     for path, table in tables.items():
         write_table(path, table)
     return sorted([*texts, *tables])

@@ -14,6 +14,7 @@ import matplotlib
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import visible_lines
 from aeolid.report.markup import Html
 from aeolid.report.numbers import number
 
@@ -30,6 +31,7 @@ _RC: dict[Any, Any] = {
     "axes.grid": True, "grid.color": "#e3e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True, "axes.titlesize": 10,
     "axes.titlelocation": "left", "xtick.color": "#5a6470", "ytick.color": "#5a6470", "legend.frameon": False,
     "lines.linewidth": 1.3, "figure.constrained_layout.use": True, "axes.unicode_minus": True,
+    "text.parse_math": False,  # names come from files
     "axes.formatter.useoffset": False, "axes.formatter.limits": (-4, 6),
 }  # fmt: skip
 
@@ -47,12 +49,15 @@ def sketch(size: tuple[float, float], rows: int = 1, columns: int = 1, **options
     """Open a figure of a size in inches; leaving the block turns it into markup."""
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     with matplotlib.rc_context(_RC):
         figure = Figure(figsize=size)
         drawing = Sketch(figure, figure.subplots(rows, columns, squeeze=False, **options))
         yield drawing
         _write_decades(figure)
+        for written in figure.findobj(Text):
+            written.set_text(visible_lines(written.get_text()))
         text = io.StringIO()
         # straight to the canvas: savefig draws all once more only to lay it out, which drawing does anyway
         canvas: Any = FigureCanvasSVG(figure)

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
-from aeolid import __version__
-from aeolid.errors import UsageError
+from aeolid import __version__, output
+from aeolid.display import visible_lines
 
 STYLE = """
 :root { --ink: #1b1f24; --soft: #5a6470; --line: #d5dae0; --tint: #f4f6f8; --accent: #0072b2; }
@@ -60,13 +60,15 @@ class Html(str):
 
 def tag(name: str, *children: object, **attributes: str) -> Html:
     """Build one element; attribute `class_` stands for class."""
-    listed = "".join(f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items())
+    listed = "".join(
+        f' {key.rstrip("_").replace("_", "-")}="{escape(visible_lines(value))}"' for key, value in attributes.items()
+    )
     return Html(f"<{name}{listed}>{join(children)}</{name}>")
 
 
 def join(children: Iterable[object]) -> Html:
     """Join parts, escaping those that are not markup and leaving out None."""
-    return Html("".join(c if isinstance(c, Html) else escape(str(c)) for c in children if c is not None))
+    return Html("".join(c if isinstance(c, Html) else escape(visible_lines(str(c))) for c in children if c is not None))
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[object]], *, marked: int | None = None) -> Html:
@@ -103,7 +105,4 @@ def write_page(path: str | Path, title: str, *parts: object) -> None:
     )  # fmt: skip
     footer = tag("footer", f"aeolid {__version__}. This page holds everything it shows; it needs no network.")
     page = Html("<!doctype html>\n") + tag("html", head, tag("body", *parts, footer), lang="en")
-    try:
-        Path(path).write_text(page + "\n", encoding="utf-8")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+    output.write_text(path, page + "\n")

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import token, without_quotes
 from aeolid.errors import Contradiction, DataError, NotIdentifiable
 
 Array = NDArray[np.float64]
@@ -53,7 +54,7 @@ def open_fmu(path: str | Path) -> Fmu:
         description = read_model_description(str(file), validate=False)
         platforms = supported_platforms(str(file))
     except Exception as error:  # the reader raises what its parsers raise: zip, XML, its own
-        raise DataError(f"{file}: not a functional mock-up unit ({error})") from None
+        raise DataError(f"{file}: not a functional mock-up unit ({token(without_quotes(str(error)), 160)})") from None
     if "linux64" not in platforms and "x86_64-linux" not in platforms and "c-code" not in platforms:
         raise DataError(f"{file}: built for {', '.join(platforms) or 'no platform'}; a Linux 64-bit binary is needed")
     units, causality = {}, {}

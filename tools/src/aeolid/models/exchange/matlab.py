@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid import output
 from aeolid.children import python_command
 from aeolid.errors import DataError, UsageError
 from aeolid.models import state_space
@@ -45,10 +46,8 @@ def write_mat(path: str | Path, model: StateSpace) -> None:
     for kind, signals in (("Input", model.inputs), ("Output", model.outputs), ("State", model.states)):
         content[f"{kind}Name"] = _cells([s.name for s in signals])
         content[f"{kind}Unit"] = _cells([s.unit for s in signals])
-    try:
-        savemat(path, content, do_compression=True, oned_as="column")
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be written ({error.strerror})") from None
+    with output.replacing(path) as handle:
+        savemat(handle, content, do_compression=True, oned_as="column")
 
 
 def read_mat_model(path: str | Path, sample_time_s: float | None = None) -> StateSpace:
