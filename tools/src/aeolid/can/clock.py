@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.can.limits import PART_BYTES, PIECES_MAX
 from aeolid.can.messages import DATED_MAX_S
 from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, choose_layout, decode
 
@@ -23,7 +25,9 @@ LEAST = 4  # stretches
 CONFIDENCE = 0.95
 NOT_REAL_TIME_PPM = 10_000.0
 INDEX_MAX = 1 << 40  # no node counts so far; time stamps that leap may make believe it
-RUNS_MAX = 64  # of one node that are kept, the newest
+RUNS_MAX = 16  # of one node that are kept, the newest
+OLD_PAIRS = 512  # pairs that are kept of a run which another follows
+LOOSE = 64  # batches that are held one by one before they are joined
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,19 @@ class ClockPairs:
         self._time.append(time_s)
         self._held += len(index)
         if self._held > 2 * PAIRS_MAX:
-            self._thin()
+            self._thin(PAIRS_MAX // 2)
+        elif len(self._index) >= LOOSE:
+            self._index, self._time = [np.concatenate(self._index)], [np.concatenate(self._time)]
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        return 16 * self._held + PART_BYTES * (1 + len(self._index))
+
+    def end(self) -> None:
+        """Keep less: another run has begun."""
+        if self._held > OLD_PAIRS:
+            self._thin(OLD_PAIRS)
 
     def rate(self) -> float:
         """Return the seconds a sample took so far: a simulated controller may run faster than the clock on the wall."""
@@ -82,10 +98,10 @@ class ClockPairs:
         took = (self.last[1] - self.first[1]) / (self.last[0] - self.first[0])
         return took if took > 0 else self.sample_time_s
 
-    def _thin(self) -> None:
+    def _thin(self, most: int) -> None:
         index, time_s = self.pairs()
         index, time_s = earliest(index, time_s, index // self._width, self.sample_time_s)
-        while len(index) > PAIRS_MAX // 2:
+        while len(index) > most:
             self._width *= 2
             index, time_s = earliest(index, time_s, index // self._width, self.sample_time_s)
         self._index, self._time, self._held = [index], [time_s], len(index)
@@ -158,11 +174,31 @@ class ClockKeeper:
             h = sample_times.get(node)
             early = self._early.pop(node, [])
             if h is None:
-                known = sum(len(low) for low, _ in early)
-                self._early[node] = [*early, (index, time_s)] if known < PAIRS_MAX else early
+                self._early[node] = self._wait(early, index, time_s)
                 continue
             for low, at in [*early, (index, time_s)]:
                 self._add(node, low, at, h)
+
+    @staticmethod
+    def _wait(early: list[tuple[Index, Array]], index: Index, time_s: Array) -> list[tuple[Index, Array]]:
+        """Keep the first pairs of a node that has not described itself yet."""
+        if sum(len(low) for low, _ in early) >= PAIRS_MAX:
+            return early
+        early = [*early, (index, time_s)]
+        if len(early) < LOOSE:
+            return early
+        return [(np.concatenate([low for low, _ in early]), np.concatenate([at for _, at in early]))]
+
+    def forget(self, nodes: Collection[int]) -> None:
+        """Forget the early pairs of all nodes but these."""
+        for number in [n for n in self._early if n not in nodes]:
+            del self._early[number]
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        early = sum(16 * len(low) + PART_BYTES for parts in self._early.values() for low, _ in parts)
+        return early + sum(run.nbytes for runs in self._runs.values() for run in runs)
 
     def runs(self, node: int) -> list[ClockPairs]:
         """Return the lines of a node, oldest first."""
@@ -174,7 +210,11 @@ class ClockKeeper:
         index = low[0] + np.concatenate([[0], np.cumsum(steps)])
         breaks = np.flatnonzero((steps > JUMP) | (steps < -BACK)) + 1
         runs = self._runs.setdefault(node, [])
-        for piece in np.split(np.arange(len(index)), breaks):
+        pieces = np.split(np.arange(len(index)), breaks)
+        if len(pieces) > PIECES_MAX:  # leaps to and fro: the longest tell most
+            least = sorted((len(piece) for piece in pieces), reverse=True)[PIECES_MAX - 1]
+            pieces = [piece for piece in pieces if len(piece) >= least][:PIECES_MAX]
+        for piece in pieces:
             start = self._place(runs, int(index[piece[0]]), float(time_s[piece[0]]), h)
             runs[-1].add(index[piece] - index[piece[0]] + start, time_s[piece])
 
@@ -194,6 +234,8 @@ class ClockKeeper:
                 and turned >= last - BACK
             ):
                 return turned
+        if runs:
+            runs[-1].end()
         runs.append(ClockPairs(h))
         del runs[:-RUNS_MAX]
         return index & 0xFFFF

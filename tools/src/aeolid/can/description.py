@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
+from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -16,11 +18,12 @@ Array = NDArray[np.float64]
 WIRE, SHAPE, PARAMETERS, SAMPLE_TIME, FORGETTING, REGULARISATION, FEEDTHROUGH, OFFSET, SCALE, NAME, UNIT = range(11)
 CHANNELS_MAX = 64
 RIVALS = 4  # different values of one part that are kept
-PARTS_MAX = 4096  # kept; a description has 902 at most
+WORK_FREE, WORK_SHARE = 4000, 16  # parts gone through in search of a choice: so many, and more for each message
 TRIES = 4  # choices of parts that are tried: those that came once or more often, twice or more often …
 MODEL_SETS = {0: "varx", 1: "varmax"}
 MAKERS = {0: "", 1: "fast-rls", 2: "lattice", 3: "rls"}  # upper byte of the model set; 0: rls for VARX, els for VARMAX
 _NAME_PARTS, _UNIT_PARTS = 8, 4
+_WORDS = struct.Struct("<II")
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,38 +70,82 @@ class Description:
 
 
 class DescriptionCollector:
-    """Gather the parts of one node's description from messages that may be lost, doubled, garbled or forged."""
+    """Gather the parts of one node's description from messages that may be lost, doubled, garbled or forged.
+
+    At most 6 · 4 single parts and 64 · 14 of channels are kept, with 4 values each. A choice among several values costs
+    as much as there are parts, so it is looked for only as often as messages pay for it.
+    """
 
     def __init__(self) -> None:
         self.version: int | None = None
         self.problem: str | None = None
         self._hash: int | None = None
+        self._clear()
+
+    def _clear(self) -> None:
         self._parts: dict[tuple[int, int], dict[int, int]] = {}  # (item, index) -> value -> how often it came
+        self._order: list[int] = []  # keys index | item << 16, in order
+        self._packed = bytearray()  # what the hash is made of, in that order, of parts with one value
+        self._rivals = False  # a part came with several values, or a single one with several indices
+        self._singles = 0
+        self._messages = self._work = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Return about how many bytes are held."""
+        return 600 * len(self._parts)
 
     def add(self, parts: Iterable[tuple[int, int, int]]) -> Description | None:
         """Take (item, index, value) triples; returns the description once it is whole and its hash fits."""
+        changed = False
         for item, index, value in parts:
             if item == WIRE:
-                self._take_head(index, value)
+                changed |= self._take_head(index, value)
             elif self._fits(item, index):
-                if len(self._parts) >= PARTS_MAX:
-                    self._parts.clear()
-                came = self._parts.setdefault((item, index), {})
-                if value in came or len(came) < RIVALS:
-                    came[value] = came.get(value, 0) + 1
+                self._messages += 1
+                changed |= self._take_part(item, index, value)
         if self._hash is None or self.version not in WIRE_VERSIONS:
             return None
-        return self._try()
+        return self._try(changed)
 
-    def _take_head(self, version: int, value: int) -> None:
-        if (version, value) != (self.version, self._hash):
+    def _take_part(self, item: int, index: int, value: int) -> bool:
+        """Take one part; returns whether it is new."""
+        came = self._parts.get((item, index))
+        if came is not None:
+            fresh = value not in came
+            if not fresh or len(came) < RIVALS:
+                came[value] = came.get(value, 0) + 1
+                self._rivals |= fresh
+            return False
+        if item <= FEEDTHROUGH:
+            known = self._known(item)
+            if known >= RIVALS:
+                return False
+            self._rivals |= known > 0
+            self._singles += known == 0
+        self._parts[item, index] = {value: 1}
+        key = item << 16 | index
+        at = bisect_left(self._order, key)
+        self._order.insert(at, key)
+        self._packed[8 * at : 8 * at] = _WORDS.pack(item | index << 16, value)
+        return True
+
+    def _known(self, item: int) -> int:
+        """Count the indices with which an item came."""
+        return bisect_left(self._order, item + 1 << 16) - bisect_left(self._order, item << 16)
+
+    def _take_head(self, version: int, value: int) -> bool:
+        """Take a head; returns whether it is another one."""
+        fresh = (version, value) != (self.version, self._hash)
+        if fresh:
             # another configuration; parts that came before their head are kept for this one only if none was known
             if self.version is not None:
-                self._parts.clear()
+                self._clear()
             self.version, self._hash, self.problem = version, value, None
         if version not in WIRE_VERSIONS:
             known = " and ".join(map(str, WIRE_VERSIONS))
             self.problem = f"speaks wire version {version}; this tool reads versions {known}"
+        return fresh
 
     @staticmethod
     def _fits(item: int, index: int) -> bool:
@@ -107,28 +154,41 @@ class DescriptionCollector:
             return channel < CHANNELS_MAX and part < (_NAME_PARTS if item == NAME else _UNIT_PARTS)
         return index < CHANNELS_MAX if item in (OFFSET, SCALE) else SHAPE <= item <= FEEDTHROUGH
 
-    def _try(self) -> Description | None:
+    def _try(self, changed: bool) -> Description | None:
         """Look for a choice of parts that the hash was made of: all, or those that came more often than garbled ones.
 
         The hash is the proof, the choice is only a guess at what may have been garbled.
         """
-        most = max((max(came.values()) for came in self._parts.values()), default=0)
-        for least in range(1, min(most, TRIES) + 1):
-            parts = {
-                key: max(came, key=lambda value: came[value])
-                for key, came in self._parts.items()
-                if max(came.values()) >= least
-            }
-            single: dict[int, tuple[int, int]] = {}
-            for item, index in sorted(parts, key=lambda key: max(self._parts[key].values())):
-                if item <= FEEDTHROUGH:  # one index each: the one that came most often
-                    parts.pop((item, single[item][0]), None) if item in single else None
-                    single[item] = (index, parts[item, index])
+        if self._singles < FEEDTHROUGH:
+            return None
+        if not self._rivals and changed and zlib.crc32(self._packed) == self._hash:
+            return self._build(*self._choose(1))
+        for least in range(1 if self._rivals else 2, TRIES + 1):
+            if self._work + len(self._parts) > WORK_FREE + WORK_SHARE * self._messages:
+                return None
+            self._work += len(self._parts)
+            if least > 1 and not any(max(came.values()) >= least for came in self._parts.values()):
+                return None
+            single, parts = self._choose(least)
             if len(single) == FEEDTHROUGH:
                 words = np.array([(item | index << 16, parts[item, index]) for item, index in sorted(parts)], "<u4")
                 if zlib.crc32(words.tobytes()) == self._hash:
                     return self._build(single, parts)
         return None
+
+    def _choose(self, least: int) -> tuple[dict[int, tuple[int, int]], dict[tuple[int, int], int]]:
+        """Return parts that came so often: single ones by item with their index, and all by item and index."""
+        parts = {
+            key: max(came, key=lambda value: came[value])
+            for key, came in self._parts.items()
+            if max(came.values()) >= least
+        }
+        single: dict[int, tuple[int, int]] = {}
+        for item, index in sorted(parts, key=lambda key: max(self._parts[key].values())):
+            if item <= FEEDTHROUGH:  # one index each: the one that came most often
+                parts.pop((item, single[item][0]), None) if item in single else None
+                single[item] = (index, parts[item, index])
+        return single, parts
 
     def _build(self, single: dict[int, tuple[int, int]], parts: dict[tuple[int, int], int]) -> Description | None:
         def number(bits: int) -> float:
@@ -150,6 +210,7 @@ class DescriptionCollector:
             tuple(units), method, max(1, shape >> 24),
         )  # fmt: skip
         self.problem = _find_problem(result)
+        self._clear()
         return None if self.problem else result
 
 

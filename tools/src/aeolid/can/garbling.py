@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Places = NDArray[np.int64]
 MARGIN = 4096  # frames before and after a garbled one in which others may be garbled unseen
-STRETCHES_MAX = 1 << 16  # kept; the oldest are forgotten, what lay in them has been judged long ago
+STRETCHES_MAX = 1 << 14  # kept; the oldest are forgotten, what lay in them has been judged long ago
 
 
 class Garbling:
@@ -33,12 +33,13 @@ class Garbling:
     def _merge(self, start: Places, stop: Places) -> None:
         if not len(start):
             return
-        start, stop = np.append(self._start, start), np.append(self._stop, stop)
+        early = int(np.searchsorted(self._stop, start.min()))  # what ended before lies apart from what is new
+        start, stop = np.append(self._start[early:], start), np.append(self._stop[early:], stop)
         order = np.argsort(start, kind="stable")
         start, stop = start[order], np.maximum.accumulate(stop[order])
         first = np.append(True, start[1:] > stop[:-1])  # begins a stretch of its own
-        self._start = start[first][-STRETCHES_MAX:]
-        self._stop = stop[np.append(first[1:], True)][-STRETCHES_MAX:]
+        self._start = np.append(self._start[:early], start[first])[-STRETCHES_MAX:]
+        self._stop = np.append(self._stop[:early], stop[np.append(first[1:], True)])[-STRETCHES_MAX:]
 
     def is_quiet(self, first: Places, last: Places) -> NDArray[np.bool_]:
         """Tell for spans of frames first … last (n,) whether nothing garbled is known near to them."""

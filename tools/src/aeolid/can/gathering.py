@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.description import Description
-from aeolid.can.repair import GROUP_MAX, restore
+from aeolid.can.repair import GROUP_MAX, Repairs, restore_from
 from aeolid.can.wire import BEGIN, END, PARAMETER, PARAMETER_FD, REPAIR, REPAIR_FD, Messages
 
 Words = NDArray[np.uint32]
 Mask = NDArray[np.bool_]
+PAUSE_LEAST, PAUSE_SHARE = 8, 2  # messages before repair is tried again: 8, and half as many as have come
 
 
 class Gathering:
@@ -40,8 +41,9 @@ class Gathering:
         self._have = np.zeros((blocks, self._width), bool)
         self._have.ravel()[self._count :] = True  # what the last block lacks is zero
         self._torn = np.zeros((blocks, self._width), bool)  # came twice with different values
-        self._repairs: dict[int, Words] = {}
-        self._tried = 0  # repair frames at the last try
+        self._repairs = Repairs(self._repairs_max, self._width)
+        self._pause = 0  # messages at which repair is tried again
+        self._was_whole = False  # at the last try
         self._low: int | None = None
         self._index: int | None = None
 
@@ -76,31 +78,51 @@ class Gathering:
     def _take_repairs(self, m: Messages) -> None:
         width = self._width
         mine = (m.kind == REPAIR) if width == 1 else (m.kind == REPAIR_FD) & (m.lane == 0)
-        for at in np.flatnonzero(mine & (m.index < self._repairs_max)).tolist():
-            words = m.value[at : at + width]  # the values of one frame are neighbours
-            if len(words) == width and m.lane[at + width - 1] == width - 1:
-                self._repairs[int(m.index[at])] = words.copy()
+        at = np.flatnonzero(mine & (m.index < self._repairs_max))
+        at = at[at + width <= len(m)]  # the values of one frame are neighbours
+        at = at[m.lane[at + width - 1] == width - 1]
+        self._repairs.put(m.index[at].astype(np.int64), m.value[at[:, None] + np.arange(width)])
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        return self._values.nbytes + self._have.nbytes + self._torn.nbytes + self._repairs.nbytes
 
     def is_whole(self) -> bool:
         """Tell whether every parameter is there."""
         return bool(self._have.all())
 
+    def _missing(self) -> int:
+        """Count the blocks that are not there."""
+        if self._width == 1:
+            return len(self._have) - int(np.count_nonzero(self._have))
+        return int(np.count_nonzero(~self._have.all(axis=1)))
+
     def may_be_complete(self) -> bool:
-        """Tell whether it is time to look: the checksum is there, and all parameters or repairs enough for the rest."""
+        """Tell whether it is time to look: the checksum is there, and all parameters or repairs enough for the rest.
+
+        After a try that failed half as many messages again must come, so that all tries cost no more than three times
+        the last: repair frames that do not fit must not be worth more of the processor than others.
+        """
         if self.crc is None:
             return False
-        missing = int(np.count_nonzero(~self._have.all(axis=1)))
-        enough = missing + self._tried // 8 < len(self._repairs) and len(self._repairs) > self._tried
-        return missing == 0 or self.ends >= 2 or enough
+        missing = self._missing()
+        if missing == 0 and not self._was_whole:
+            return True
+        return self.messages >= self._pause and (missing == 0 or self.ends >= 2 or missing < len(self._repairs))
+
+    def wait(self) -> None:
+        """Note that a try has failed."""
+        self._was_whole = self.is_whole()
+        self._pause = self.messages + max(PAUSE_LEAST, self.messages // PAUSE_SHARE)
 
     def repair(self) -> None:
         """Restore missing parameters from the repair frames."""
-        self._tried = len(self._repairs)
-        if not self.is_whole() and self._repairs:
+        if not self.is_whole() and len(self._repairs):
             whole: Mask = np.all(self._have, axis=1)
             before = int(np.count_nonzero(self._have))
             values = np.where(self._have, self._values, np.uint32(0))
-            restore(values, whole, self._repairs)
+            restore_from(values, whole, *self._repairs.all())
             self._values[whole], self._have[whole] = values[whole], True
             self.repaired += int(np.count_nonzero(self._have)) - before
 

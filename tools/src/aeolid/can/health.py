@@ -11,6 +11,7 @@ DEPTH = 8  # messages of an item that are kept
 GROWTH = 16  # times as much as in the messages before may a counter grow around one that is believed, and …
 GROWTH_FREE = 256  # … so much at any time
 GOODBYES = 2  # closing messages that end a stream; one is enough once nothing more can come
+BACK_LEAST, BACK_SHARE = 16, 4  # times the index went back, and of so many told, before two nodes are supposed
 
 
 class Health:
@@ -22,6 +23,7 @@ class Health:
         self._flags: deque[tuple[int, int]] = deque(maxlen=DEPTH)
         self._goodbyes: dict[tuple[int, int], int] = {}  # (flags, value) -> how often
         self._told: dict[str, int] = {}
+        self._indices = self._back = 0  # sample indices told, and those below the one before
 
     def take(self, tag: int, flags: int, value: int, place: int) -> None:
         """Take one message."""
@@ -29,11 +31,20 @@ class Health:
         if name is None:
             return
         self._flags.append((flags & ~STOPPED, place))
-        self._items.setdefault(name, deque(maxlen=DEPTH)).append((value, place))
+        told = self._items.setdefault(name, deque(maxlen=DEPTH))
+        if tag == 0:
+            self._indices += 1
+            self._back += bool(told) and value < told[-1][0]
+        told.append((value, place))
         if flags & STOPPED and tag == 0:
             key = (flags, value)
             if key in self._goodbyes or len(self._goodbyes) < DEPTH:
                 self._goodbyes[key] = self._goodbyes.get(key, 0) + 1
+
+    @property
+    def is_double(self) -> bool:
+        """Tell whether the sample indices told go to and fro, as those of two nodes with one number do."""
+        return self._back >= BACK_LEAST and self._back * BACK_SHARE >= self._indices
 
     def go_on(self) -> None:
         """Note that the node goes on sending: a goodbye before was none."""

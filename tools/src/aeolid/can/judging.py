@@ -27,8 +27,16 @@ class Part:
     place: Integers
     what: NDArray[np.uint8]
 
-    def take(self, chosen: Mask | slice) -> Part:
-        """Return the messages that a mask or a slice chooses."""
+    def __len__(self) -> int:
+        return len(self.index)
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes of the arrays."""
+        return self.index.nbytes + self.channel.nbytes + self.value.nbytes + self.place.nbytes + self.what.nbytes
+
+    def take(self, chosen: Mask | slice | Integers) -> Part:
+        """Return the messages that a mask, a slice or an index array chooses."""
         index, channel, value = self.index[chosen], self.channel[chosen], self.value[chosen]
         return Part(index, channel, value, self.place[chosen], self.what[chosen])
 
@@ -49,8 +57,9 @@ class Rows:
     """Hold samples in order: index (k,) as in the messages, bits and have (k, channels).
 
     sure, sealed, misfit, clash (k,): guarded by a CRC-32 frame by frame; complete with a seal that fits; with one that
-    does not; a channel came twice with different values. turn (k,): what must be added to the index for the seal to
-    fit. first, last (k,): places of the first and last frame.
+    does not; a channel came twice with different values. torn (k,): two seals came that differ, or two values of a
+    sample without seals: two controllers say different things of one sample. turn (k,): what must be added to the index
+    for the seal to fit. first, last (k,): places of the first and last frame.
     """
 
     index: Integers
@@ -60,6 +69,7 @@ class Rows:
     sealed: Mask
     misfit: Mask
     clash: Mask
+    torn: Mask
     turn: Integers
     first: Integers
     last: Integers
@@ -93,18 +103,21 @@ def gather(part: Part, channels: int, head: int) -> Rows:
     sure[at[part.what == SURE]] = True
     seal, has_seal = np.zeros(rows, np.uint32), np.zeros(rows, bool)
     seal[at[is_seal]], has_seal[at[is_seal]] = part.value[is_seal], True
+    torn = clash & ~has_seal & ~sure
+    torn[at[is_seal][seal[at[is_seal]] != part.value[is_seal]]] = True
     sealed = has_seal & have.all(axis=1) & ~sure
     turn = np.zeros(rows, np.int64)
     turn[sealed] = solve_second(seal[sealed], head, bits[sealed]).astype(np.int64) - index[sealed]
     misfit = sealed & (turn % 65536 != 0)
-    return Rows(index, bits, have, sure, sealed & ~misfit, misfit, clash, turn, first, last)
+    return Rows(index, bits, have, sure, sealed & ~misfit, misfit, clash, torn, turn, first, last)
 
 
 def believe(rows: Rows, known: set[int], garbling: Garbling | None) -> tuple[Mask, Integers, Mask]:
     """Decide which rows are believed (k,); returns that, and the turn of each row (k,) with whether it is known (k,).
 
     A seal proves its sample with 16 bits by itself and with 32 when its turn is that of its neighbour, or in `known`;
-    without a neighbour a quiet bus must do. Other rows are believed on a quiet bus, when nothing contradicts them.
+    without a neighbour a quiet bus must do. Other rows are believed on a quiet bus, when nothing contradicts them. Of two
+    different seals none is believed.
     """
     quiet = np.ones(len(rows.index), bool)
     at = np.flatnonzero(rows.sealed)
@@ -122,7 +135,7 @@ def believe(rows: Rows, known: set[int], garbling: Garbling | None) -> tuple[Mas
     sealed = np.zeros(len(rows.index), bool)
     sealed[at[proved]] = True
     loose = ~rows.sealed & ~rows.misfit & ~rows.sure
-    believed = sealed | rows.sure | (loose & quiet & ~rows.clash)
+    believed = (sealed & ~rows.torn) | rows.sure | (loose & quiet & ~rows.clash)
     if not sealed.any():
         return believed, np.zeros(len(rows.index), np.int64), sealed
     anchors = np.flatnonzero(sealed)  # the nearest proved row before, else the first one, dates the others

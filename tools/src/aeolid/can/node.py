@@ -7,11 +7,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.can.compact import merge_tail
 from aeolid.can.description import WIRE, Description, DescriptionCollector
 from aeolid.can.garbling import Garbling
 from aeolid.can.health import Health
 from aeolid.can.judging import SEAL as SEALED
 from aeolid.can.judging import SURE, VALUE
+from aeolid.can.limits import (
+    ANCHORS_FREE,
+    ANCHORS_SHARE,
+    CONFIGURATIONS_MAX,
+    EARLY_MAX,
+    MUTE_LEAST,
+    NODE_BYTES,
+    NODES_MAX,
+    PART_BYTES,
+    PREVIOUS_MAX,
+    TOTAL_BYTES,
+)
 from aeolid.can.samples import SampleStore
 from aeolid.can.snapshots import MarkovSnapshot, SnapshotStore
 from aeolid.can.wire import (
@@ -36,12 +49,10 @@ from aeolid.can.wire import (
     Frames,
     Messages,
     decode,
+    join_messages,
 )
 
 SNAPSHOT_KINDS = np.isin(np.arange(KINDS), (BEGIN, PARAMETER, REPAIR, END, PARAMETER_FD, REPAIR_FD))
-NODES_MAX = 32  # nodes followed at once; forged node numbers cost no more than this
-EARLY_MAX = 200_000  # messages kept for a node that has not described itself yet
-PREVIOUS_MAX = 64  # configurations of one node that are kept
 
 
 @dataclass(eq=False)
@@ -53,12 +64,18 @@ class Configuration:
     innovations: SampleStore
     snapshots: SnapshotStore
 
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        return self.samples.nbytes + self.innovations.nbytes + self.snapshots.nbytes
+
 
 class Node:
     """Hold the state of one node; `now` is None until it has described itself.
 
     problem: why its frames cannot be read, None when they can. early_lost: messages that came before the description
-    and were too many to keep, or whose description never came.
+    and were too many to keep, or whose description never came. refused: why nothing more is taken of it; refused_out:
+    messages since. given_up: bytes of what waited that were given up to save memory.
     """
 
     def __init__(self, number: int, garbling: Garbling | None = None) -> None:
@@ -67,11 +84,16 @@ class Node:
         self.previous: list[Configuration] = []
         self.messages = 0
         self.early_lost = 0
+        self.changes = 0  # configurations so far
+        self.refused = ""
+        self.refused_out = 0
+        self.given_up = 0
         self._garbling = garbling or Garbling()
         self._health = Health(self._garbling)
         self._collector = DescriptionCollector()
         self._early: list[Messages] = []  # of a configuration that is not known yet
         self._kept = 0
+        self._gone = 0  # messages left out of configurations that are no longer kept
         self._head: tuple[int, int] | None = None  # of the configuration in force
         self._rumour: tuple[int, int, int] | None = None  # head of another one, with the place where it was first heard
 
@@ -81,6 +103,32 @@ class Node:
         if self.now is None or (self._rumour is not None and self._garbling.quiet_at(self._rumour[2])):
             return self._collector.problem
         return None
+
+    @property
+    def contested(self) -> str:
+        """Say how it shows that two nodes bear this number, empty where nothing does."""
+        told = []
+        for configuration in self.configurations():
+            samples = configuration.samples
+            if samples.refused:
+                told.append(f"{samples.contradicted} samples came in two versions that contradict each other")
+            if samples.rival_messages:
+                told.append(f"a second count of samples went on beside the one recorded ({samples.rival_messages} messages)")
+        if self._health.is_double:
+            told.append("the sample indices told go to and fro")
+        return "; ".join(dict.fromkeys(told))
+
+    @property
+    def left_out(self) -> int:
+        """Count the messages that were not taken."""
+        stores = [s for c in self.configurations() for s in (c.samples, c.innovations)]
+        return self.early_lost + self.refused_out + self._gone + sum(store.left_out for store in stores)
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        early = sum(m.nbytes + PART_BYTES for m in self._early) + self._collector.nbytes
+        return early + sum(c.nbytes for c in self.configurations())
 
     @property
     def stopped(self) -> bool:
@@ -100,6 +148,9 @@ class Node:
     def add(self, m: Messages) -> None:
         """Take this node's messages in the order of arrival."""
         self.messages += int(np.count_nonzero(m.lane == 0))
+        if self.refused:
+            self.refused_out += len(m)
+            return
         heads = np.flatnonzero((m.kind == DESCRIPTION) & (m.tag == WIRE))
         start = 0
         for at in heads.tolist():
@@ -168,8 +219,13 @@ class Node:
         self._rumour = None
         if self.now is None or not self.now.description.same_as(d):
             if self.now is not None:
-                self.now.snapshots.close(self._newest(self.now))
-                self.previous = [*self.previous, self.now][-PREVIOUS_MAX:]
+                self._retire(self.now)
+            self.changes += 1
+            if self.changes > CONFIGURATIONS_MAX:
+                self.refused = f"described itself anew more than {CONFIGURATIONS_MAX} times"
+                self.refused_out += self._kept
+                self._early, self._kept = [], 0
+                return
             tags = (d.channels, d.outputs | SEAL_INNOVATION)
             heads = [self.number | tag << 8 for tag in tags]
             samples = SampleStore(d.channels, d.sample_every, self._garbling, heads[0])
@@ -177,22 +233,45 @@ class Node:
             self.now = Configuration(d, samples, innovations, SnapshotStore(d, self._garbling, self.number))
         self._replay()
 
+    def _retire(self, now: Configuration) -> None:
+        """Put a configuration aside; its samples wait to be written, its parameters nobody asks for any more."""
+        now.snapshots.close(self._newest(now))
+        now.snapshots.retire()
+        self.previous.append(now)
+        for old in self.previous[:-PREVIOUS_MAX]:
+            self._gone += old.samples.left_out + old.innovations.left_out + old.samples.messages
+        self.previous = self.previous[-PREVIOUS_MAX:]
+
     def _keep(self, m: Messages) -> None:
         if self._kept + len(m) <= EARLY_MAX:
-            self._early.append(m)
-            self._kept += len(m)
+            if len(m):
+                self._early.append(m)
+                merge_tail(self._early, join_messages)
+                self._kept += len(m)
         else:
             self.early_lost += len(m)
+
+    def give_up(self) -> int:
+        """Give up what waits, to save memory; returns how many bytes that were."""
+        before = self.nbytes
+        self.early_lost += self._kept
+        self._early, self._kept = [], 0
+        for configuration in self.configurations():
+            configuration.snapshots.give_up()
+        freed = before - self.nbytes
+        self.given_up += freed
+        return freed
 
     def _use(self, now: Configuration, m: Messages) -> None:
         seal, of_innovation = m.kind == SEAL, m.tag >= SEAL_INNOVATION
         samples = (m.kind == SAMPLE) | (m.kind == SAMPLE_FD) | (seal & ~of_innovation)
         innovations = (m.kind == INNOVATION) | (m.kind == INNOVATION_FD) | (seal & of_innovation)
-        tells_index = ((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN)
         start = 0
-        for stop in [*np.flatnonzero(tells_index).tolist(), len(m)]:  # a full index holds for the samples before it
+        for stop in [*_anchors(m), len(m)]:  # a full index holds for the samples before it
             for store, mine in ((now.samples, samples), (now.innovations, innovations)):
-                _add_values(store, m.take(np.flatnonzero(mine[start:stop]) + start))
+                at = np.flatnonzero(mine[start:stop])
+                if len(at):
+                    _add_values(store, m.take(at + start))
                 if stop < len(m):
                     store.anchor(int(m.value[stop]), int(m.place[stop]))
             start = stop
@@ -217,6 +296,16 @@ class Node:
             self._health.go_on()
 
 
+def _anchors(m: Messages) -> list[int]:
+    """Return where full indices are told; of more than an honest node tells only some: each costs its turn."""
+    at = np.flatnonzero(((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN))
+    most = ANCHORS_FREE + len(m) // ANCHORS_SHARE
+    if len(at) > most:
+        at = at[np.linspace(0, len(at) - 1, most).astype(np.int64)]
+    told: list[int] = at.tolist()
+    return told
+
+
 def _add_values(store: SampleStore, m: Messages) -> None:
     if not len(m):
         return
@@ -235,6 +324,8 @@ class Assembly:
         self.foreign = 0
         self.damaged = 0
         self.garbled = 0
+        self.forgotten = 0  # numbers that never described themselves and had to make room
+        self.forgotten_messages = 0
         self._base = base
         self._garbling = Garbling()
 
@@ -253,21 +344,51 @@ class Assembly:
         self.foreign += messages.foreign - int(np.count_nonzero(frames.flags & (ERROR | GARBLED)))
         self.damaged += messages.damaged
         self.garbled += frames.garbled + len(garbled)
-        for number in np.unique(messages.node).tolist():
+        order = np.argsort(messages.node, kind="stable")
+        numbers, starts = np.unique(messages.node[order], return_index=True)
+        stops = np.append(starts[1:], len(order))
+        for number, start, stop in zip(numbers.tolist(), starts, stops, strict=False):  # none: one stop too many
             node = self.nodes.get(number)
             if node is None:
-                if len(self.nodes) >= NODES_MAX and not self._forget_one():
+                if not self._has_place() and not self._forget_one():
                     continue
                 node = self.nodes[number] = Node(number, self._garbling)
-            mine: NDArray[np.bool_] = messages.node == number
-            node.add(messages if mine.all() else messages.take(mine))
+            node.add(messages if len(numbers) == 1 else messages.take(order[start:stop]))
+
+    def _has_place(self) -> bool:
+        """Tell whether one more number that has not described itself can be followed."""
+        mute = sum(not node.changes for node in self.nodes.values())
+        return mute < max(NODES_MAX - (len(self.nodes) - mute), MUTE_LEAST)
 
     def _forget_one(self) -> bool:
         """Give up the number with the fewest messages that never described itself: garbled ones must bar no node."""
-        mute = [node for node in self.nodes.values() if not node.configurations()]
+        mute = [node for node in self.nodes.values() if not node.changes]
         if mute:
-            del self.nodes[min(mute, key=lambda node: node.messages).number]
+            least = min(mute, key=lambda node: node.messages)
+            self.forgotten += 1
+            self.forgotten_messages += least.messages
+            del self.nodes[least.number]
         return bool(mute)
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held of all nodes."""
+        return sum(node.nbytes for node in self.nodes.values())
+
+    def keep_within(self, each: int = NODE_BYTES, total: int = TOTAL_BYTES) -> int:
+        """Have nodes that hold too much give up what waits; returns the bytes held after that.
+
+        Each node may hold `each` bytes, all of them `total`; beyond, those that hold most come first.
+        """
+        held = {number: node.nbytes for number, node in self.nodes.items()}
+        for number in [n for n, size in held.items() if size > each]:
+            held[number] -= self.nodes[number].give_up()
+        left = sum(held.values())
+        for number in sorted(held, key=lambda n: -held[n]) if left > total else ():
+            if left <= total:
+                break
+            left -= self.nodes[number].give_up()
+        return left
 
     def close(self) -> None:
         """Finish what is under way; nothing more will come."""

@@ -50,19 +50,61 @@ def repair_sets(numbers: NDArray[np.int64], size: int) -> Mask:
     return bits[:, :size].astype(bool)
 
 
-def restore(values: Words, have: Mask, repairs: Mapping[int, Words]) -> None:
-    """Fill in `values` (B, w) and `have` (B,) wherever the repair frames (number -> w words) determine a block.
+class Repairs:
+    """Hold repair frames by their number: w words each, in one table."""
 
-    Cost: per group at most missing² · repairs bit operations, 256 missing at most.
-    """
-    members = group_members(len(values))
+    def __init__(self, most: int, width: int) -> None:
+        """Prepare. most: numbers from here on do not exist; width: words of a frame."""
+        self._most, self._width = most, width
+        self._words = np.zeros((0, width), np.uint32)
+        self._have = np.zeros(0, bool)
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        return self._words.nbytes + self._have.nbytes
+
+    def put(self, numbers: NDArray[np.int64], words: Words) -> None:
+        """Take frames: numbers (k,) below the most there are, words (k, w); of equal numbers the last."""
+        if not len(numbers):
+            return
+        if not len(self._have):
+            self._words, self._have = np.zeros((self._most, self._width), np.uint32), np.zeros(self._most, bool)
+        self._words[numbers] = words
+        self._have[numbers] = True
+        self._count = int(np.count_nonzero(self._have))
+
+    def all(self) -> tuple[NDArray[np.int64], Words]:
+        """Return the numbers (k,) and their words (k, w)."""
+        numbers = np.flatnonzero(self._have)
+        return numbers, self._words[numbers]
+
+
+def restore(values: Words, have: Mask, repairs: Mapping[int, Words]) -> None:
+    """Fill in `values` (B, w) and `have` (B,) from repair frames by number -> w words, as `restore_from`."""
     numbers = np.fromiter(repairs.keys(), np.int64, len(repairs))
-    combined = np.array(list(repairs.values()), np.uint32).reshape(len(repairs), values.shape[1])
-    for g, member in enumerate(members):
+    restore_from(values, have, numbers, np.array(list(repairs.values()), np.uint32).reshape(len(repairs), values.shape[1]))
+
+
+def restore_from(values: Words, have: Mask, numbers: NDArray[np.int64], combined: Words) -> None:
+    """Fill in `values` (B, w) and `have` (B,) wherever repair frames `numbers` (k,), `combined` (k, w) give a block.
+
+    Cost: per group at most missing · repairs operations on words of 32 blocks, 256 missing at most.
+    """
+    if not len(numbers):
+        return
+    members = group_members(len(values))
+    group = numbers % len(members)
+    for g in np.unique(group).tolist():
+        member = members[g]
         missing = ~have[member]
-        mine = numbers % len(members) == g
-        if not missing.any() or not mine.any():
+        if not missing.any():
             continue
+        mine = group == g
         sets = repair_sets(numbers[mine], len(member))  # (repairs, members)
         known = np.where((sets & ~missing)[:, :, None], values[member], np.uint32(0))  # (repairs, members, w)
         right = combined[mine] ^ np.bitwise_xor.reduce(known, axis=1)
@@ -72,28 +114,42 @@ def restore(values: Words, have: Mask, repairs: Mapping[int, Words]) -> None:
 
 
 def _eliminate(rows: Mask, right: Words) -> tuple[Mask, Words]:
-    """Solve rows (k, m) · x = right (k, w) over GF(2); returns which x (m,) are determined, and x (m, w)."""
-    rows, right = rows.copy(), right.copy()
-    unknowns = rows.shape[1]
+    """Solve rows (k, m) · x = right (k, w) over GF(2); returns which x (m,) are determined, and x (m, w).
+
+    Rows are packed with their right sides: bit j of x is bit j % 32 of word j // 32.
+    """
+    count, unknowns = rows.shape
+    width = -(-unknowns // 32)
+    packed = np.zeros((count, 4 * width), np.uint8)
+    some = np.packbits(rows, axis=1, bitorder="little")
+    packed[:, : some.shape[1]] = some
+    table = np.hstack([packed.view("<u4").astype(np.uint32), right])  # (k, width + w)
     used, pivots = 0, np.full(unknowns, -1)
     for column in range(unknowns):
-        candidates = np.flatnonzero(rows[used:, column])
+        bit = table[:, column >> 5] >> np.uint32(column & 31) & np.uint32(1)
+        candidates = bit[used:].nonzero()[0]
         if not len(candidates):
             continue
         pivot = used + int(candidates[0])
-        rows[[used, pivot]], right[[used, pivot]] = rows[[pivot, used]], right[[pivot, used]]
-        others = rows[:, column].copy()
-        others[used] = False
-        rows[others] ^= rows[used]
-        right[others] ^= right[used]
+        if pivot != used:
+            table[[used, pivot]] = table[[pivot, used]]
+            bit[pivot] = bit[used]
+        bit[used] = 0
+        table[bit.nonzero()[0]] ^= table[used]
         pivots[column] = used
         used += 1
-        if used == len(rows):
+        if used == count:
             break
+    weights = _weights(table, width)
     solved = np.zeros(unknowns, bool)
     solution = np.zeros((unknowns, right.shape[1]), np.uint32)
-    for column in np.flatnonzero(pivots >= 0).tolist():
-        row = int(pivots[column])
-        if np.count_nonzero(rows[row]) == 1:  # depends on no undetermined parameter
-            solved[column], solution[column] = True, right[row]
+    found = np.flatnonzero(pivots >= 0)
+    alone = found[weights[pivots[found]] == 1]  # depends on no undetermined parameter
+    solved[alone], solution[alone] = True, table[pivots[alone], width:]
     return solved, solution
+
+
+def _weights(table: Words, width: int) -> NDArray[np.int64]:
+    """Count the bits of the first words of each row."""
+    left = np.ascontiguousarray(table[:, :width]).view(np.uint8)
+    return np.unpackbits(left, axis=1).sum(axis=1, dtype=np.int64)

@@ -58,12 +58,40 @@ class SnapshotStore:
         self._node = node
         self.description = description
         self.complete: MarkovSnapshot | None = None
-        self.latest: MarkovSnapshot | None = None
         self.completed = 0
         self.incomplete = 0
         self.damaged = 0  # all parameters there, CRC wrong
         self.repaired = 0  # parameters restored from repair frames
         self._open: dict[int, Gathering] = {}  # by number, the one touched last at the end
+        self._last: MarkovSnapshot | tuple[Gathering, tuple[int, ...]] | None = None  # the latter not yet looked at
+
+    @property
+    def latest(self) -> MarkovSnapshot | None:
+        """Return the newest snapshot, complete or not."""
+        if isinstance(self._last, tuple):
+            now, newest = self._last
+            self._last = self._snapshot(now, False, newest)
+        return self._last
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        held = sum(gathering.nbytes for gathering in self._open.values())
+        if isinstance(self._last, tuple):
+            held += self._last[0].nbytes
+        whole = [s for s in (self.complete, self._last) if isinstance(s, MarkovSnapshot)]
+        return held + sum(s.theta_scaled.nbytes + s.theta.nbytes + 32 * len(s.missing) for s in {id(w): w for w in whole}.values())
+
+    def give_up(self) -> int:
+        """Forget what is under way, to save memory; returns how many bytes that were."""
+        before = self.nbytes
+        self.incomplete += sum(g.messages >= SWITCH and not g.done for g in self._open.values())
+        self._open, self._last = {}, self.complete
+        return before - self.nbytes
+
+    def retire(self) -> None:
+        """Forget all but the counters: the configuration is over, and nobody asks for its parameters."""
+        self._open, self._last, self.complete = {}, None, None
 
     def add(self, messages: Messages, newest: Sequence[int]) -> None:
         """Take begin, parameter, repair and end messages in order; newest: what the newest sample index may be."""
@@ -95,10 +123,14 @@ class SnapshotStore:
         if now.done:
             return
         now.take(m)
-        if now.may_be_complete():
+        if now.ends >= 3:
+            self._settle(now, newest)
+        elif now.may_be_complete():
             now.repair()
-            if now.fits(newest) or now.ends >= 3:
+            if now.fits(newest):
                 self._settle(now, newest)
+            else:
+                now.wait()
 
     def _drop(self, number: int, newest: Sequence[int]) -> None:
         self._settle(self._open.pop(number), newest)
@@ -111,10 +143,9 @@ class SnapshotStore:
         now.done = True
         self.repaired += now.repaired
         fits = now.fits(newest)
-        snapshot = self._snapshot(now, fits, newest)
-        self.latest = snapshot
+        self._last = now, tuple(newest)
         if fits:
-            self.complete = snapshot
+            self._last = self.complete = self._snapshot(now, True, newest)
             self.completed += 1
         elif now.contradicted:
             self.damaged += 1

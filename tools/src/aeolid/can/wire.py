@@ -111,6 +111,12 @@ class Messages:
         """Count the frames whose check is wrong."""
         return len(self.damaged_at)
 
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes of the arrays."""
+        columns = (self.node, self.kind, self.tag, self.index, self.value, self.lane, self.place, self.damaged_at)
+        return sum(column.nbytes for column in columns)
+
     def take(self, chosen: NDArray[Any] | slice) -> Messages:
         """Return the messages that a mask, an index array or a slice chooses, without the counts."""
         return Messages(
@@ -252,6 +258,21 @@ def _decode_fd(frames: Frames, at: NDArray[np.int64], kind: Bytes, layout: Layou
         at[repeat],
         0,
         at[~sound],
+    )
+
+
+def join_messages(parts: Sequence[Messages]) -> Messages:
+    """Put batches of messages together, in order, without the counts."""
+    return Messages(
+        np.concatenate([p.node for p in parts]),
+        np.concatenate([p.kind for p in parts]),
+        np.concatenate([p.tag for p in parts]),
+        np.concatenate([p.index for p in parts]),
+        np.concatenate([p.value for p in parts]),
+        np.concatenate([p.lane for p in parts]),
+        np.concatenate([p.place for p in parts]),
+        0,
+        np.zeros(0, np.int64),
     )
 
 

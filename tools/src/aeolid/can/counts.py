@@ -1,0 +1,187 @@
+"""Tell apart the counts of samples that arrive under one node's number: the one believed, restarts, strays, a twin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from aeolid.can.judging import SHUFFLE, Part, join_parts
+from aeolid.can.limits import PART_BYTES, RIVALS_MAX, RUN_LEAST
+
+SILENT = 4  # a count takes the place of another that sent less than a fourth as much meanwhile
+COUNT_BYTES = 400
+
+
+@dataclass
+class Count:
+    """Hold samples whose 16-bit indices follow each other; `turn` times 65536 is added once a full index is known.
+
+    votes: how often full indices said which turn, and where first. settled: the turn of samples released from here.
+    """
+
+    parts: list[Part] = field(default_factory=list)
+    first: int = 0
+    last: int = 0
+    votes: dict[int, tuple[int, int]] = field(default_factory=dict)
+    settled: int | None = None
+    dated: bool = True  # `settled` is certain
+    floor: int | None = None  # samples below it have been released
+    ceiling: int | None = None  # samples from here on are held elsewhere
+    taken: int = 0  # messages so far
+    other_at: int = 0  # what the count believed had taken when this one began
+    touched: int = 0  # when it was last heard
+    fresh: int = 0  # values not yet collected
+
+    def joined(self) -> Part:
+        """Return all messages in one piece."""
+        if len(self.parts) != 1:
+            self.parts = [join_parts(self.parts)]
+        return self.parts[0]
+
+    def size(self) -> int:
+        """Count the messages."""
+        return sum(len(p) for p in self.parts)
+
+    def guess(self) -> int | None:
+        """Return the turn that most full indices say, None without any."""
+        if self.settled is not None:
+            return self.settled
+        return max(self.votes, key=lambda turn: self.votes[turn][0]) if self.votes else None
+
+
+class Counts:
+    """Sort messages by the count they belong to; memory does not depend on how indices leap.
+
+    believed: the counts of the node, one after the other, the newest going on. Beside it a few rivals are followed: one
+    that reaches RUN_LEAST samples while the newest is silent is a restart and takes its place; one that goes on while
+    the newest does is a second node of this number, or a forgery, and is left out. contested: its messages; strays:
+    those of counts that came to nothing.
+    """
+
+    def __init__(self, channels: int, jump: int) -> None:
+        """Prepare. jump: samples that may be missing within a count."""
+        self.believed: list[Count] = []
+        self.latest: Count | None = None
+        self.contested = 0
+        self.strays = 0
+        self._jump, self._least = jump, RUN_LEAST * channels
+        self._rivals: list[Count] = []
+        self._clock = 0
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes that are held."""
+        return sum(
+            COUNT_BYTES + sum(p.nbytes + PART_BYTES for p in count.parts)
+            for group in (self.believed, self._rivals)
+            for count in group
+        )
+
+    def sort(self, part: Part) -> Iterator[tuple[Count, Part]]:
+        """Yield the counts that messages (n ≥ 1) belong to, with theirs, their indices unwrapped."""
+        step = np.zeros(len(part), np.int64)
+        step[1:] = (np.diff(part.index) + 32768) % 65536 - 32768
+        breaks = np.flatnonzero((step > self._jump) | (step < -SHUFFLE))
+        step[breaks] = 0
+        along = np.cumsum(step)
+        owners: dict[int, tuple[Count, list[int]]] = {}
+        shifts = []
+        starts = [0, *breaks.tolist()]
+        stops = [*starts[1:], len(part)]
+        heads, begins, ends = (x.tolist() for x in (part.index[starts], along[starts], along[np.array(stops) - 1]))
+        for number, (low, begin, end) in enumerate(zip(heads, begins, ends, strict=True)):
+            owner, start = self._find(low)
+            shifts.append(start - begin)
+            self._note(owner, end + start - begin, stops[number] - starts[number])
+            owners.setdefault(id(owner), (owner, []))[1].append(number)
+        if len(starts) == 1:
+            yield owner, replace(part, index=along + shifts[0])
+            return
+        lengths = np.diff([*starts, len(part)])
+        index, stretch = along + np.repeat(shifts, lengths), np.repeat(np.arange(len(starts)), lengths)
+        for owner, mine in owners.values():
+            if owner in self._rivals or owner in self.believed:
+                chosen = np.isin(stretch, mine)
+                yield owner, replace(part, index=index).take(chosen)
+
+    def _find(self, low: int) -> tuple[Count, int]:
+        """Return the count that an index goes on with, and the index in its counting; a new one where none does."""
+        best, found = None, 0
+        for count in (*self.believed[-1:], *self._rivals):
+            step = (low - count.last + 32768) % 65536 - 32768
+            if -SHUFFLE <= step <= self._jump and (best is None or abs(step) < abs(found)):
+                best, found = count, step
+                if 0 < step <= SHUFFLE and count not in self._rivals:
+                    break  # the count believed goes first, whatever strays lie about
+        if best is not None:
+            return best, best.last + found
+        count = Count(first=low, last=low)
+        if not self.believed:
+            self.believed.append(count)
+            return count, low
+        count.other_at = self.believed[-1].taken
+        if len(self._rivals) >= RIVALS_MAX:
+            self._drop(min(self._rivals, key=lambda rival: (rival.taken, rival.touched)))
+        self._rivals.append(count)
+        return count, low
+
+    def _note(self, count: Count, last: int, messages: int) -> None:
+        """Note that a count went on; a rival may take the place of the one believed."""
+        self._clock += 1
+        count.last, count.touched, self.latest = last, self._clock, count
+        count.taken += messages
+        if count.taken < self._least or not any(count is rival for rival in self._rivals):
+            return
+        believed = self.believed[-1]
+        if (believed.taken - count.other_at) * SILENT <= count.taken:
+            self._rivals = [rival for rival in self._rivals if rival is not count]
+            for rival in list(self._rivals):
+                self._drop(rival)
+            self.believed.append(count)
+        else:
+            self.contested += count.taken
+            count.parts, count.taken, count.fresh = [], 0, 0
+            count.first, count.other_at = last, believed.taken
+
+    def _drop(self, rival: Count) -> None:
+        self._rivals = [other for other in self._rivals if other is not rival]
+        self.strays += rival.taken
+
+    def collect(self) -> int:
+        """Return how many values have come to the counts believed since this was asked last."""
+        values = sum(count.fresh for count in self.believed)
+        for count in self.believed:
+            count.fresh = 0
+        return values
+
+    def holds(self) -> bool:
+        """Tell whether anything is held that may become part of a recording."""
+        return any(count.size() for count in self.believed) or self._pending() is not None
+
+    def _pending(self) -> Count | None:
+        """Return the rival that the node went on with last: a restart just before the end."""
+        latest = self.latest
+        if latest is None or self.contested or not any(latest is rival for rival in self._rivals) or not latest.parts:
+            return None
+        return latest
+
+    def shown(self, closed: bool) -> list[Count]:
+        """Return the counts that make a recording; closed: nothing more will come."""
+        pending = self._pending() if closed else None
+        return self.believed if pending is None else [*self.believed, pending]
+
+    def close(self) -> None:
+        """Decide about what is pending: nothing more will come."""
+        pending = self._pending()
+        if pending is not None:
+            self.believed.append(pending)
+            self._rivals = [rival for rival in self._rivals if rival is not pending]
+        for rival in list(self._rivals):
+            self._drop(rival)
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self.believed, self._rivals, self.latest = [], [], None
+
