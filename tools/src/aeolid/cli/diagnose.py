@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import JsonOption, console, emit_json, progress_console
+from aeolid.cli.common import JsonOption, Milestones, console, emit_json, progress_console
 
 EXAMPLES = (
     "aeolid diagnose my_case --out my_case/diagnosis",
@@ -36,6 +36,9 @@ def run(
     report: Annotated[
         bool, typer.Option("--report/--no-report", help="Draw report.html; without it a run takes seconds less.")
     ] = True,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
+    ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
     json_target: JsonOption = None,
 ) -> None:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
@@ -43,14 +46,16 @@ def run(
     Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
     verdict.
     """
-    from aeolid.errors import DataError
+    from aeolid.errors import DataError, UsageError
 
+    if not 0 < time_limit < float("inf"):
+        raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
     if not (case / "case.toml").is_file():
         raise DataError(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
             " model: aeolid example . writes two"
         )
-    diagnosis, evidence = _diagnosed(case, out, sham, seed)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit)
     page = out / "report.html"
     page.unlink(missing_ok=True)  # of an earlier run
     if report:
@@ -70,12 +75,14 @@ def run(
         raise typer.Exit(1)
 
 
-def _diagnosed(case: Path, out: Path, sham: int, seed: int) -> tuple[dict[str, Any], dict[str, Any]]:
+def _diagnosed(case: Path, out: Path, sham: int, seed: int, time_limit: float) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
+    from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.diagnose.deadline import Deadline
     from aeolid.errors import Contradiction
 
     columns = (
@@ -84,11 +91,19 @@ def _diagnosed(case: Path, out: Path, sham: int, seed: int) -> tuple[dict[str, A
     with Progress(*columns, console=progress_console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
 
+        plain = Milestones()
+
         def tell(text: str, share: float) -> None:
             bar.update(task, description=text, completed=share)
+            plain.reach(f"{text}, {100 * share:.0f} %")
 
+        def doing(what: str) -> None:
+            bar.update(task, description=escape(f"fitting {what}"[:60]))
+            plain.pass_by(f"fitting {what}")
+
+        late = Deadline(time_limit, notice=doing)
         try:
-            return conclude(load_case(case), out, sham=sham, seed=seed, progress=tell)
+            return conclude(load_case(case), out, sham=sham, seed=seed, progress=tell, deadline=late)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)
 

@@ -23,7 +23,9 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     correction = correct(study)
     wild = correction.diverging
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
-    diagnosis["warnings"] = [*diagnosis.get("warnings", []), *([] if wild is None else [wild.text()])]
+    late = study.deadline
+    diagnosis["time_limit"] = late.to_json()
+    diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "diagnosis.json").write_text(json.dumps(diagnosis, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     (folder / "model").mkdir(exist_ok=True)
