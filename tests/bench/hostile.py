@@ -114,9 +114,13 @@ def main() -> int:
     names = args.attacks or ["honest", *hostile.ATTACKS, "FD frames", "mixed"]
     print(f"{'attack':20}{'µs/frame':>10}{'ratio':>8}{'grown MB':>10}{'held MB':>9}{'files':>7}{'file MB':>9}  ended")
     usual = None
-    options = ["--frames", str(args.frames), "--batch", str(args.batch), "--suffix", args.suffix] + ["--modes"] * args.modes
+    options = ["--frames", str(args.frames), "--batch", str(args.batch), "--suffix", args.suffix] + [
+        "--modes"
+    ] * args.modes
     for name in names:
-        done = subprocess.run([sys.executable, __file__, *options, "--one", name], capture_output=True, text=True, timeout=1200)
+        done = subprocess.run(
+            [sys.executable, __file__, *options, "--one", name], capture_output=True, text=True, timeout=1200
+        )
         if done.returncode:
             print(f"{name:20} failed: {(done.stderr.strip().splitlines() or [str(done.returncode)])[-1]}")
             continue

@@ -11,7 +11,20 @@ import numpy as np
 from aeolid.can import wire
 from aeolid.can.crc import check_8
 from aeolid.can.wire import (
-    BASE, BEGIN, DESCRIPTION, END, EXTENDED, FAST, FD, HEALTH, INNOVATION, PARAMETER, REPAIR, SAMPLE, SEAL, Frames,
+    BASE,
+    BEGIN,
+    DESCRIPTION,
+    END,
+    EXTENDED,
+    FAST,
+    FD,
+    HEALTH,
+    INNOVATION,
+    PARAMETER,
+    REPAIR,
+    SAMPLE,
+    SEAL,
+    Frames,
 )  # fmt: skip
 
 Row = tuple[int, int, int, int, int]  # node, kind, tag, index, value
@@ -95,7 +108,12 @@ def redescribing() -> Iterator[list[Row]]:
     for turn in count(1):
         for node in range(32):
             end = (node, END, 1, 5, 1)
-            yield description(node, r=0, l=1, past=65535, salt=0.001 * turn) + [(node, BEGIN, 1, 65534, 5), end, end, end]
+            yield description(node, r=0, l=1, past=65535, salt=0.001 * turn) + [
+                (node, BEGIN, 1, 65534, 5),
+                end,
+                end,
+                end,
+            ]
 
 
 def long_windows() -> Iterator[list[Row]]:
@@ -181,7 +199,7 @@ def repairs() -> Iterator[list[Row]]:
     yield description(1, r=0, l=1, past=65_535)
     for number in count():
         yield [(1, BEGIN, number & 0xFF, 65_534, number)] + [(1, END, number & 0xFF, 0, 7)] * 2
-        yield [(1, PARAMETER, number & 0xFF, i, i) for i in range(0, 2000)]
+        yield [(1, PARAMETER, number & 0xFF, i, i) for i in range(2000)]
         for i in range(3000):
             yield [(1, REPAIR, number & 0xFF, i, i)]
 
@@ -218,7 +236,9 @@ def noise() -> Iterator[list[Row]]:
     generator = np.random.default_rng(4)
     while True:
         table = generator.integers(0, (256, 16, 256, 65536, 2**32), (500, 5))
-        table[:, 0] = np.where(table[:, 0] == HONEST, 1, np.where(generator.random(500) < 0.7, table[:, 0] % 32, table[:, 0]))
+        table[:, 0] = np.where(
+            table[:, 0] == HONEST, 1, np.where(generator.random(500) < 0.7, table[:, 0] % 32, table[:, 0])
+        )
         table[:, 2] = np.where(generator.random(500) < 0.8, table[:, 2] % 4, table[:, 2])
         yield [tuple(r) for r in table.tolist()]
 
@@ -231,7 +251,9 @@ def fd_frames() -> Iterator[Frames]:
         rows = []
         for n in range(1, 15):
             kind = (wire.SAMPLE_FD, wire.INNOVATION_FD, wire.PARAMETER_FD, wire.REPAIR_FD)[(k + n) % 4]
-            identifier, data = wire.encode_fd(1, kind, 0, (k * 14 + n) & 0xFFFF, generator.integers(0, 2**32, n).tolist())
+            identifier, data = wire.encode_fd(
+                1, kind, 0, (k * 14 + n) & 0xFFFF, generator.integers(0, 2**32, n).tolist()
+            )
             rows.append((identifier, True, data if n % 2 else data[:-1] + b"\x55"))
         yield wire.pack_frames(rows, flags=[EXTENDED | FD | FAST] * len(rows))
 
