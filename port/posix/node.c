@@ -140,7 +140,7 @@ static int init_stream(node_t *self, uint32_t parameters)
     memset(&config, 0, sizeof config);
     config.address.base = o->base;
     config.address.node = o->node;
-    config.address.extended = o->base >= 0x800u;
+    config.address.extended = (uint8_t)((o->base >= 0x800u) | (o->force_base ? AEO_ADDRESS_FORCED : 0u));
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.innovations = o->innovations;
