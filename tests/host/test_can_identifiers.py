@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
 from aeolid.can import identifiers, wire
 from aeolid.cli.main import main
 from aeolid.errors import UsageError
@@ -191,7 +192,7 @@ def test_the_command_says_whose_they_are(capsys: pytest.CaptureFixture[str], bas
 
 
 def test_the_tables_agree_with_the_function_codes() -> None:
-    """Every default identifier of every CANopen node-ID, reckoned from its function code, is in the table, just once."""
+    """Every default identifier of every CANopen node-ID, reckoned from its function code, is in the table, once."""
     known = {code + n for code in PREDEFINED for n in NODE_IDS} | {
         0x000,
         0x080,
