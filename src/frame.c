@@ -17,18 +17,31 @@ typedef struct {
     uint32_t id_limit;   /* identifiers from here on do not exist */
 } layout_t;
 
-static const layout_t layouts[2] = {
+static const layout_t layouts[3] = {
+    {4u, 4u, UINT32_C(0x3F), UINT32_C(1) << 11},
     {16u, 16u, UINT32_C(0xFF), UINT32_C(1) << 11},
     {256u, 254u, UINT32_C(0x1FFF), UINT32_C(1) << 29},
 };
 
+static int is_extended(const aeo_address_t *address)
+{
+    return (address->extended & 1u) != 0u;
+}
+
 static const layout_t *find_layout(const aeo_address_t *address)
 {
-    const layout_t *layout = &layouts[address->extended != 0u ? 1 : 0];
-    if ((address->base & layout->base_mask) != 0u || address->base >= layout->id_limit) {
+    const layout_t *layout = &layouts[is_extended(address) ? 2 : (address->base & 0xFFu) == 0u ? 1 : 0];
+    if ((address->base & layout->base_mask) != 0u || address->base >= layout->id_limit ||
+        address->extended > (AEO_ADDRESS_FORCED | 1u)) {
         return NULL;
     }
     return layout;
+}
+
+static int may_send(const aeo_address_t *address)
+{
+    return (address->extended & AEO_ADDRESS_FORCED) != 0u ||
+           AEO_FRAME_BASE_IS_FREE(address->base, is_extended(address));
 }
 
 /* CRC-8 a nibble at a time: 16 bytes of table instead of 256, about 12 operations a byte. */
@@ -85,10 +98,13 @@ static uint32_t check_fd(const aeo_can_frame_t *frame)
     return ~crc;
 }
 
+#define KIND_BIT(kind) (1u << (unsigned)(kind))
+
 static int is_fd(unsigned kind)
 {
-    return kind == AEO_KIND_SAMPLE_FD || kind == AEO_KIND_INNOVATION_FD || kind == AEO_KIND_PARAMETER_FD ||
-           kind == AEO_KIND_REPAIR_FD;
+    const unsigned all = KIND_BIT(AEO_KIND_SAMPLE_FD) | KIND_BIT(AEO_KIND_INNOVATION_FD) |
+                         KIND_BIT(AEO_KIND_PARAMETER_FD) | KIND_BIT(AEO_KIND_REPAIR_FD);
+    return kind < AEO_KIND_LIMIT && (all & KIND_BIT(kind)) != 0u;
 }
 
 static int is_classic(unsigned kind)
@@ -105,15 +121,16 @@ int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, a
     }
     layout = find_layout(address);
     kind = (unsigned)message->kind;
-    if (layout == NULL || address->node >= layout->node_limit || (!is_classic(kind) && !is_fd(kind)) ||
-        message->count < 1u || message->count > (is_fd(kind) ? AEO_FRAME_VALUES_MAX : 1u)) {
+    if (layout == NULL || !may_send(address) || address->node >= layout->node_limit ||
+        (!is_classic(kind) && !is_fd(kind)) || message->count < 1u ||
+        message->count > (is_fd(kind) ? AEO_FRAME_VALUES_MAX : 1u)) {
         return AEO_E_ARG;
     }
     head = is_fd(kind) ? FD_HEAD : CLASSIC_BYTES - 4u;
     frame->id = address->base + kind * layout->kind_step + address->node;
     frame->length = (uint8_t)(is_fd(kind) ? AEO_FRAME_FD_LENGTH(message->count) : CLASSIC_BYTES);
     frame->flags =
-        (uint8_t)((address->extended != 0u ? AEO_CAN_EXTENDED : 0u) | (is_fd(kind) ? AEO_CAN_FD | AEO_CAN_BRS : 0u));
+        (uint8_t)((is_extended(address) ? AEO_CAN_EXTENDED : 0u) | (is_fd(kind) ? AEO_CAN_FD | AEO_CAN_BRS : 0u));
     frame->data[0] = message->tag;
     frame->data[1] = (uint8_t)(message->index & 0xFFu);
     frame->data[2] = (uint8_t)(message->index >> 8);
@@ -131,7 +148,7 @@ int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, a
 
 static int belongs_here(const layout_t *layout, const aeo_address_t *address, const aeo_can_frame_t *frame)
 {
-    const unsigned extended = address->extended != 0u ? AEO_CAN_EXTENDED : 0u;
+    const unsigned extended = is_extended(address) ? AEO_CAN_EXTENDED : 0u;
     const uint32_t offset = frame->id - address->base; /* wraps far above the limit when the id is below the base */
     const unsigned kind = offset / layout->kind_step;
     const unsigned length = frame->length;

@@ -18,7 +18,7 @@ void aeo_stream_unlock(const aeo_stream_t *self)
 
 uint32_t aeo_stream_cost_us(const aeo_stream_config_t *config, unsigned length)
 {
-    const int extended = config->address.extended != 0u;
+    const int extended = (config->address.extended & 1u) != 0u;
     uint32_t bits = extended ? AEO_FRAME_BITS_EXTENDED : AEO_FRAME_BITS_STANDARD;
     if (config->bits_per_s == 0u) {
         return 0;

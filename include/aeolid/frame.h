@@ -4,7 +4,8 @@
  *   Two shapes, one for every classic message and one for every CAN FD message:
  *
  *     identifier   29 bit: base + kind * 256 + node       (J1939: priority 7, proprietary B, source address node)
- *                  11 bit: base + kind * 16  + node
+ *                  11 bit: base + kind * 4   + node       base = 0x40, 0x80 or 0xC0 modulo 0x100
+ *                          base + kind * 16  + node       base = 0 modulo 0x100
  *     byte 0       tag      what the kind says: channel, item or snapshot number
  *     byte 1..2    index    little endian: what the kind says
  *
@@ -42,8 +43,15 @@
  *   CAN adapters carry frames as plain text, without the CRC of the bus; a CRC-8 alone lets one in 128 of the errors of
  *   four, six, ... bits pass, the CRC-32 of seal, end, description and CAN FD frames none that a lifetime would see.
  *
+ *   Which identifiers are free: CANopen's predefined connection set and its reserved identifiers (CiA 301, tables "generic
+ *   pre-defined connection set" and "restricted CAN-IDs") leave one gap that holds a node, 0x680 ... 0x6DF; a node there
+ *   has 64 of them, nothing sooner than SDO requests and later than heartbeats. J1939 leaves anybody the proprietary B
+ *   parameter groups 0xFF00 ... 0xFFFF; their last byte is the source address, which a node must have claimed (SAE
+ *   J1939-81; port/j1939/claim.h does it) before it sends. aeo_frame_pack refuses every other base unless
+ *   AEO_ADDRESS_FORCED says that the bus has no such devices; aeo_frame_unpack reads at any.
+ *
  * CONTRACT
- *   Memory: none beyond the arguments. Constant tables 80 bytes. About 500 instructions a classic frame, 370 and 100 a
+ *   Memory: none beyond the arguments. Constant tables 96 bytes. About 500 instructions a classic frame, 370 and 100 a
  *   value a CAN FD frame. Stack 56 bytes (Cortex-M4F).
  *   Deterministic; thread and interrupt rule: all functions are pure and may be called from anywhere.
  */
@@ -59,9 +67,29 @@ extern "C" {
 /* Version of everything above and of the description items below; a receiver refuses what it does not know. */
 #define AEO_WIRE_VERSION 2
 
-/* Bases that leave room for 32 kinds and 256 nodes (29 bit) or 16 kinds and 16 nodes (11 bit, low 8 bits zero). */
+/* Bases that disturb nobody, with room for 32 kinds and 254 nodes (29 bit, low 13 bits zero) or 16 kinds and 4 nodes (11
+ * bit, low 6 bits zero). Both may be defined otherwise; one that others use stops the compiler unless
+ * AEO_FRAME_BASE_FORCED is defined, and then still needs AEO_ADDRESS_FORCED. */
+#ifndef AEO_FRAME_BASE_EXTENDED
 #define AEO_FRAME_BASE_EXTENDED UINT32_C(0x1CFF4000)
-#define AEO_FRAME_BASE_STANDARD UINT32_C(0x600)
+#endif
+#ifndef AEO_FRAME_BASE_STANDARD
+#define AEO_FRAME_BASE_STANDARD UINT32_C(0x680)
+#endif
+
+/* 1 where a base, with 29 or 11 bit identifiers, is used neither by CANopen nor by J1939; a constant expression:
+ *   typedef char base_is_free[AEO_FRAME_BASE_IS_FREE(MY_BASE, 1) ? 1 : -1]; */
+#define AEO_FRAME_BASE_IS_FREE(base, extended)                                                                         \
+    ((extended) ? ((base)&UINT32_C(0xE3FF1FFF)) == UINT32_C(0x00FF0000) : (base) == UINT32_C(0x680))
+
+#ifndef AEO_FRAME_BASE_FORCED
+#if !AEO_FRAME_BASE_IS_FREE(AEO_FRAME_BASE_EXTENDED, 1)
+#error "AEO_FRAME_BASE_EXTENDED is no J1939 proprietary B group; define AEO_FRAME_BASE_FORCED where no J1939 is"
+#endif
+#if !AEO_FRAME_BASE_IS_FREE(AEO_FRAME_BASE_STANDARD, 0)
+#error "AEO_FRAME_BASE_STANDARD is used by CANopen; define AEO_FRAME_BASE_FORCED where no CANopen is"
+#endif
+#endif
 
 #define AEO_FRAME_VALUES_MAX 14 /* values in a CAN FD frame of 64 bytes */
 
@@ -152,11 +180,15 @@ typedef struct {
     uint8_t data[64]; /* the first `length` count */
 } aeo_can_frame_t;
 
+/* Added to aeo_address_t.extended: send at a base that CANopen or J1939 use. Only where none of their devices is. */
+#define AEO_ADDRESS_FORCED 2u
+
 /* Where a node sits in the identifiers. */
 typedef struct {
     uint32_t base;    /* AEO_FRAME_BASE_EXTENDED to start with; a higher number gives way to other traffic */
-    uint8_t node;     /* 0 ... 253 with 29 bits, 0 ... 15 with 11 bits; two nodes on one bus differ here */
-    uint8_t extended; /* 1: 29 bit identifiers, 0: 11 bit */
+    uint8_t node;     /* 0 ... 253 with 29 bits: on J1939 the source address that was claimed; with 11 bits 0 ... 3, 0
+                         ... 15 where the base is a multiple of 0x100; two nodes on one bus differ here */
+    uint8_t extended; /* 1: 29 bit identifiers, 0: 11 bit; + AEO_ADDRESS_FORCED */
 } aeo_address_t;
 
 /* One message; on CAN FD `count` values. */
@@ -173,8 +205,8 @@ typedef struct {
 #endif
 
 /* Pack `message` into `frame` for the node at `address`; CAN FD kinds make a CAN FD frame with the fast data phase.
- * AEO_E_ARG: null pointer, base without room for kinds and node, node too high, kind that does not exist, count that
- * does not fit it. */
+ * AEO_E_ARG: null pointer, base without room for kinds and node or used by others and not forced, node too high, kind
+ * that does not exist, count that does not fit it. */
 int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
 
 /* Unpack `frame` into `message` if it belongs to any node at address->base; its number goes to *node.

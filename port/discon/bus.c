@@ -5,7 +5,8 @@
 #include <string.h>
 #include <time.h>
 
-#define STALL_S 1.0
+#define STALL_S  1.0
+#define LINGER_S 30.0 /* for the last of it, however slowly it is read */
 
 static double clock_s(void)
 {
@@ -152,9 +153,11 @@ void bus_pause(bus_t *self)
 
 void bus_linger(bus_t *self)
 {
-    double since = clock_s();
+    const double begun = clock_s();
+    double since = begun;
     size_t before = self->text != NULL ? posix_bus_waiting(self->text) : 0u;
-    while (self->text != NULL && posix_bus_listeners(self->text) > 0u && clock_s() - since < STALL_S) {
+    while (self->text != NULL && posix_bus_listeners(self->text) > 0u && clock_s() - since < STALL_S &&
+           clock_s() - begun < LINGER_S) {
         size_t waiting;
         (void)posix_bus_poll(self->text, -1, 20);
         waiting = posix_bus_waiting(self->text);

@@ -20,9 +20,11 @@
 #include <unistd.h>
 
 #define BURST      16u
-#define STALL_S    5.0  /* a listener that takes nothing for so long has gone */
-#define DESCRIBE_S 10.0 /* what a late joiner waits at most for the description */
-#define LINGER_S   2.0  /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
+#define STALL_S    5.0   /* a listener that takes less than STALL_TEXT in so long has gone */
+#define STALL_TEXT 4096u /* characters: 150 classic frames, a fifth of what a bus of 10 kbit/s carries */
+#define DESCRIBE_S 10.0  /* what a late joiner waits at most for the description */
+#define LINGER_S   2.0   /* time for listeners to read the end and close; a pseudo terminal forgets what was not read */
+#define GOODBYE_S  30.0  /* for all of it, however slowly they read: a full ring at 115200 bit/s takes 23 s */
 
 typedef struct {
     node_options_t options;
@@ -140,7 +142,7 @@ static int init_stream(node_t *self, uint32_t parameters)
     memset(&config, 0, sizeof config);
     config.address.base = o->base;
     config.address.node = o->node;
-    config.address.extended = o->base >= 0x800u;
+    config.address.extended = (uint8_t)((o->base >= 0x800u) | (o->force_base ? AEO_ADDRESS_FORCED : 0u));
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.innovations = o->innovations;
@@ -195,11 +197,13 @@ static void wait_for_room(node_t *self)
         size_t waiting;
         (void)node_bus_poll(&self->bus, -1, 100);
         waiting = node_bus_waiting(&self->bus);
-        if (waiting != before) {
+        if (waiting + STALL_TEXT <= before) {
             before = waiting;
             since = clock_s();
         } else if (clock_s() - since > STALL_S) {
             node_bus_abandon(&self->bus, POSIX_BUS_RING / 2u);
+            before = node_bus_waiting(&self->bus);
+            since = clock_s();
         }
     }
 }
@@ -331,7 +335,7 @@ static int drain(node_t *self)
 static int say_goodbye(node_t *self)
 {
     int result;
-    double since;
+    double since, begun;
     size_t before;
     result = drain(self); /* first the snapshot under way, then one of the last theta */
     if (result == 0) {
@@ -339,9 +343,9 @@ static int say_goodbye(node_t *self)
         aeo_stream_finish(&self->stream);
         result = drain(self);
     }
-    since = clock_s();
+    since = begun = clock_s();
     before = node_bus_waiting(&self->bus);
-    while (node_bus_listeners(&self->bus) > 0u && clock_s() - since < LINGER_S) {
+    while (node_bus_listeners(&self->bus) > 0u && clock_s() - since < LINGER_S && clock_s() - begun < GOODBYE_S) {
         (void)node_bus_poll(&self->bus, -1, 20);
         if (node_bus_waiting(&self->bus) != before) {
             before = node_bus_waiting(&self->bus);

@@ -171,6 +171,8 @@ static int read_switch(node_options_t *self, const char *option)
         self->varmax = 1;
     } else if (strcmp(option, "--innovations") == 0) {
         self->innovations = 1;
+    } else if (strcmp(option, "--force-base") == 0) {
+        self->force_base = 1;
     } else if (strcmp(option, "--fd") == 0) {
         self->fd = 1;
     } else if (strcmp(option, "--seal") == 0 || strcmp(option, "--no-seal") == 0) {

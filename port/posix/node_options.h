@@ -19,7 +19,8 @@
  *                       can: as fast as the bit rate carries it
  *   --wait              start when a listener has opened its channel; not on can:, where nobody is seen
  *   --node-id N         default 1
- *   --base B            of the identifiers (frame.h), default 0x1CFF4000; below 0x800 they have 11 bits, nodes 0 ... 15
+ *   --base B            of the identifiers (frame.h), default 0x1CFF4000; below 0x800 they have 11 bits, nodes 0 ... 3
+ *   --force-base        take a base that CANopen or J1939 use: none of their devices is on the bus
  *   --snapshot-every S  seconds between two snapshots, default 10
  *   --sample-every K    send every K-th sample, default 1; 0: none
  *   --innovations       send innovations too
@@ -53,7 +54,8 @@ typedef struct {
     double speed; /* 0: as fast as the listeners read */
     int wait;
     uint8_t node;
-    uint32_t base; /* below 2^11: identifiers of 11 bits */
+    uint32_t base;      /* below 2^11: identifiers of 11 bits */
+    uint8_t force_base; /* 1: also one that others use */
     double snapshot_s;
     uint16_t sample_every;
     uint8_t innovations;

@@ -22,6 +22,7 @@ static void clear(posix_bus_t *self)
     unsigned i;
     self->terminal = 0;
     self->server = -1;
+    self->arrived = 0;
     self->refused = 0;
     self->dropped = 0;
     self->address[0] = '\0';
@@ -269,22 +270,46 @@ static void write_ring(posix_bus_t *self, posix_listener_t *listener)
     }
 }
 
+/* Return a place for a peer that has come, or null where all are taken by listeners that keep up. */
+static posix_listener_t *find_place(posix_bus_t *self)
+{
+    posix_listener_t *silent = NULL, *slowest = NULL;
+    uint32_t most = POSIX_BUS_RING / 2u;
+    unsigned i;
+    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
+        posix_listener_t *listener = &self->listener[i];
+        if (listener->fd < 0) {
+            return listener;
+        }
+        if (!listener->open && (silent == NULL || self->arrived - listener->order > self->arrived - silent->order)) {
+            silent = listener;
+        } else if (listener->open && listener->head - listener->tail > most) {
+            slowest = listener;
+            most = listener->head - listener->tail;
+        }
+    }
+    if (silent != NULL || slowest != NULL) {
+        forget(self, silent != NULL ? silent : slowest);
+    }
+    return silent != NULL ? silent : slowest;
+}
+
 static void accept_peer(posix_bus_t *self)
 {
-    unsigned i;
+    posix_listener_t *place;
     const int fd = accept(self->server, NULL, NULL);
     const int buffer = 65536; /* the kernel's own choice, megabytes, would hide a listener that hangs for minutes */
     if (fd < 0) {
         return;
     }
     (void)setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &buffer, sizeof buffer);
-    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
-        if (self->listener[i].fd < 0 && make_nonblocking(fd) == 0) {
-            start_listener(&self->listener[i], fd);
-            return;
-        }
+    place = make_nonblocking(fd) == 0 ? find_place(self) : NULL;
+    if (place == NULL) {
+        close(fd);
+        return;
     }
-    close(fd); /* all places taken */
+    start_listener(place, fd);
+    place->order = self->arrived++;
 }
 
 /* A terminal without a listener reports POLLHUP at once and for ever: wait without it, look again afterwards. */

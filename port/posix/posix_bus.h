@@ -5,9 +5,12 @@
  *   A listener is a peer that has opened its channel (slcan command O or L; C closes it). What is sent while it is
  *   closed is not kept: it joins late, as on a real bus. Other slcan commands are acknowledged; frames from listeners
  *   are read over and dropped: this node listens to nothing.
+ *   Whoever connects gets a place. Where none is free it takes that of the peer that has been connected longest without
+ *   opening its channel, else that of the open listener which is furthest behind, if that is more than half a ring; so
+ *   peers that say nothing or read nothing lock nobody out. Only where all listeners keep up is it turned away.
  *
  * CONTRACT
- *   Memory: 4 rings of 256 kB in the structure, none from the heap. One thread. send never blocks; poll waits at most
+ *   Memory: 16 rings of 256 kB in the structure (an operating system gives those in use), none from the heap. One thread. send never blocks; poll waits at most
  *   the time given. A frame is refused when no open listener has room for it; a listener without room while another has
  *   some loses the frame (dropped). Without listeners every frame is taken and lost, as on a bus nobody reads.
  */
@@ -16,13 +19,14 @@
 
 #include <aeolid/port.h>
 
-#define POSIX_BUS_LISTENERS 4
+#define POSIX_BUS_LISTENERS 16
 #define POSIX_BUS_RING      262144u /* characters, a power of two; 9700 classic frames */
 
 /* One peer. */
 typedef struct {
     int fd;           /* -1: free place */
     int open;         /* 1: its channel is open */
+    uint32_t order;   /* of its arrival, wraps */
     uint32_t head;    /* characters written, wraps */
     uint32_t tail;    /* characters taken by the peer, wraps */
     uint32_t dropped; /* frames it lost because its ring was full */
@@ -34,6 +38,7 @@ typedef struct {
 typedef struct {
     int terminal;     /* 1: pseudo terminal, 0: TCP */
     int server;       /* listening socket, -1 for a terminal */
+    uint32_t arrived; /* peers so far, wraps */
     uint32_t refused; /* frames no listener had room for */
     uint32_t dropped; /* frames lost to single listeners that have left */
     char address[96]; /* what a listener opens: slcan:/dev/pts/3 or slcan:socket://127.0.0.1:29536 */

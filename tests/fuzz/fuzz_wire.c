@@ -82,7 +82,7 @@ static void fuzz_frame(input_t *input, const aeo_address_t *address)
     int status;
     take(input, &frame, sizeof frame);
     if (take_byte(input) % 4u != 0u) {
-        frame.id = address->base + frame.id % (address->extended != 0u ? 0x1100u : 0x110u);
+        frame.id = address->base + frame.id % (address->extended != 0u ? 0x1100u : 0x48u);
         frame.flags = (uint8_t)((address->extended != 0u ? AEO_CAN_EXTENDED : 0u) | AEO_CAN_FD);
         frame.length = take_byte(input) % 4u == 0u ? frame.length : lengths[frame.length % sizeof lengths];
         seal_frame(&frame);
@@ -208,7 +208,7 @@ static void fuzz_streamer(input_t *input)
     if (take_byte(input) % 4u != 0u) { /* mostly settings that are accepted */
         config.address.extended = config.address.extended & 1u;
         config.address.base = config.address.extended != 0u ? AEO_FRAME_BASE_EXTENDED : AEO_FRAME_BASE_STANDARD;
-        config.address.node &= 15u;
+        config.address.node &= 3u;
         config.inputs %= 30u;
         config.outputs = (uint8_t)(config.outputs % 20u + 1u);
         config.scheduling %= 10u;
@@ -241,7 +241,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
 {
-    static const aeo_address_t addresses[] = {{AEO_FRAME_BASE_EXTENDED, 7, 1}, {AEO_FRAME_BASE_STANDARD, 9, 0}};
+    static const aeo_address_t addresses[] = {{AEO_FRAME_BASE_EXTENDED, 7, 1}, {AEO_FRAME_BASE_STANDARD, 2, 0}};
     input_t input = {data, bytes};
     const unsigned what = take_byte(&input);
     if (what % 3u == 0u) {

@@ -21,9 +21,10 @@ KINDS = {
     "fd, four times faster": ("--fd", "--fd-ratio", 4),
     "fd": ("--fd",),
     "no seals": ("--no-seal",),
-    "another base": ("--base", "0x14FE0000", "--node-id", 253),
-    "11 bits": ("--base", "0x600", "--node-id", 15),
-    "11 bits, fd": ("--base", "0x100", "--node-id", 0, "--fd"),
+    "another base": ("--base", "0x14FFA000", "--node-id", 253),
+    "11 bits": ("--base", "0x680", "--node-id", 3),
+    "11 bits, fd": ("--base", "0x680", "--node-id", 0, "--fd"),
+    "16 nodes with 11 bits": ("--base", "0x600", "--node-id", 15, "--force-base"),
 }
 
 
@@ -55,7 +56,7 @@ def drop_any(share: float) -> Callable[[bytes], list[bytes]]:
 
 def test_a_listener_at_another_base_hears_nobody(start: Start, tmp_path: Path) -> None:
     """Frames of somebody else: counted, one sentence, code 3."""
-    node = start(*NODE, "--base", "0x600", "--node-id", 3)
+    node = start(*NODE, "--base", "0x680", "--node-id", 3)
     ended, facts = listen(node.first_line(), tmp_path, "--seconds", 3)
     assert ended.code == 3 and "none from a node" in ended.err
     assert facts["foreign"] == facts["frames"] != 0

@@ -7,7 +7,8 @@
 #include <string.h>
 
 static const aeo_address_t extended = {AEO_FRAME_BASE_EXTENDED, 7, 1};
-static const aeo_address_t standard = {AEO_FRAME_BASE_STANDARD, 9, 0};
+static const aeo_address_t standard = {AEO_FRAME_BASE_STANDARD, 3, 0};
+static const aeo_address_t wide = {0x600, 9, AEO_ADDRESS_FORCED}; /* where 11 bit identifiers began before */
 static uint32_t state = 2463534242u;
 
 void setUp(void)
@@ -55,6 +56,7 @@ static void golden_frames(void)
 {
     static const uint8_t sample[8] = {0x03, 0xF4, 0x01, 0x90, 0x00, 0x00, 0xC0, 0x3F};
     static const uint8_t parameter[8] = {0xC8, 0xFF, 0xFF, 0x5A, 0xEF, 0xBE, 0xAD, 0xDE};
+    static const uint8_t compact[8] = {0xC8, 0xFF, 0xFF, 0xFE, 0xEF, 0xBE, 0xAD, 0xDE};
     static const uint8_t seal[8] = {0x05, 0xF4, 0x01, 0x29, 0x26, 0x39, 0xF4, 0xCB};
     static const uint8_t block[20] = {0x01, 0x0E, 0x00, 0x03, 0x78, 0xDC, 0x45, 0x41, 0x01, 0x00,
                                       0x00, 0x00, 0x02, 0x00, 0x00, 0x00, 0x03, 0x00, 0x00, 0x00};
@@ -71,10 +73,14 @@ static void golden_frames(void)
     TEST_ASSERT_EQUAL_UINT8(8, frame.length);
     TEST_ASSERT_EQUAL_HEX8_ARRAY(sample, frame.data, 8);
     message = (aeo_message_t){AEO_KIND_PARAMETER, 200, 65535, 1, {0xDEADBEEFu}};
-    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&standard, &message, &frame));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&wide, &message, &frame));
     TEST_ASSERT_EQUAL_HEX32(0x659u, frame.id);
     TEST_ASSERT_EQUAL_UINT8(0, frame.flags);
     TEST_ASSERT_EQUAL_HEX8_ARRAY(parameter, frame.data, 8);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&standard, &message, &frame));
+    TEST_ASSERT_EQUAL_HEX32(0x697u, frame.id);
+    TEST_ASSERT_EQUAL_UINT8(0, frame.flags);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(compact, frame.data, 8);
     message = (aeo_message_t){AEO_KIND_SEAL, 5, 500, 1, {0xCBF43926u}};
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &message, &frame));
     TEST_ASSERT_EQUAL_HEX32(0x1CFF4807u, frame.id);
@@ -87,7 +93,7 @@ static void golden_frames(void)
     TEST_ASSERT_EQUAL_HEX8_ARRAY(block, frame.data, 20);
     memset(&frame, 0x5A, sizeof frame); /* what pads a frame is zero, whatever was there */
     message = (aeo_message_t){AEO_KIND_SAMPLE_FD, 0, 500, 5, {1, 2, 3, 4, 5, 6}};
-    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&standard, &message, &frame));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&wide, &message, &frame));
     TEST_ASSERT_EQUAL_HEX32(0x6A9u, frame.id);
     TEST_ASSERT_EQUAL_UINT8(32, frame.length);
     TEST_ASSERT_EQUAL_HEX8_ARRAY(values, frame.data, 32);
@@ -112,17 +118,22 @@ static void round_trips(void)
     for (kind = 0; kind < AEO_KIND_LIMIT; kind++) {
         for (node = 0; node < 254; node++) {
             for (count = 1; count <= most_values(kind); count++) {
-                aeo_address_t address = node < 16u && count % 2u == 1u ? standard : extended;
+                aeo_address_t address = node >= 16u || count % 2u == 0u ? extended : node % 2u == 0u ? wide : standard;
                 const aeo_message_t message = make_message((aeo_kind_t)kind, count);
                 aeo_message_t back;
                 aeo_can_frame_t frame;
-                uint8_t found = 255;
+                uint8_t found = 255, meant;
                 address.node = (uint8_t)node;
+                if (address.base == standard.base) {
+                    address.node = (uint8_t)(node % 4u);
+                }
                 TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&address, &message, &frame));
                 TEST_ASSERT_EQUAL_UINT8(most_values(kind) > 1u ? AEO_FRAME_FD_LENGTH(count) : 8u, frame.length);
-                address.node = 0; /* the receiver names the node, whatever its own number */
+                meant = address.node;
+                address.node = 0; /* the receiver names the node, whatever its own number, and reads at any base */
+                address.extended &= 1u;
                 TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&address, &frame, &back, &found));
-                TEST_ASSERT_EQUAL_UINT8(node, found);
+                TEST_ASSERT_EQUAL_UINT8(meant, found);
                 assert_same(&message, &back);
             }
         }
@@ -261,7 +272,20 @@ static void bad_arguments(void)
     address.base = UINT32_C(1) << 29;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
     address = standard;
+    address.node = 4;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address = wide;
     address.node = 16;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address = wide; /* CANopen's SDO requests, without being told that there are none */
+    address.extended = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address = extended; /* a group that J1939 assigns */
+    address.base = UINT32_C(0x18FEE000);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
+    address.extended |= AEO_ADDRESS_FORCED;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&address, &good, &frame));
+    address.extended = 4;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &good, &frame));
     for (kind = 0; kind < 20u; kind++) {
         for (count = 0; count < 256u; count++) {

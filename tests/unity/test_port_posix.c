@@ -213,20 +213,114 @@ static void a_full_ring_refuses(void)
     posix_bus_close(&bus);
 }
 
+/* Connect, and let the bus take the peer in. */
+static int arrive(void)
+{
+    const int fd = connect_to_bus();
+    (void)posix_bus_poll(&bus, -1, 100);
+    return fd;
+}
+
+static int is_turned_out(int fd)
+{
+    char byte;
+    (void)fcntl(fd, F_SETFL, O_NONBLOCK);
+    return read(fd, &byte, 1) == 0;
+}
+
+/* All places are taken by listeners that read: one more is turned away, and none of them loses anything. */
 static void too_many_listeners_are_turned_away(void)
 {
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
     int fd[POSIX_BUS_LISTENERS + 1];
     unsigned i;
-    char byte;
     TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
-    for (i = 0; i < POSIX_BUS_LISTENERS + 1u; i++) {
-        fd[i] = connect_to_bus();
-        (void)posix_bus_poll(&bus, -1, 100);
+    posix_bus_port(&bus, &port);
+    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
+        fd[i] = arrive();
+        say(fd[i], "O\r");
+        expect(fd[i], "\r", 1);
     }
-    TEST_ASSERT_EQUAL_INT(0, (int)read(fd[POSIX_BUS_LISTENERS], &byte, 1));
+    fd[i] = arrive();
+    TEST_ASSERT_TRUE(is_turned_out(fd[i]));
+    TEST_ASSERT_EQUAL_UINT(POSIX_BUS_LISTENERS, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
+        expect(fd[i], "T1CFF42018F0F1F2F3F4F5F6F7\r", 27);
+    }
     for (i = 0; i < POSIX_BUS_LISTENERS + 1u; i++) {
         close(fd[i]);
     }
+    posix_bus_close(&bus);
+}
+
+/* Peers that say nothing, or drip characters of no command, hold every place: whoever comes next gets the oldest one's,
+ * again and again, and a listener that has opened its channel keeps its own. */
+static void silent_peers_lock_nobody_out(void)
+{
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    int fd[3 * POSIX_BUS_LISTENERS], open_one, late;
+    unsigned i;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    posix_bus_port(&bus, &port);
+    bus.arrived = UINT32_MAX - POSIX_BUS_LISTENERS; /* the count wraps meanwhile */
+    open_one = arrive();
+    say(open_one, "O\r");
+    expect(open_one, "\r", 1);
+    for (i = 0; i < 3u * POSIX_BUS_LISTENERS; i++) {
+        fd[i] = arrive();
+        if (i % 2u == 1u && !is_turned_out(fd[i])) {
+            (void)write(fd[i], "S", 1);
+            (void)posix_bus_poll(&bus, -1, 100);
+        }
+    }
+    late = arrive();
+    say(late, "O\r");
+    expect(late, "\r", 1);
+    TEST_ASSERT_EQUAL_UINT(2, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    expect(open_one, "T1CFF42018F0F1F2F3F4F5F6F7\r", 27);
+    expect(late, "T1CFF42018F0F1F2F3F4F5F6F7\r", 27);
+    for (i = 0; i < 3u * POSIX_BUS_LISTENERS; i++) {
+        TEST_ASSERT_EQUAL_INT(i < 2u * POSIX_BUS_LISTENERS + 2u, is_turned_out(fd[i])); /* the oldest go first */
+        close(fd[i]);
+    }
+    close(open_one);
+    close(late);
+    posix_bus_close(&bus);
+}
+
+/* Listeners that open their channel and read nothing hold every place: the one furthest behind makes room. */
+static void listeners_that_do_not_read_lock_nobody_out(void)
+{
+    const aeo_can_frame_t frame = make_frame(AEO_CAN_EXTENDED, 8);
+    int fd[POSIX_BUS_LISTENERS], late;
+    unsigned i;
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_tcp(&bus, 0));
+    posix_bus_port(&bus, &port);
+    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
+        fd[i] = arrive();
+        say(fd[i], "O\r");
+    }
+    for (i = 0; i < 40000u || posix_bus_room(&bus) > 0u; i++) { /* megabytes: until the kernel's buffers are full too */
+        (void)port.send(port.context, &frame);
+        if (i % 4096u == 0u) {
+            (void)posix_bus_poll(&bus, -1, 0);
+        }
+    }
+    bus.listener[0].tail += 1000u;               /* not quite so far behind, */
+    bus.listener[1].tail = bus.listener[1].head; /* and one that keeps up */
+    late = arrive();
+    TEST_ASSERT_FALSE(is_turned_out(late));
+    say(late, "O\r");
+    TEST_ASSERT_EQUAL_UINT(POSIX_BUS_LISTENERS, posix_bus_listeners(&bus));
+    TEST_ASSERT_EQUAL_INT(1, port.send(port.context, &frame));
+    expect(late, "\rT1CFF42018F0F1F2F3F4F5F6F7\r", 28);
+    TEST_ASSERT_TRUE(bus.listener[0].open && bus.listener[1].open);
+    for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
+        close(fd[i]);
+    }
+    close(late);
     posix_bus_close(&bus);
 }
 
@@ -411,6 +505,8 @@ int main(void)
     RUN_TEST(listeners_come_and_go);
     RUN_TEST(a_full_ring_refuses);
     RUN_TEST(too_many_listeners_are_turned_away);
+    RUN_TEST(silent_peers_lock_nobody_out);
+    RUN_TEST(listeners_that_do_not_read_lock_nobody_out);
     RUN_TEST(terminal_serves_one_after_the_other);
     RUN_TEST(terminals_may_be_opened_by_many_threads);
     RUN_TEST(endless_commands_are_survived);

@@ -36,7 +36,7 @@ Words = NDArray[np.uint32]
 
 @dataclass(frozen=True)
 class Layout:
-    """Say where kind and node sit in the identifiers above a base: 256 kind + node, or 16 kind + node with 11 bits."""
+    """Say where kind and node sit in the identifiers above a base: kind * 2 ** shift + node."""
 
     shift: int  # of the kind
     nodes: int  # numbers from here on are no nodes
@@ -44,21 +44,29 @@ class Layout:
     limit: int  # identifiers from here on do not exist
 
 
-EXTENDED_LAYOUT, STANDARD_LAYOUT = Layout(8, 254, EXTENDED, 1 << 29), Layout(4, 16, 0, 1 << 11)
+EXTENDED_LAYOUT = Layout(8, 254, EXTENDED, 1 << 29)
+STANDARD_LAYOUT, WIDE_LAYOUT = Layout(2, 4, 0, 1 << 11), Layout(4, 16, 0, 1 << 11)
 
 
 def choose_layout(base: int) -> Layout:
-    """Return the layout that a base asks for: below 0x800 identifiers of 11 bits.
+    """Return the layout that a base asks for: below 0x800 identifiers of 11 bits, 4 nodes, 16 at multiples of 0x100.
 
-    Raises UsageError where the base leaves no room for kinds and nodes (low 13 or 8 bits not zero, or too high).
+    Raises UsageError where the base leaves no room for kinds and nodes (low 13 or 6 bits not zero, or too high).
     """
-    layout, room = (STANDARD_LAYOUT, 0xFF) if base < STANDARD_LAYOUT.limit else (EXTENDED_LAYOUT, 0x1FFF)
+    layout, room = (STANDARD_LAYOUT, 0x3F) if base < STANDARD_LAYOUT.limit else (EXTENDED_LAYOUT, 0x1FFF)
     if base < 0 or base & room or base >= layout.limit:
         raise UsageError(
             f"base {base:#x}: with 29-bit identifiers it is a multiple of 0x2000 below 0x20000000,"
-            " with 11 bits a multiple of 0x100 below 0x800"
+            " with 11 bits a multiple of 0x40 below 0x800"
         )
-    return layout
+    return WIDE_LAYOUT if layout is STANDARD_LAYOUT and base & 0xFF == 0 else layout
+
+
+def identifiers_of(base: int) -> list[int]:
+    """Return every identifier that nodes above a base may use, in order; raises UsageError as `choose_layout`."""
+    layout = choose_layout(base)
+    kinds = [kind for kind in range(KINDS) if _IS_CLASSIC[kind] or _IS_FD[kind]]
+    return [base + (kind << layout.shift) + node for kind in kinds for node in range(layout.nodes)]
 
 
 @dataclass(frozen=True, eq=False)

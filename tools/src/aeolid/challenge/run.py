@@ -70,11 +70,19 @@ def run(
             results[i] = stored
     left = [i for i in range(len(jobs)) if i not in results]
     tell(len(results), len(jobs), {})
-    for k, outcome in pool.run(diagnose_case, [jobs[i] for i in left]):
-        lost = isinstance(outcome, BaseException)
-        results[left[k]] = _ended(jobs[left[k]], "crash", str(outcome), 0.0) if lost else outcome
-        tell(len(results), len(jobs), results[left[k]])
+    try:
+        for k, outcome in pool.run(diagnose_case, [jobs[i] for i in left]):
+            lost = isinstance(outcome, BaseException)
+            results[left[k]] = _ended(jobs[left[k]], "crash", str(outcome), 0.0) if lost else outcome
+            tell(len(results), len(jobs), results[left[k]])
+    except BaseException:
+        for process in list(_RUNNING):  # threads wait for them
+            process.kill()
+        raise
     return [results[i] for i in range(len(jobs))]
+
+
+_RUNNING: set[subprocess.Popen[str]] = set()
 
 
 def diagnose_case(job: Job) -> Facts:
@@ -85,22 +93,34 @@ def diagnose_case(job: Job) -> Facts:
     command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
     begun = time.perf_counter()
     try:
-        done = subprocess.run(
-            command, capture_output=True, text=True, timeout=job.most_s, check=False, stdin=subprocess.DEVNULL,
-            env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"},
-        )  # fmt: skip
+        code, told = _call(command, job.most_s)
     except subprocess.TimeoutExpired:
         return _ended(job, "time-out", f"no verdict within {job.most_s:g} s", time.perf_counter() - begun)
     seconds = time.perf_counter() - begun
-    last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-    if done.returncode:
-        return _ended(job, "refused" if done.returncode in (3, 4) else "crash", last, seconds)
+    last = (told.strip().splitlines() or [f"exit code {code}"])[-1]
+    if code:
+        return _ended(job, "refused" if code in (3, 4) else "crash", last, seconds)
     try:
         found = json.loads((out / OUTCOME / "diagnosis.json").read_text(encoding="utf-8"))
         kept = {k: found[k] for k in KEPT}
     except (OSError, ValueError, KeyError) as error:
         return _ended(job, "crash", f"diagnosis.json: {error}", seconds)
     return _ended(job, "done", "", seconds, kept)
+
+
+def _call(command: list[str], most_s: float) -> tuple[int, str]:
+    """Return exit code and standard error of a command; raises subprocess.TimeoutExpired when it has been ended."""
+    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    with subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment
+    ) as process:
+        _RUNNING.add(process)
+        try:
+            told = process.communicate(timeout=most_s)[1]
+        finally:
+            _RUNNING.discard(process)
+            process.kill()
+    return process.returncode, told
 
 
 def _ended(job: Job, outcome: str, reason: str, seconds: float, found: Facts | None = None) -> Facts:

@@ -86,7 +86,8 @@ def one_of(*values: str) -> Callable[[str], list[str]]:
 
 DEFAULT_BASE = "0x1CFF4000"  # aeolid.can.wire.BASE
 BaseOption = Annotated[
-    str, typer.Option("--base", help="Where the identifiers begin; below 0x800 they have 11 bits and nodes 0 to 15.")
+    str,
+    typer.Option("--base", help="Where the identifiers begin; 0x680: 11 bits, nodes 0 to 3."),
 ]
 
 

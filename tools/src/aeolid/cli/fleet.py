@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,7 @@ from aeolid.output import declare, make_folder
 
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
+    from aeolid.fleet.workers import Pool
 
 EXAMPLES = (
     "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
@@ -59,18 +60,29 @@ def fleet(
         int | None, typer.Option("--workers", help="Local processes; default one a core, 1 is this process.")
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option("--scheduler", help="Address of a Dask scheduler whose workers see the same paths.")
+        str | None,
+        typer.Option("--scheduler", help="tls://HOST:PORT of a Dask scheduler whose workers see the same paths."),
     ] = None,
+    tls_ca: Annotated[
+        Path | None, typer.Option("--tls-ca", help="Certificate of the authority of that cluster, PEM.")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option("--tls-cert", help="Certificate to show to it, PEM.")] = None,
+    tls_key: Annotated[Path | None, typer.Option("--tls-key", help="Its key, PEM.")] = None,
+    insecure_scheduler: Annotated[
+        bool,
+        typer.Option("--insecure-scheduler", help="Take tcp://HOST:PORT too: whoever reaches it runs programs as you."),
+    ] = False,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
     """Map recordings to models of each turbine and period and follow their modes; a second run does what is new."""
     if workers is not None and (scheduler is not None or not 1 <= workers <= 1024):
         raise UsageError("--workers is 1 to 1024 local processes, and goes without --scheduler")
+    if scheduler is None and (tls_ca or tls_cert or tls_key or insecure_scheduler):
+        raise UsageError("--tls-ca, --tls-cert, --tls-key and --insecure-scheduler go with --scheduler")
     from aeolid.fleet.plan import find_recordings
     from aeolid.fleet.run import run_fleet
     from aeolid.fleet.tables import mode_rows, write_models, write_modes
-    from aeolid.fleet.workers import open_pool
     from aeolid.report.fleet import render_fleet
 
     plan = _plan(roles, past, order, group, window, feedthrough)
@@ -80,8 +92,11 @@ def fleet(
     if models:
         make_folder(out / "models")
     count = min(workers or len(os.sched_getaffinity(0)), len(paths))
+    where = None
+    if scheduler is not None:
+        where = (scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
     try:
-        with open_pool(count, scheduler) as pool, _progress() as notice:
+        with _open(count, where) as pool, _progress() as notice:
             facts = run_fleet(paths, plan, out, pool, notice)
     except KeyboardInterrupt:
         progress_console.print(f"stopped; what is finished is kept in {out / 'cache'}: the same command goes on there")
@@ -94,6 +109,18 @@ def fleet(
     if json_target != "-":
         console.print(_text(facts, out, models), markup=False)
     emit_json(facts, json_target)
+
+
+def _open(
+    count: int, scheduler: tuple[str, Path | None, Path | None, Path | None, bool] | None
+) -> AbstractContextManager[Pool]:
+    if scheduler is None:
+        from aeolid.fleet.workers import open_pool
+
+        return open_pool(count)
+    from aeolid.fleet.cluster import Scheduler, open_cluster
+
+    return open_cluster(Scheduler(*scheduler))
 
 
 def _plan(

@@ -63,8 +63,12 @@ def run(
     ] = "tcp:0",
     speed: Annotated[str, typer.Option("--speed", help="Multiple of real time, or max: as the bus drains.")] = "1",
     wait: Annotated[bool, typer.Option("--wait", help="Start when a listener has connected.")] = False,
-    node_id: Annotated[int, typer.Option("--node-id", help="0 to 253; with 11-bit identifiers 0 to 15.")] = 1,
+    node_id: Annotated[int, typer.Option("--node-id", help="0 to 253; with 11-bit identifiers 0 to 3.")] = 1,
     base: BaseOption = DEFAULT_BASE,
+    force_base: Annotated[
+        bool,
+        typer.Option("--force-base", help="Send at a --base that CANopen or J1939 use: none of their devices is here."),
+    ] = False,
     snapshot_every: Annotated[float, typer.Option("--snapshot-every", help="Seconds between two snapshots.")] = 10.0,
     sample_every: Annotated[int, typer.Option("--sample-every", help="Send every k-th sample, 0: none.")] = 1,
     share: Annotated[float, typer.Option("--share", help="Of the bit rate, in percent; 0: no limit.")] = 5.0,
@@ -91,7 +95,8 @@ def run(
     _check_filter(feed, method, varmax, past, forget)
     options = ["--method", method, "--past", past, "--regularize", regularize, "--bus", bus, "--speed", speed]
     options += (["--varmax"] if varmax else []) + ([] if forget is None else ["--forget", forget])
-    options += ["--base", check_address(base, node_id), "--node-id", node_id]
+    options += ["--base", _base_to_send_at(base, node_id, force_base), "--node-id", node_id]
+    options += ["--force-base"] if force_base else []
     options += ["--snapshot-every", snapshot_every, "--sample-every", sample_every]
     options += ["--share", share, "--bit-rate", bit_rate, "--repair", repair]
     options += ["--feedthrough", _feedthrough_mask(feed, feedthrough or [])]
@@ -103,6 +108,15 @@ def run(
     emit_json(facts, json)
     if json != "-" and facts:
         progress_console.print(_sum_up(facts), soft_wrap=True)
+
+
+def _base_to_send_at(base: str, node_id: int, forced: bool) -> int:
+    from aeolid.can.identifiers import check_free
+
+    value = check_address(base, node_id)
+    if not forced:
+        check_free(value)
+    return value
 
 
 def _check_filter(feed: Feed, method: str, varmax: bool, past: int, forget: float | None) -> None:

@@ -1,8 +1,9 @@
 """Serve the page of a board on one address of this machine, in a thread of its own.
 
 A page asks once a second for what is new; nothing is pushed and nothing queued, so a browser that stalls has one answer
-under way and no more, and the reception never waits for any. Everything the page needs is in this package or in that of
-plotly.py; its security policy forbids the browser to ask anybody else.
+under way and no more, and the reception never waits for any (aeolid.monitor.door says who is let in, and how many).
+Everything the page needs is in this package or in that of plotly.py; its security policy forbids the browser to ask
+anybody else.
 """
 
 from __future__ import annotations
@@ -16,26 +17,26 @@ import socket
 import threading
 import time
 import uuid
-from collections.abc import Awaitable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import plotly
-import tornado.httpserver
 import tornado.iostream
 import tornado.netutil
 import tornado.web
 
 from aeolid.errors import UsageError
 from aeolid.monitor.board import Board
+from aeolid.monitor.door import Door, affordable
 
 PAGE = Path(__file__).resolve().parent / "page"
 PLOTLY = Path(plotly.__file__).resolve().parent / "package_data"
 TICK_S = 1.0
 ANSWER_S = 20.0  # within which a browser has to take an answer
-FAREWELL_S = 2.0  # for pages to hear that it is over
-CLOSE_S = 1.0  # for answers under way to break off
+FAREWELL_S = 1.2  # for pages, which ask once a second, to hear that it is over
+CLOSE_S = 0.3  # for answers under way to break off
+CACHED_BYTES = 1 << 23  # of answers kept until there is something new
+UNTAKEN_BYTES = 1 << 24  # of answers that clients have not taken yet; whoever asks meanwhile is told to come again
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self';"
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -62,6 +63,8 @@ class PageServer:
         self.port = int(self._sockets[0].getsockname()[1])
         self.url = f"http://{f'[{address}]' if ':' in address else address}:{self.port}/"
         self.identity = uuid.uuid4().hex
+        self.answers: dict[Any, bytes] = {}  # by what was asked for, of the facts as they are now
+        self.untaken = 0  # bytes of answers
         self.asked = self.told = -math.inf  # when a page last asked, and last heard of the present facts
         self._loop = asyncio.new_event_loop()
         self._closing = threading.Event()
@@ -75,16 +78,13 @@ class PageServer:
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
-        server = tornado.httpserver.HTTPServer(
-            _application(self), idle_connection_timeout=30.0, max_buffer_size=1 << 16, max_header_size=1 << 14
-        )
-        server.add_sockets(self._sockets)
+        door = Door(_application(self), self._sockets, affordable())
         self._loop.run_forever()
-        server.stop()
-        self._loop.run_until_complete(_within(server.close_all_connections(), CLOSE_S))
-        for task in asyncio.all_tasks(self._loop):
+        door.close()
+        for task in (tasks := asyncio.all_tasks(self._loop)):
             task.cancel()
-        self._loop.run_until_complete(asyncio.sleep(0))
+        if tasks:
+            self._loop.run_until_complete(asyncio.wait(tasks, timeout=CLOSE_S))
         self._loop.close()
 
     def _tick(self) -> None:
@@ -100,12 +100,27 @@ class PageServer:
             remedy = "Reception and recording go on; start the monitor again when it suits."
             trouble = {"node": None, "level": "alarm", "what": what, "remedy": remedy}
             self.board.facts = self.board.facts | {"findings": [trouble]}
+        self._spell()
+
+    def _spell(self) -> None:
         self.facts_json = json.dumps(self.board.facts, allow_nan=False)
+        self.answers = {}
+
+    def answer(self, node: int, have: dict[str, int], entry: tuple[int, int, int] | None) -> bytes:
+        """Return the answer to a page that has so much; the same question costs once until there is something new."""
+        answers, asked = self.answers, (node, *have.values(), entry)
+        if (known := answers.get(asked)) is not None:
+            return known
+        series = json.dumps(self.board.series(node, have, entry), allow_nan=False, separators=(",", ":"))
+        made = f'{{"process":"{self.identity}","facts":{self.facts_json},"series":{series}}}'.encode()
+        if sum(map(len, answers.values())) + len(made) <= CACHED_BYTES:
+            answers[asked] = made
+        return made
 
     def farewell(self, reason: str) -> None:
         """Let pages that are open hear that the reception is over."""
         self.board.end(reason)
-        self.facts_json = json.dumps(self.board.facts, allow_nan=False)
+        self._spell()
         over = time.monotonic()
         if self.asked > over - 3 * TICK_S:  # somebody looks
             while self.told <= over and time.monotonic() < over + FAREWELL_S:
@@ -114,15 +129,9 @@ class PageServer:
     def close(self) -> None:
         """Stop serving; connections are closed."""
         self._closing.set()
-        self._ticker.join()
         self._loop.call_soon_threadsafe(self._loop.stop)
-        self._thread.join()
-
-
-async def _within(work: Awaitable[None], seconds: float) -> None:
-    """Wait for work, but not for ever."""
-    with suppress(TimeoutError):
-        await asyncio.wait_for(work, seconds)
+        self._ticker.join(FAREWELL_S)
+        self._thread.join(FAREWELL_S)  # both are daemons: neither holds up the end
 
 
 def _application(server: PageServer) -> tornado.web.Application:
@@ -203,11 +212,13 @@ class _State(_Guarded):
         have = {name: self._number(name) for name in ("bus", "modes", "tests", "thetas", "matrix")}
         if self.get_query_argument("process", "") != server.identity:
             have = dict.fromkeys(have, 0)
-        series = server.board.series(self._number("node", -1), have, self._entry())
+        answer = server.answer(self._number("node", -1), have, self._entry())
+        if server.untaken + len(answer) > UNTAKEN_BYTES:
+            raise tornado.web.HTTPError(503, reason="Too many answers wait to be taken")
         self.set_header("Content-Type", "application/json")
         self.set_header("Cache-Control", "no-store")
-        head = f'{{"process":"{server.identity}","facts":{server.facts_json},"series":'
-        self.write(head + json.dumps(series, allow_nan=False, separators=(",", ":")) + "}")
+        self.write(answer)
+        server.untaken += len(answer)
         try:
             await asyncio.wait_for(self.flush(), ANSWER_S)
         except tornado.iostream.StreamClosedError:  # the browser has gone
@@ -215,6 +226,8 @@ class _State(_Guarded):
         except TimeoutError:  # a browser that takes nothing has no claim to memory
             self.request.connection.stream.close()  # type: ignore[union-attr]
             return
+        finally:
+            server.untaken -= len(answer)
         server.told = began
 
     def _number(self, name: str, default: int = 0) -> int:
