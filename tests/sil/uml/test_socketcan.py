@@ -1,4 +1,4 @@
-"""Nodes and listeners on real CAN interfaces, in a kernel of their own: User-Mode Linux, one boot for all tests."""
+"""Nodes and listeners on real CAN interfaces, in a kernel of their own (guests.py), one boot for all tests."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from aeolid.native import find_native
 from aeolid.plants import hawt
 from aeolid.record import Record, Roles
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ports"))
+from guests import GUESTS, PATIENCE_S, Guest, allowed, run_first
 from wiring import README, build, make_reference
 
-pytestmark = pytest.mark.timeout(280)
+pytestmark = pytest.mark.timeout(len(GUESTS) * PATIENCE_S + 300)
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
-KERNEL = ROOT / "build/uml/usr/bin/linux.uml"
-MODULES = ROOT / "build/uml/usr/lib/uml/modules"
-SAMPLES, PAST, PATIENCE_S = 300, 4, 240
+SAMPLES, PAST = 300, 4
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"]
 
 
@@ -40,7 +40,7 @@ def play() -> Record:
     return replace(record, values=values, channels=tuple(record.channels[i] for i in kept))
 
 
-def write_plan(out: Path, record: Record) -> None:
+def write_plan(out: Path, record: Record, modules: str) -> None:
     """Write samples and plan for the guest; paths are the same inside, where the host's files are the root."""
     feed = feed_from_record(record)
     np.concatenate(list(feed.rows)).astype("<f8").tofile(out / "samples.f64")
@@ -56,7 +56,7 @@ def write_plan(out: Path, record: Record) -> None:
         "samples": str(out / "samples.f64"),
         "width": len(channels),
         "sample_bytes": 8 * (2 + len(channels)),
-        "modules": str(MODULES),
+        "modules": modules,
         "log": str(ROOT / "tests/vectors/wire_v1/stream.log"),
         "program": str(out / "threads"),
         "wiring": str(build(README.read_text(encoding="utf-8"), "socketcan", out)),
@@ -73,32 +73,21 @@ def build_program(out: Path) -> None:
     subprocess.run(command, check=True)
 
 
+def prepare(guest: Guest, out: Path) -> None:
+    """Put what the guest's script needs into its folder."""
+    write_plan(out, play(), guest.modules)
+    build_program(out)
+
+
 @pytest.fixture(scope="module")
 def guest(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Boot the guest once and let it run all its steps; returns the folder with what it left."""
-    if not KERNEL.exists():
-        pytest.skip("user-mode-linux is not there (sh tools/setup tests fetches it)")
+    """Boot a guest once and let it run all its steps; returns the folder with what it left."""
     if not Path("/usr/sbin/ip").exists() and not Path("/sbin/ip").exists():
         pytest.skip("iproute2 is not installed")
-    out = tmp_path_factory.mktemp("uml")
-    write_plan(out, play())
-    build_program(out)
-    command = [str(KERNEL), "mem=768M", "root=/dev/root", "rootfstype=hostfs", "rw", f"init={HERE / 'init'}", "quiet"]
-    command += ["con=null", "con0=null,fd:1", f"guest_out={out}", f"guest_python={sys.executable}"]
-    with (out / "console.log").open("wb") as console:
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=console, stderr=subprocess.STDOUT,
-                                   start_new_session=True)  # fmt: skip
-        try:
-            process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            pytest.fail(f"the guest hung:\n{(out / 'guest.log').read_text()[-2000:]}")
-        finally:
-            process.kill()
-            process.wait()
-    if not (out / "booted").exists():
-        pytest.skip(f"user-mode-linux does not start on this machine: {(out / 'console.log').read_text()[-300:]}")
-    code = (out / "code").read_text().strip() if (out / "code").exists() else "none"
-    assert code == "0", (out / "guest.log").read_text()[-3000:]
+    out, reasons = run_first(allowed(), tmp_path_factory.mktemp("can"), prepare)
+    if out is None:
+        pytest.skip(reasons)
+    assert (out / "code").read_text().strip() == "0", (out / "guest.log").read_text()[-3000:]
     return out
 
 

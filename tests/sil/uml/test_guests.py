@@ -1,0 +1,98 @@
+"""Which kernel runs the tests on CAN interfaces: one that ends without a result gives way to the next."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+import guests
+from guests import BOOT_S, GUESTS, PATIENCE_S, Guest, NoResult, allowed, boot, pack_file, run_first
+
+PANIC = "echo 'Kernel panic - not syncing: put_fp_registers failed'; exit 6"
+
+
+def imitate(name: str, script: str, missing: str = "") -> Guest:
+    """Make a guest of a shell script, which gets its folder as $1."""
+    return Guest(name, lambda: missing, lambda out: ["sh", "-c", script, "sh", str(out)])
+
+
+def prepare(guest: Guest, out: Path) -> None:
+    """Put a file where the guest's script looks for it."""
+    (out / "plan.json").write_text(guest.name)
+
+
+WELL = imitate("well", 'cp "$1/plan.json" "$1/booted"; echo 0 >"$1/code"')
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        PANIC,
+        f': >"$1/booted"; {PANIC}',
+        f': >"$1/booted"; echo half >"$1/results.json"; {PANIC}',
+        f': >"$1/booted"; {PANIC.replace("exit 6", "kill -SEGV $$")}',
+        "exit 0",
+    ],
+    ids=["before the first process", "in it", "in the middle of a step", "by a signal", "ends well with nothing done"],
+)
+def test_a_panic_leads_to_the_next_guest(script: str, tmp_path: Path) -> None:
+    """Wherever the first ends without a result, the next one starts afresh and the reason is kept."""
+    out, reasons = run_first([imitate("ill", script), WELL], tmp_path, prepare)
+    assert out == tmp_path / "well" and (out / "booted").read_text() == "well"
+    assert not (out / "results.json").exists() and reasons.startswith("ill ended after 0 s without a result")
+    assert ("put_fp_registers" in reasons) == ("put_fp" in script)
+
+
+@pytest.mark.parametrize(("booted", "limit_s"), [(False, BOOT_S), (True, PATIENCE_S)])
+def test_a_guest_that_hangs_is_ended_with_its_children(booted: bool, limit_s: float, tmp_path: Path) -> None:
+    """One that never boots, and one that boots and never ends: both end at their limits, on a clock of the test's."""
+    child = tmp_path / "child"
+    script = (': >"$1/booted"; ' if booted else "") + 'sleep 1000 & echo $! >"$1/new"; mv "$1/new" "$1/child"; wait'
+    with pytest.raises(NoResult, match=f"hangs ended after {limit_s + 1:.0f} s"):
+        boot(imitate("hangs", script), tmp_path, clock=lambda: limit_s + 1 if child.exists() else 0)
+    number = int(child.read_text())
+    with pytest.raises(ProcessLookupError):
+        for _ in range(1000):  # the signal has been sent; the kernel takes a moment
+            os.kill(number, 0)
+            subprocess.run(["sleep", "0.01"], check=True)
+
+
+def test_none_is_there(tmp_path: Path) -> None:
+    """What is missing is named; nothing is started."""
+    out, reasons = run_first([imitate("a", "false", "a is missing"), imitate("b", "false", "b too")], tmp_path, prepare)
+    assert out is None and reasons == "a is missing; b too" and not list(tmp_path.iterdir())
+
+
+def test_a_failure_of_the_guest_that_runs_anywhere_is_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated PC has no excuse: it is there and ends without a result, so the tests fail."""
+    last = imitate("qemu", PANIC)
+    monkeypatch.setattr(guests, "GUESTS", (last,))
+    with pytest.raises(NoResult, match="put_fp_registers"):
+        run_first([imitate("uml", PANIC), last], tmp_path, prepare)
+
+
+def test_one_guest_can_be_asked_for() -> None:
+    """By its name; another name is refused."""
+    assert allowed({}) == list(GUESTS) and [g.name for g in allowed({"AEOLID_CAN_GUEST": "qemu"})] == ["qemu"]
+    with pytest.raises(ValueError, match="AEOLID_CAN_GUEST=kvm: uml, qemu or nothing"):
+        allowed({"AEOLID_CAN_GUEST": "kvm"})
+
+
+def test_the_archive_is_what_cpio_reads() -> None:
+    """The header's 13 numbers and the two paddings to four bytes, as the kernel's documentation has them."""
+    packed = pack_file("init", 0o100755, b"abcde")
+    assert packed[:6] == b"070701" and len(packed) == 110 + 5 + 1 + 5 + 3
+    assert packed[110:116] == b"init\0\0" and packed[116:] == b"abcde\0\0\0"
+    assert (int(packed[14:22], 16), int(packed[54:62], 16), int(packed[94:102], 16)) == (0o100755, 5, 5)
+
+
+def test_the_fetch_script_names_its_words() -> None:
+    """A wrong word is wrong usage."""
+    script = Path(guests.__file__).parent / "fetch"
+    done = subprocess.run(["sh", str(script), "kvm"], capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and "usage" in done.stderr
