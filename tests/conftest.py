@@ -6,7 +6,7 @@ import json
 import os
 import re
 from collections.abc import Generator
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +26,25 @@ MOST_PROCESSOR_S = 1200.0  # of the process that runs a test; the longest takes 
 PREPARED = re.compile(r'scope="(module|session)"|^@cache$', re.M)  # a file's tests share what was prepared once
 
 
+ANSWERS = os.environ.get("AEOLID_ANSWERS")  # a folder; tests/studies/rounding.py asks for them
+told: list[dict[str, Any]] = []  # by diagnoses in this process, since the test began
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the marks known."""
+    """Make the marks known, and hear what is diagnosed where somebody wants to know."""
     for name, meaning in MARKS.items():
         config.addinivalue_line("markers", f"{name}: {meaning}")
+    if ANSWERS:
+        from aeolid.diagnose import verdict
+
+        diagnose = verdict.diagnose
+
+        @wraps(diagnose)
+        def heard(*arguments: Any, **options: Any) -> dict[str, Any]:
+            told.append(diagnose(*arguments, **options))
+            return told[-1]
+
+        verdict.diagnose = heard  # before any test imports it
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -73,16 +88,18 @@ def pytest_runtest_call() -> Generator[None, Any, Any]:
 
 @pytest.fixture(autouse=True)
 def _answers_are_kept(request: pytest.FixtureRequest) -> Generator[None]:
-    """Where AEOLID_ANSWERS names a folder, add what every diagnosis.json of the test says to a file there."""
-    folder = os.environ.get("AEOLID_ANSWERS")
-    if not folder:
+    """Write down what every diagnosis of the test says, in this process or in a diagnosis.json of another."""
+    if not ANSWERS:
         yield
         return
     base = request.getfixturevalue("tmp_path_factory").getbasetemp()
     before = set(base.rglob("diagnosis.json"))
     yield
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    with open(Path(folder) / f"{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.jsonl", "a", encoding="utf-8") as out:
-        for file in sorted(set(base.rglob("diagnosis.json")) - before):
-            test = f"{request.node.nodeid} {file.relative_to(base)}"
-            out.write(json.dumps({"test": test, "diagnosis": json.loads(file.read_text(encoding="utf-8"))}) + "\n")
+    answers = {f"diagnosis {k + 1}": found for k, found in enumerate(told)}
+    for file in sorted(set(base.rglob("diagnosis.json")) - before):
+        answers[str(file.relative_to(base))] = json.loads(file.read_text(encoding="utf-8"))
+    told.clear()
+    Path(ANSWERS).mkdir(parents=True, exist_ok=True)
+    with open(Path(ANSWERS) / f"{os.environ.get('PYTEST_XDIST_WORKER', 'main')}.jsonl", "a", encoding="utf-8") as out:
+        for name, found in answers.items():
+            out.write(json.dumps({"test": f"{request.node.nodeid} {name}", "diagnosis": found}, default=str) + "\n")

@@ -3,11 +3,13 @@
 import subprocess
 import sys
 
+import pytest
 from study_modules import STUDIES
 
 BENCH = STUDIES.parent / "bench" / "identify.py"
 
 
+@pytest.mark.nightly  # its times are for people, what it calls has tests
 def test_every_case_runs_on_small_data(tmp_path):
     command = [sys.executable, str(BENCH), "--smoke", "--out", str(tmp_path / "table.md")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=3600, check=False)

@@ -78,6 +78,7 @@ def test_forms_attach_to_what_moves_and_to_what_stores(tmp_path: Path) -> None:
         assert slot.name in ex.names_in(written_out(rate, edited))
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize("factor", [0.9, 0.0])
 def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor: float, tmp_path: Path) -> None:
     """Damping that grows with the square of the stroke, c (1 + q²/q₀²): no entry has it; without it nothing is said."""
@@ -90,7 +91,8 @@ def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor:
         assert found["sealed"]["interval"][0] > 0  # what comes nearest is shown on the sealed data too
 
 
-@pytest.mark.parametrize("factor", [0.9, 0.0])
+@pytest.mark.diagnosis
+@pytest.mark.parametrize("factor", [0.9, pytest.param(0.0, marks=pytest.mark.nightly)])
 def test_beside_a_name_the_corrected_model_has_the_form_that_has_none(factor: float, tmp_path: Path) -> None:
     """A lag of the push and damping that grows with the stroke: the lag is named, the rest described and modelled."""
     result = study(load_case(write_swinging(tmp_path, factor, tau=0.15)), sham=0, seed=1, progress=lambda *_: None)
@@ -130,6 +132,7 @@ def write_swinging(folder: Path, factor: float, tau: float = 0.0) -> Path:
     return write_case(folder, SWING, step, SWING_CHANNELS, rows)
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(("hidden", "value"), [("loss", 0.008), ("sensor", 1.05), ("nothing", 0.0)])
 def test_a_neglected_loss_is_not_told_as_a_sensor_that_is_a_third_off(
     hidden: str, value: float, tmp_path: Path

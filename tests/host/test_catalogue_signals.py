@@ -474,6 +474,7 @@ def test_a_free_run_finds_swapped_turned_and_scaled_channels(kind: str, tmp_path
     assert ("unit", "warning") in said({"y_speed": y * 180 / math.pi})
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(
     ("name", "kind", "verdict"),
     [("drive rate", "equations", "named"), ("sensor sign", "state_space", "named")],

@@ -69,6 +69,7 @@ def record_of(setup: Setup, columns: dict[str, np.ndarray]) -> Record:
     return Record(columns["time_s"], values, tuple(channels), setup.plant.step_s, "challenge", "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(PLANTS))
 def test_a_plant_without_effect_is_its_users_model(name: str, tmp_path: Path) -> None:
     """Two integrators, two texts of one physics: within 2e-3 of each spread, half of it the model's own rule's."""
@@ -245,6 +246,7 @@ def test_the_predictor_of_the_bare_plant_leaves_white_innovations() -> None:
             assert abs(np.corrcoef(column[1:], column[:-1])[0, 1]) < 4 / np.sqrt(len(column)), name
 
 
+@pytest.mark.slow
 def test_of_a_blades_lift_no_more_than_half_comes_late() -> None:
     """Half of a change of lift is there at once (Wagner 1925): what lags as a whole is a drive, and rightly called so.
 

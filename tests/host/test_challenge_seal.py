@@ -24,6 +24,8 @@ from aeolid.cli.main import main
 from aeolid.errors import DataError
 from aeolid.fleet.workers import Inline, Pool
 
+pytestmark = pytest.mark.slow  # its fixtures are
+
 CASES, SAMPLES = 6, 1000
 
 

@@ -38,6 +38,7 @@ def prepared_of(folder: Path) -> Prepared:
     return prepare(load_case(folder)).only(())
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(
     ("hidden", "size", "says", "number"),
     [
@@ -74,6 +75,7 @@ def test_a_form_that_no_entry_has_is_described_and_not_named(
     assert any(p.name.startswith(hidden_as(hidden)) for p in model.parameters)
 
 
+@pytest.mark.nightly  # with other instruction sets every diagnosis is asked then
 def test_rounding_does_not_choose_between_a_name_and_a_form(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A drive whose action bends was a saturated one, that or a mass 4 % off, or `unnamed`, by the 13th digit."""
     with_rounding(monkeypatch, 3)
@@ -87,6 +89,7 @@ def hidden_as(hidden: str) -> str:
             "eddies": "band_"}[hidden]  # fmt: skip
 
 
+@pytest.mark.diagnosis
 def test_nothing_is_found_where_nothing_is_missing(tmp_path: Path) -> None:
     """The bank of forms speaks once in 50 recordings by design; none of eight passed the selection data."""
     for seed in range(8):
@@ -159,6 +162,7 @@ def gained(stage: Prepared, place: Any, force: Any) -> float:
     return float(np.sum(residual * change[segment.burn :]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("colour", [0.0, 0.995])
 def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
     """Residuals of 2000 samples seen through a force's response, 100 times, over time and times a signal."""
@@ -177,6 +181,7 @@ def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
     assert np.all(passed <= 5), passed  # 1 in the mean at the level; 6 or more once in 1500 runs
 
 
+@pytest.mark.diagnosis
 def test_recordings_that_start_anew_have_no_common_time(tmp_path: Path) -> None:
     """Of two recordings only what does not depend on the time is asked."""
     folder = swinging(tmp_path, shake=0.05)
@@ -190,6 +195,7 @@ def test_recordings_that_start_anew_have_no_common_time(tmp_path: Path) -> None:
     assert "curve" in kinds and "product" in kinds and "swing" not in kinds
 
 
+@pytest.mark.diagnosis
 def test_what_never_moves_is_no_place(tmp_path: Path) -> None:
     folder = swinging(tmp_path)
     rows = np.loadtxt(folder / "recording.csv", delimiter=",", skiprows=1)

@@ -52,6 +52,7 @@ def held(seed: int, bend: float = 0.0, rows: int = 3000) -> Array:
     return found
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_controller_that_answers_at_once_foretells_nothing(seed: int, tmp_path: Path) -> None:
     """The model lacks nothing: 54 to 90 nats had been found in such a loop, and the verdict was `unnamed`."""

@@ -90,6 +90,7 @@ def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: P
     assert renewed(prepared, found, select_density(prepared)).fit.log_likelihood >= found.fit.log_likelihood
 
 
+@pytest.mark.nightly  # a minute; the challenge hides two at once
 def test_three_effects_are_all_found(tmp_path: Path) -> None:
     """A drive that lags, dry friction and a stretched wire at once: each value within 10 %."""
     study = load_study("diagnosis")

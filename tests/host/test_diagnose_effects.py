@@ -30,6 +30,7 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -53,6 +54,7 @@ def test_concealed_physics_is_named(tmp_path: Path, name: str, kind: str) -> Non
     assert row["recovered"] > 0.6
 
 
+@pytest.mark.diagnosis
 def test_a_re_fitted_declared_value_is_proven_and_exported(tmp_path: Path) -> None:
     """Where only a free declared value is wrong, proof and corrected model are those of the value, of no effect."""
     case = load_case(rig.write_case(tmp_path / "case", TRIALS["wrong free stiffness", "equations"], SAMPLES, 7))
@@ -75,6 +77,7 @@ def test_a_wrong_declared_value_is_a_parameter(tmp_path: Path) -> None:
     assert row["verdict"] == "parameter" and row["ids"] == ["parameter_error"]
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize("wire", [12.0, 14.0])
 def test_a_spring_that_hardens_a_little_is_not_just_another_stiffness(tmp_path: Path, wire: float) -> None:
     """The stiffness that stands in for the wire moves by 3 deviations; the wire itself whispers, z 2.9 and 3.6 of 4.3.
@@ -91,6 +94,7 @@ def test_a_spring_that_hardens_a_little_is_not_just_another_stiffness(tmp_path: 
     assert [e["id"] for e in found["effects"]] == ["parameter_error", "cubic_stiffness"]
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
@@ -105,12 +109,14 @@ def test_nothing_concealed_nothing_named(tmp_path: Path, name: str, kind: str) -
     assert run(name, kind, tmp_path)["verdict"] in ("no_mismatch", "immaterial")
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize("name", ["null, 0.5 N over 0.5 s, sensor 0.01", "null, position only"])
 def test_a_coloured_disturbance_is_no_effect(tmp_path: Path, name: str) -> None:
     row = run(name, "equations", tmp_path, SEEN[name])
     assert row["verdict"] in ("no_mismatch", "immaterial"), row
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize(
     "name",
     [

@@ -81,6 +81,7 @@ def rows_of(prepared: Prepared, *keys: str) -> list[Row]:
 LAG, FILTER, DRY = "sensor_lag output:speed", "sensor_second_order output:speed", "coulomb_friction state:v"
 
 
+@pytest.mark.slow
 def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(tmp_path: Path) -> None:
     """What stands beside it is known by now: a clear second-order filter replaces the lag that was found first.
 
@@ -112,6 +113,7 @@ def least(attachment: Attachment, size: float) -> Attachment:
     return replace(attachment, beside={attachment.slots[0].name: size})
 
 
+@pytest.mark.slow
 def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
     case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4))
     prepared = prepare(load_case(case))

@@ -97,6 +97,7 @@ def test_the_rows_of_a_slow_model_do_not_show_the_mode(case: Path) -> None:
     assert 0.4 / (coarse.decimation * STEP) < FREQUENCY
 
 
+@pytest.mark.slow
 def test_a_mode_beyond_the_rows_is_found_at_a_finer_rate(found: Study) -> None:
     """It was `unnamed`, for 6,562 nats of a challenge's recording."""
     assert found.prepared.decimation == 1

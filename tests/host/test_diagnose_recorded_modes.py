@@ -22,6 +22,8 @@ from aeolid.diagnose.reestimate import estimated_on_all
 from aeolid.diagnose.scores import score_bank
 from aeolid.models.equations import Equations
 
+pytestmark = pytest.mark.slow  # its fixtures are
+
 Array = NDArray[np.float64]
 STEP, SAMPLES, HZ, DAMPING = 0.1, 6000, 0.33, 0.06
 CASE = """[case]

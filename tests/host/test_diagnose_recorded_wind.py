@@ -153,6 +153,7 @@ def test_what_the_smoother_leaves_follows_nothing_that_was_read(tmp_path: Path) 
         assert abs(np.mean(left[50:-50] * moved)) < 3.3 * spread
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["equations", "state_space"])
 def test_the_wind_is_told_whole_and_one_from_elsewhere_not_at_all(kind: str, tmp_path: Path) -> None:
     """A gust that is known before the vanes answer is worth a sixth of a nat in each of 3000 rows and more.
@@ -287,6 +288,7 @@ def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_pat
     assert with_smoothed_wind(gaps, model) == gaps
 
 
+@pytest.mark.slow
 def test_what_was_declared_of_the_whole_wind_is_not_asked_of_the_rest(tmp_path: Path) -> None:
     """The memory of what an anemometer does not tell is shorter, and would be told as a wrong declared value.
 
@@ -338,6 +340,7 @@ def test_a_corrected_model_asks_for_no_channel_that_was_made(tmp_path: Path) -> 
     assert [s.name for s in equations_file.load(tmp_path / "corrected.toml").inputs] == ["push"]
 
 
+@pytest.mark.slow
 def test_a_gain_that_switches_with_the_wind_foretells_no_gusts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A turbine of the challenge with a wrong mass, in closed loop, in a wind rougher than its model's.
 

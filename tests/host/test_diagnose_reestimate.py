@@ -77,6 +77,7 @@ def test_what_cannot_be_fitted_again_stays_as_it_was(tmp_path: Path, monkeypatch
     assert len(bare.predictor.segments) == len(stage.split.fit)
 
 
+@pytest.mark.diagnosis
 def test_the_verdict_tells_the_values_of_all_but_the_sealed_data(tmp_path: Path) -> None:
     """Values, proof and corrected model are of one estimate."""
     result = study(load_case(swinging(tmp_path, hard=60.0)), sham=0, seed=1, progress=lambda *_: None)

@@ -61,6 +61,7 @@ def test_cases_are_what_has_a_case_file(tmp_path: Path, capsys: pytest.CaptureFi
     assert study.cases_in([tmp_path]) == study.cases_in([tmp_path / "b"]) == [tmp_path / "b"]
 
 
+@pytest.mark.slow
 def test_what_cannot_be_read_is_an_answer_with_its_reason(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "case.toml").write_text("[case]\n")
     out = tmp_path / "rows.jsonl"
@@ -120,6 +121,7 @@ def test_an_answer(other, tmp_path):
 """
 
 
+@pytest.mark.slow
 def test_the_tests_answers_are_held_against_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two tests whose answers depend on the set, one of them by more than anybody should see."""
     file = Path(study.ROOT) / "tests" / "host" / f"test_rounding_probe_{os.getpid()}.py"

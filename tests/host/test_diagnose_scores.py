@@ -206,6 +206,7 @@ def draws(count: int, length: int) -> Array:
     return np.random.default_rng(11).standard_normal((count, length))
 
 
+@pytest.mark.slow
 def test_the_null_distribution_and_the_family_level(
     world: tuple[Case, Prepared, Bank], monkeypatch: pytest.MonkeyPatch
 ) -> None:

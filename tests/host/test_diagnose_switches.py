@@ -97,6 +97,7 @@ def test_only_a_switch_that_is_there_pays_at_once(key: str, kind: str, tmp_path:
     assert (key in found) if key else found == []
 
 
+@pytest.mark.diagnosis
 @pytest.mark.parametrize("key", [k for k in FAULTS if k.startswith("data")])
 def test_swapped_channels_are_a_fault_of_the_data(key: str, tmp_path: Path) -> None:
     rows = FAULTS[key](bodies())

@@ -42,6 +42,7 @@ def test_the_c_example_is_short() -> None:
     assert len(lines) <= 26
 
 
+@pytest.mark.diagnosis
 def test_the_case_file_is_understood(tmp_path: Path) -> None:
     """The README's case.toml is read up to its recordings, which are not there."""
     (tmp_path / "case.toml").write_text(block("toml", "# case.toml"))

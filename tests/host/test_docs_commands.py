@@ -71,6 +71,7 @@ def run(text: str, folder: Path) -> tuple[int, str]:
     return process.returncode, said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     shown = [block for block in SHELL if block.page == page and block.reason is None]

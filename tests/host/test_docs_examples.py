@@ -40,6 +40,7 @@ def controller(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "controller"
 
 
+@pytest.mark.slow
 def test_the_controller_is_heard_and_its_tower_found(controller: Path, tmp_path: Path) -> None:
     """The plant in the example has a tower at 0.32 Hz with 3 % damping, and a rotor that slows down within 4 s."""
     assert ", health 0, " in run(controller, "bus.log", folder=tmp_path)

@@ -15,6 +15,8 @@ import pytest
 from aeolid.cli import reference
 from aeolid.diagnose.catalogue import ENTRIES
 
+pytestmark = pytest.mark.slow  # its fixtures are
+
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))

@@ -224,6 +224,7 @@ def test_windows_leave_the_bias_that_the_theory_says():
     assert bias[50] < 0.1 * bias[25] < 0.1 * bias[10] and bias[25] < 0.01
 
 
+@pytest.mark.slow
 def test_example_of_the_paper_and_its_order_with_a_reason():
     """20 runs of 2000 samples against what infinitely many give with these windows."""
     found = [
@@ -311,6 +312,7 @@ def test_feedthrough_is_a_mask_over_disturbances(record):
     assert identify_ort([record], past=15, order=2).model.D[0] == pytest.approx([0.0, 1.0], abs=0.1)
 
 
+@pytest.mark.slow
 def test_deviations_of_the_poles_match_the_scatter():
     """Leaving out twentieths: 160 runs had 1.10 of the scatter for the frequency and 1.26 for the damping.
 

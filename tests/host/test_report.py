@@ -270,6 +270,7 @@ def chromium_messages(page: Path, tmp_path: Path) -> list[str]:
     return [line for line in done.stderr.splitlines() if "CONSOLE" in line]
 
 
+@pytest.mark.slow
 def test_pages_render_in_a_browser_without_complaint(tmp_path: Path) -> None:
     page = tmp_path / "page.html"
     render_demo(report_examples.identification(), report_examples.diagnosis(), report_examples.evidence(), page)

@@ -6,6 +6,7 @@ import pytest
 from study_modules import load_study
 
 
+@pytest.mark.slow
 def test_paper000_writes_table_figure_and_facts(tmp_path, capsys):
     """Two realisations with 1 % noise: VARMAX p = 10 finds what VARX p = 30 finds, and the files are there."""
     study = load_study("paper000")
@@ -84,6 +85,7 @@ def test_known_cases_that_are_absent_are_said(tmp_path, capsys):
     assert str(tmp_path / "none") in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_told_values_are_held_against_the_truth(tmp_path, capsys):
     """One effect fitted as itself; the table counts bands that hold the truth, and a crash as nothing fitted."""
     study = load_study("told_values")

@@ -26,6 +26,8 @@ from aeolid.record import Record, Roles
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "firmware"))
 from turbine_recording import PAST, make_recording
 
+pytestmark = pytest.mark.slow  # its fixtures are
+
 Start = Callable[..., Process]
 HEAP = {"malloc", "calloc", "realloc", "free", "_malloc_r", "_free_r", "_calloc_r", "_realloc_r", "_sbrk", "_sbrk_r"}
 

@@ -117,6 +117,7 @@ def peak_kb(pid: int) -> int:
 FLOOD, RATE = 300_000, 10_000_000  # lines, and how many a second: more than any listener takes
 
 
+@pytest.mark.slow
 def test_a_flood_loses_nothing(flood: Path, start: Start, tmp_path: Path) -> None:
     """Frames as fast as they are taken, half of them ours: all arrive, each sample true, all of them in the log.
 
@@ -229,6 +230,7 @@ def test_a_bus_that_breaks_off_is_opened_again(adapter: Adapter, start: Start, t
         np.testing.assert_array_equal(received.column(name)[there], truth[name][: len(there)][there])
 
 
+@pytest.mark.slow
 def test_without_reconnection_the_first_break_ends_it(adapter: Adapter, start: Start, tmp_path: Path) -> None:
     """--no-reconnect, and --until-end by itself: code 3 and one sentence."""
     for option in ("--no-reconnect", "--until-end"):
@@ -242,6 +244,7 @@ def test_without_reconnection_the_first_break_ends_it(adapter: Adapter, start: S
         adapter._server = socket.create_server(("127.0.0.1", adapter.port))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["classic", "fd", "garbled"])
 def test_what_was_logged_replays_as_it_was_received(mode: str, start: Start, tmp_path: Path) -> None:
     """A node, its bus logged; that log replayed into the next format, through all five: the same bits everywhere."""
