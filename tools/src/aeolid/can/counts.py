@@ -184,4 +184,3 @@ class Counts:
     def clear(self) -> None:
         """Forget everything."""
         self.believed, self._rivals, self.latest = [], [], None
-

@@ -113,7 +113,9 @@ class Node:
             if samples.refused:
                 told.append(f"{samples.contradicted} samples came in two versions that contradict each other")
             if samples.rival_messages:
-                told.append(f"a second count of samples went on beside the one recorded ({samples.rival_messages} messages)")
+                told.append(
+                    f"a second count of samples went on beside the one recorded ({samples.rival_messages} messages)"
+                )
         if self._health.is_double:
             told.append("the sample indices told go to and fro")
         return "; ".join(dict.fromkeys(told))

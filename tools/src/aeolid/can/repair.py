@@ -87,7 +87,9 @@ class Repairs:
 def restore(values: Words, have: Mask, repairs: Mapping[int, Words]) -> None:
     """Fill in `values` (B, w) and `have` (B,) from repair frames by number -> w words, as `restore_from`."""
     numbers = np.fromiter(repairs.keys(), np.int64, len(repairs))
-    restore_from(values, have, numbers, np.array(list(repairs.values()), np.uint32).reshape(len(repairs), values.shape[1]))
+    restore_from(
+        values, have, numbers, np.array(list(repairs.values()), np.uint32).reshape(len(repairs), values.shape[1])
+    )
 
 
 def restore_from(values: Words, have: Mask, numbers: NDArray[np.int64], combined: Words) -> None:

@@ -148,9 +148,7 @@ class SampleStore:
         arrived, lost = self._gone
         return lost + max(0, expected * self._channels - (self.arrived - arrived))
 
-    def release(
-        self, keep: int, every: int, *, patience: int = PATIENCE, share: int = SPARSE
-    ) -> list[SampleTable]:
+    def release(self, keep: int, every: int, *, patience: int = PATIENCE, share: int = SPARSE) -> list[SampleTable]:
         """Return the tables of all but about the newest `keep` samples, and forget them: memory stays bounded.
 
         The first table may go on with the run that an earlier release ended with (`follows` tells). Nothing is released
@@ -263,9 +261,7 @@ class SampleStore:
         part = join_parts(recent)
         view = SampleStore(self._channels, garbling=self._garbling, head=self._head)
         view._before = self._before
-        view._counts.believed = [
-            replace(segment, parts=[part.take(part.index >= low)], settled=turn, dated=certain)
-        ]
+        view._counts.believed = [replace(segment, parts=[part.take(part.index >= low)], settled=turn, dated=certain)]
         return view.tables(every)
 
     def _pieces(self, segment: Count, every: int, last: int | None) -> tuple[list[Piece], list[int]]:

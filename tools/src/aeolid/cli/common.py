@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ from aeolid.display import visible_lines
 from aeolid.errors import UsageError
 
 FILTERS = ("rls", "els", "fast-rls", "lattice")  # aeolid.filters.METHODS, not imported for the sake of --help
+_QUIET_S = 30.0  # that a long run may be silent
 
 
 class SafeConsole(Console):
@@ -52,6 +54,25 @@ def waiting(text: str) -> Iterator[None]:
     with Progress(*columns, console=progress_console, transient=True) as bar:
         bar.add_task(text, total=None)
         yield
+
+
+class Milestones:
+    """Write what is done on standard error, a line each, where that is no terminal and a bar would not show."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start the time; clock: growing seconds."""
+        self._clock, self._begun, self._last = clock, clock(), clock()
+
+    def reach(self, text: str) -> None:
+        """Write the beginning of a step."""
+        if not progress_console.is_terminal:
+            self._last = self._clock()
+            progress_console.print(f"{self._last - self._begun:.0f} s: {text}", markup=False, soft_wrap=True)
+
+    def pass_by(self, text: str) -> None:
+        """Write what is done within a step, if nothing was written for half a minute."""
+        if self._clock() - self._last >= _QUIET_S:
+            self.reach(text)
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, progress_console
+from aeolid.cli.common import ForceOption, JsonOption, Milestones, console, emit_json, progress_console
 from aeolid.output import declare, discard
 
 EXAMPLES = (
@@ -42,6 +42,9 @@ def run(
     allow_outside: Annotated[
         bool, typer.Option("--allow-outside", help="Read also files that the case names outside its folder.")
     ] = False,
+    time_limit: Annotated[
+        float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
+    ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -50,15 +53,17 @@ def run(
     Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
     verdict.
     """
-    from aeolid.errors import DataError
+    from aeolid.errors import DataError, UsageError
 
+    if not 0 < time_limit < float("inf"):
+        raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
     if not (case / "case.toml").is_file():
         raise DataError(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
             " model: aeolid example . writes two"
         )
     declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
-    diagnosis, evidence = _diagnosed(case, out, sham, seed, allow_outside)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside)
     page = out / "report.html"
     discard(page)  # of an earlier run
     if report:
@@ -79,13 +84,15 @@ def run(
 
 
 def _diagnosed(
-    case: Path, out: Path, sham: int, seed: int, allow_outside: bool
+    case: Path, out: Path, sham: int, seed: int, time_limit: float, allow_outside: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
+    from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.diagnose.deadline import Deadline
     from aeolid.errors import Contradiction
 
     columns = (
@@ -94,11 +101,20 @@ def _diagnosed(
     with Progress(*columns, console=progress_console, transient=True) as bar:
         task = bar.add_task("reading", total=1.0)
 
+        plain = Milestones()
+
         def tell(text: str, share: float) -> None:
             bar.update(task, description=text, completed=share)
+            plain.reach(f"{text}, {100 * share:.0f} %")
 
+        def doing(what: str) -> None:
+            bar.update(task, description=escape(f"fitting {what}"[:60]))
+            plain.pass_by(f"fitting {what}")
+
+        late = Deadline(time_limit, notice=doing)
         try:
-            return conclude(load_case(case, allow_outside=allow_outside), out, sham=sham, seed=seed, progress=tell)
+            loaded = load_case(case, allow_outside=allow_outside)
+            return conclude(loaded, out, sham=sham, seed=seed, progress=tell, deadline=late)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)
 

@@ -9,6 +9,7 @@ import numpy as np
 from aeolid.diagnose.alongside import alongside, with_run
 from aeolid.diagnose.baseline import discretise, equations_of
 from aeolid.diagnose.case import MOST_STATES, Case
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.exogenous import with_time
 from aeolid.diagnose.rotor_frame import blade_sets, to_fixed_frame, worth_rate
 from aeolid.diagnose.sampled import sample_fmu
@@ -47,12 +48,15 @@ class Baseline:
         return replace(equations_of(self.linear, shaped_noise=False, modal=form), auxiliaries=auxiliaries)
 
 
-def baseline_of(case: Case) -> Baseline:
-    """Return the baseline of a case; raises DataError or NotIdentifiable with the reason where there is none."""
+def baseline_of(case: Case, deadline: Deadline | None = None) -> Baseline:
+    """Return the baseline of a case; raises DataError or NotIdentifiable with the reason where there is none.
+
+    deadline: when the fit of a simulator's run ends where it stands, never by default.
+    """
     if isinstance(case.baseline, Record):
-        return _of_run(case, case.baseline)
+        return _of_run(case, case.baseline, deadline)
     if isinstance(case.baseline, Fmu):
-        return _of_run(replace(case, same_inputs=False), sample_fmu(case.baseline, case.records[0]))
+        return _of_run(replace(case, same_inputs=False), sample_fmu(case.baseline, case.records[0]), deadline)
     records = tuple(with_time(r) for r in case.records)
     if isinstance(case.baseline, Equations):
         return Baseline(case.baseline, None, None, records, len(case.baseline.inputs))
@@ -75,7 +79,7 @@ def _rate(run: Record) -> int:
     return 1 if 1 < factor <= _NEAR and is_simple(run) else factor
 
 
-def _of_run(case: Case, run: Record) -> Baseline:
+def _of_run(case: Case, run: Record, deadline: Deadline | None) -> Baseline:
     """Identify the simulator's run; recording and run go to the fixed frame and the same lower rate."""
     check_run(run)
     sets = blade_sets(run, case.context)  # none of a unit that does not turn the rotor
@@ -85,7 +89,7 @@ def _of_run(case: Case, run: Record) -> Baseline:
         turned = [with_run(r, to_fixed_frame(run, sets)) for r in turned]
     records = tuple(with_time(decimate(r, factor, centred=True)) for r in turned)
     slow = decimate(to_fixed_frame(run, sets), factor, centred=True)
-    found = surrogate(slow)
+    found = surrogate(slow, deadline=deadline)
     form = with_values(found.form, dict(zip(found.form.values, found.mean.tolist(), strict=True)))
     linear = replace(form.model, K=found.fit.point.K[: form.model.order] if found.fit.point.K is not None else None)
     found = replace(found, form=replace(form, model=linear))

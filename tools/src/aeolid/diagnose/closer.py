@@ -71,6 +71,8 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
     plain = _seen(prepared, stretch, asked, seed)
     best: tuple[float, Experiment, dict[str, float]] | None = None
     for test in feasible(menu_of(prepared, inputs, stretch), stretch.step):
+        if prepared.deadline.skips("some of the experiments that would show more"):
+            break
         u = stretch.u.copy()
         place = [s.name for s in prepared.declared.inputs].index(test.channel)
         u[:, place] += test.signal(len(u), stretch.fine_step, seed)

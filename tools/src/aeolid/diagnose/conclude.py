@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.case import Case
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.export import write_all, write_ended
 from aeolid.diagnose.forensics import examine
 from aeolid.diagnose.pipeline import Progress, study
@@ -15,8 +16,12 @@ from aeolid.diagnose.verdict import diagnose
 from aeolid.errors import NotIdentifiable
 
 
-def conclude(case: Case, folder: Path, *, sham: int, seed: int, progress: Progress) -> tuple[dict[str, Any], Any]:
+def conclude(
+    case: Case, folder: Path, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None
+) -> tuple[dict[str, Any], Any]:
     """Diagnose a case and write what it leaves behind; returns diagnosis.json's content and the evidence.
+
+    deadline: when the best answer so far is written, never by default.
 
     A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
     where that shows (`not_testable`), with the reason as the statement.
@@ -28,7 +33,7 @@ def conclude(case: Case, folder: Path, *, sham: int, seed: int, progress: Progre
         evidence = {"title": case.title, "forensics": [f.to_json() for f in faults]}
         return ended("data_fault", case.title, text, folder, location, evidence)
     try:
-        result = study(case, sham=sham, seed=seed, progress=progress)
+        result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline)
     except NotIdentifiable as error:
         return ended("not_testable", case.title, str(error), folder)
     except np.linalg.LinAlgError as error:

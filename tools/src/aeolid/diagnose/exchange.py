@@ -42,6 +42,8 @@ def exchanged(
     best = chosen
     for place, attachment in enumerate(chosen.attachments):
         for single in _others(attachment, best, singles)[:_TRIED]:
+            if prepared.deadline.skips(f"{single.key} in the place of {attachment.key}"):
+                break
             found = _with(prepared, best, attachment, single)
             if found is None or not is_accepted(found):
                 continue

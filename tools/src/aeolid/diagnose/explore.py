@@ -50,6 +50,8 @@ def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int
         point = replace(origin, theta=theta, x0=tuple(declared.copy() for _ in origin.x0))
         for candidate in noise_ladder(point, core(predictor, free).noise):
             found.append((predictor.objective(candidate), candidate))
+        if predictor.deadline.skips("some of the places to start from"):
+            break
     found.sort(key=lambda pair: pair[0])
     return [point for value, point in found[:_KEEP] if value < 1e299]
 
@@ -117,7 +119,10 @@ def fit_briefly(
     """
     few = core(predictor, free)
     ranked = sorted(((predictor.objective(s), i) for i, s in enumerate(starts)))[:tried]
-    trials = [predictor.climb(starts[i], few, iterations=_QUICK) for value, i in ranked if value < 1e299]
+    trials: list[tuple[float, Point] | None] = []
+    for value, i in ranked:
+        if value < 1e299 and (not trials or not predictor.deadline.skips("some of the starts of a fit")):
+            trials.append(predictor.climb(starts[i], few, iterations=_QUICK))
     return min((t for t in trials if t is not None), key=lambda t: t[0], default=None)
 
 
@@ -131,7 +136,7 @@ def fit_fully(predictor: Predictor, start: Point, free: Free) -> Fit | None:
 def fit_quietly(predictor: Predictor, start: Point, free: Free, iterations: int = _FULL) -> Fit | None:
     """Fit, and lower what process noise nobody would miss; None where the start diverges."""
     fit = predictor.fit(start, free, iterations=iterations)
-    if fit is None or not free.noise:
+    if fit is None or not free.noise or predictor.deadline.passed:
         return fit
     quiet = quieted(predictor, fit.point, free)
     return fit if quiet is fit.point else predictor.at(quiet, free)

@@ -24,7 +24,9 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     correction = correct(study)
     wild = correction.diverging
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
-    diagnosis["warnings"] = [*diagnosis.get("warnings", []), *([] if wild is None else [wild.text()])]
+    late = study.deadline
+    diagnosis["time_limit"] = late.to_json()
+    diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
     output.make_folder(folder)
     output.write_json(folder / "diagnosis.json", diagnosis)
     output.make_folder(folder / "model")

@@ -13,6 +13,7 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue.modes import highest_hz
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.explore import fit_quietly
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
@@ -23,6 +24,7 @@ from aeolid.diagnose.resample import finer
 from aeolid.diagnose.rivals import are_kin, leading
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.switches import paying
+from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
@@ -44,20 +46,29 @@ class First:
     winner: Candidate | None
 
 
-def find_first(case: Case, seed: int, step: Step) -> First:
+def find_first(case: Case, seed: int, step: Step, deadline: Deadline) -> First:
     """Look for one effect; at a finer rate again where a mode lies beyond what the rows of the first look show.
 
     step(name, share done) marks the beginning of a step and returns what ends it.
     """
-    found = _look(case, seed, step, 0.02, None)
+    found = _look(case, seed, step, 0.02, None, deadline)
     while found.prepared.decimation > 1 and _is_cut_off(found):
-        found = _look(case, seed, step, 0.35, finer(found.prepared.decimation))
+        if deadline.skips("all of it at a finer rate, where a mode lies beyond the rows of the first look"):
+            break
+        again = _look(case, seed, step, 0.35, finer(found.prepared.decimation), deadline)
+        if deadline.skips("the end of a look at a finer rate, which is therefore not used"):
+            break
+        found = again
     return found
 
 
-def _look(case: Case, seed: int, step: Step, share: float, most: int | None) -> First:
+def _look(case: Case, seed: int, step: Step, share: float, most: int | None, deadline: Deadline) -> First:
     done = step("baseline predictor", share)
-    prepared = prepare(case, most)
+    prepared = prepare(case, most, deadline)
+    if deadline.reached and most is None:
+        raise NotIdentifiable(
+            f"the time limit of {deadline.limit_s:g} s ended before the baseline was fitted; give more (--time-limit)"
+        )
     done()
     done = step("score bank", max(share, 0.2))
     bank = score_bank(prepared, prepared.hypotheses, seed)
@@ -97,6 +108,8 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
         fresh = [r for key, r in rows.items() if key not in fitted]
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
         fitted |= {c.key: c for c in fit_rows(prepared, kin(bank, list(fitted.values())))}
+        if prepared.deadline.skips("the fits once more from a better baseline"):
+            break
         better = better_baseline(prepared, list(fitted.values()))
         if better is None or _is_trifling(better.fit.log_posterior - prepared.fit.log_posterior, list(fitted.values())):
             break

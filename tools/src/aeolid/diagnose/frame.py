@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose import alongside
 from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.recorded_wind import RecordedWind
@@ -40,6 +41,7 @@ class Frame:
     offsets: dict[str, float]
     surrogate: Surrogate | None
     wind: RecordedWind | None = None
+    deadline: Deadline = field(default_factory=unlimited)
     compiled: dict[tuple[str, ...], Compiled] = field(default_factory=dict)
 
     def extend(self, attachments: Sequence[Attachment], segments: Sequence[Segment]) -> tuple[Predictor, Free, Point]:
@@ -57,7 +59,7 @@ class Frame:
             self.compiled[keys] = compile_equations(model)
         compiled = self.compiled[keys]
         scales, free, start = self._start(compiled.model, attachments)
-        predictor = Predictor(compiled, segments, scales, 0)
+        predictor = Predictor(compiled, segments, scales, 0, self.deadline)
         return predictor if self.surrogate is None else self.surrogate.inform(predictor), free, start
 
     def as_run(self, model: Equations, x0: tuple[Array, ...]) -> Point | None:

@@ -15,6 +15,7 @@ from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.control import survives_control
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.deficiency import deficient
 from aeolid.diagnose.detect import Ceiling, band_power, ceiling
 from aeolid.diagnose.exchange import Alternative, exchanged
@@ -67,6 +68,7 @@ class Study:
     sham: tuple[int, int, tuple[float, ...]]
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     timing_s: dict[str, float] = field(default_factory=dict)
+    deadline: Deadline = field(default_factory=unlimited)
 
     @property
     def whole(self) -> Candidate | None:
@@ -74,19 +76,24 @@ class Study:
         return self.completed or self.second or self.winner
 
 
-def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
-    """Do all steps in order; `progress(text, share done)` is called between them. Same input and seed, same answer."""
+def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None) -> Study:
+    """Do all steps in order; `progress(text, share done)` is called between them. Same input and seed, same answer.
+
+    deadline: when what was found so far is proven and returned, never by default; it says what was not tried.
+    """
     timing: dict[str, float] = {}
+    deadline = deadline or unlimited()
 
     def step(name: str, share: float) -> Callable[[], None]:
         progress(name, share)
+        deadline.enter(name)
         begun = time.perf_counter()
         return lambda: timing.__setitem__(name, round(timing.get(name, 0.0) + time.perf_counter() - begun, 3))
 
     done = step("forensics", 0.0)
     findings = examine(case.records, case.baseline)
     done()
-    first = find_first(case, seed, step)
+    first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
     findings += wind_findings(case.records, prepared.declared)
     done = step("second effect", 0.5)
@@ -99,20 +106,31 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress) -> Study:
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     done()
     done = step("evidence", 0.68)
-    bands = band_power(prepared.predictor, prepared.fit, seed)
-    cells = evidence_cells(prepared, case, seed) | {"path": evidence_paths(prepared)} | evidence_in_loop(prepared, seed)
-    equations = deficient(prepared, seed)
+    bands, cells, equations = _evidence(prepared, case, seed)
     done()
     done = step("sham runs", 0.7)
-    hits, largest = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
+    runs = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
     done()
-    progress("done", 1.0)
+    progress("writing", 1.0)
+    deadline.enter("writing")
     own = {c.key: c for c in [held.single] if c is not None}
     return Study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
-        declared, top, bands, cells, equations, after_bank, (sham, hits, tuple(largest)), held.completed, timing,
+        declared, top, bands, cells, equations, after_bank, runs, held.completed, timing, deadline,
     )  # fmt: skip
+
+
+def _evidence(
+    prepared: Prepared, case: Case, seed: int
+) -> tuple[list[dict[str, object]], dict[str, list[dict[str, Any]]], list[dict[str, Any]]]:
+    """Return where the misfit lies by frequency, by time and place, and by equation; nothing once time is over."""
+    cells: dict[str, list[dict[str, Any]]] = {}
+    if not prepared.deadline.skips("where in time and place the misfit lies"):
+        cells = evidence_cells(prepared, case, seed) | {"path": evidence_paths(prepared)}
+        cells |= evidence_in_loop(prepared, seed)
+    told = [] if prepared.deadline.skips("which equations are short of something") else deficient(prepared, seed)
+    return band_power(prepared.predictor, prepared.fit, seed), cells, told
 
 
 def _proven(
@@ -120,6 +138,8 @@ def _proven(
 ) -> tuple[Held, list[Candidate]]:
     """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted."""
     held = hold_against(prepared, unsealed, chain, seed)
+    if prepared.deadline.skips("forms outside the catalogue"):
+        return held, []
     form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
 
@@ -129,7 +149,7 @@ def _accused(
 ) -> tuple[Proof | None, list[Candidate]]:
     """Hold the declared values against the sealed data; where these accuse them, fit also what only whispers."""
     declared = declared_against(unsealed, seed)
-    if declared is None or declared.interval[0] <= PROVEN:
+    if declared is None or declared.interval[0] <= PROVEN or prepared.deadline.skips("effects under the threshold"):
         return declared, []
     return declared, fit_whispering(prepared, bank, candidates)
 
@@ -157,7 +177,7 @@ def _further(
     """
     if winner is None:
         return [], None
-    if winner.unlisted:
+    if winner.unlisted or prepared.deadline.skips("effects beside the first one"):
         return [winner], None
     if prepared.surrogate is not None and winner.select_gain > float(top.select.sum()):
         return [winner], what_is_left(prepared, winner, seed)
@@ -168,8 +188,8 @@ def _exchanged(
     prepared: Prepared, chain: list[Candidate], candidates: Sequence[Candidate]
 ) -> tuple[list[Candidate], tuple[Alternative, ...]]:
     """Let each effect of the largest set give way to a better one; returns also what the data do not tell from it."""
-    if not chain:
-        return [], ()
+    if not chain or prepared.deadline.skips("others in the place of each effect"):
+        return chain, ()
     best, alternatives = exchanged(prepared, chain[-1], candidates)
     return [*chain[:-1], best], alternatives
 
@@ -184,17 +204,21 @@ def _better_form(prepared: Prepared, candidates: Sequence[Candidate], chain: Seq
 
 def _sham(
     prepared: Prepared, bank: Bank, count: int, seed: int, tick: Callable[[int], None]
-) -> tuple[int, list[float]]:
+) -> tuple[int, int, tuple[float, ...]]:
     """Run fit, bank, finalists and acceptance on imitations of the baseline; count what would have been named.
 
     The threshold is that of the recording, from its own bootstrap: an imitation has the same inputs, length and noise.
-    Full fits follow only where the bank speaks.
+    Full fits follow only where the bank speaks. Returns how many were run, how many named something, and the largest z
+    of each; fewer than `count` where the time ends.
     """
     tested = [a for a in prepared.hypotheses if not a.always_fit and a.entry != unlisted.ID]
-    hits, largest = 0, []
+    hits, largest, run = 0, [], 0
     prepared = prepared.only(())
     _, select, select_point = prepared.predictor.score_elsewhere(prepared.fit, prepared.split.select)
     for k in range(count):
+        if prepared.deadline.skips("sham runs"):
+            break
+        run = k + 1
         rng = np.random.default_rng((seed, k))
         fit_part = imitate(prepared.predictor, prepared.fit, prepared.split.fit, prepared.fit.point, rng)
         select_part = imitate(select, prepared.fit, prepared.split.select, select_point, rng)
@@ -213,4 +237,4 @@ def _sham(
         largest.append(float(top) if np.isfinite(top) else 0.0)
         if own.loud and first_effect(world, fit_finalists(world, own, most=2))[0] is not None:
             hits += 1
-    return hits, largest
+    return run, hits, tuple(largest)

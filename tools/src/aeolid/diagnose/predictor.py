@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.gains import forgets, kalman_gain
 from aeolid.diagnose.kinks import beyond_kinks
 from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density, touched
@@ -80,23 +81,29 @@ class _Slopes:
 class Predictor:
     """Evaluate and fit one compiled model on a set of segments."""
 
-    def __init__(self, compiled: Compiled, segments: Sequence[Segment], scales: Scales, var_order: int | None = None):
+    def __init__(
+        self, compiled: Compiled, segments: Sequence[Segment], scales: Scales, var_order: int | None = None,
+        deadline: Deadline | None = None,
+    ) -> None:  # fmt: skip
+        """Take a model and data; deadline: when fits end where they stand, never by default."""
         self.compiled = compiled
+        self.deadline = deadline or unlimited()
         self.segments = tuple(segments)
         self.scales = scales
         self.var_order = var_order
 
     def on(self, segments: Sequence[Segment]) -> Predictor:
         """Return the same predictor for other data."""
-        return Predictor(self.compiled, segments, self.scales, self.var_order)
+        return Predictor(self.compiled, segments, self.scales, self.var_order, self.deadline)
 
     def informed(self, prior: Prior) -> Predictor:
         """Return the same predictor with other knowledge of its parameters."""
-        return Predictor(self.compiled, self.segments, replace(self.scales, prior=prior), self.var_order)
+        scales = replace(self.scales, prior=prior)
+        return Predictor(self.compiled, self.segments, scales, self.var_order, self.deadline)
 
     def with_order(self, order: int) -> Predictor:
         """Return the same predictor with another noise-model order."""
-        return Predictor(self.compiled, self.segments, self.scales, order)
+        return Predictor(self.compiled, self.segments, self.scales, order, self.deadline)
 
     def run(self, point: Point, index: int) -> tuple[Array, Array, Array]:
         """Return innovations (N, l), predictions (N, l) and states (N + 1, n) of one segment."""
@@ -229,6 +236,8 @@ class Predictor:
     ) -> tuple[float, Point] | None:
         """Minimise the objective from `start` by damped Gauss–Newton; None where the start itself diverges.
 
+        Ends where it stands once the predictor's deadline has passed.
+
         Sensitivities serve several steps, as long as each still gains a fifth of the first one. Stops when one set of
         them gains less than `tolerance` nats and promises no more; where it does, kinks are looked beyond, then the
         values on them held. Cost: k + 1 filter passes an iteration, a few for each further step.
@@ -238,13 +247,15 @@ class Predictor:
         if value >= _HUGE:
             return None
         for _ in range(iterations):
+            if self.deadline.skips("the last iterations of fits"):
+                break
             begun, slopes, first = value, None, 0.0
             for _ in range(_STEPS):
                 before, kept = value, damping
                 slopes, value, point, damping = self._step(value, point, free, damping, slopes, held)
                 damping = kept if value == before else damping  # old sensitivities failed, new ones need not
                 first = max(first, before - value)
-                if before - value < max(tolerance, 0.2 * first):
+                if before - value < max(tolerance, 0.2 * first) or self.deadline.passed:
                     break
             if begun - value < tolerance:
                 promised = self._promised(point, free, slopes, tolerance)

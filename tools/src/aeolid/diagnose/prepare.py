@@ -16,6 +16,7 @@ from aeolid.diagnose.between import motions_between
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue import ENTRIES, unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Site
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
 from aeolid.diagnose.forces import FORCE, RATE
@@ -71,6 +72,11 @@ class Prepared:
         return self.predictor.compiled.model
 
     @property
+    def deadline(self) -> Deadline:
+        """Return the deadline that all fits on this stage keep to."""
+        return self.frame.deadline
+
+    @property
     def surrogate(self) -> Surrogate | None:
         """Return what a simulator's run as the baseline knows."""
         return self.frame.surrogate
@@ -85,12 +91,14 @@ class Prepared:
         return replace(self, predictor=predictor, attachments=tuple(attachments), free=free, fit=fit)
 
 
-def prepare(case: Case, most: int | None = None) -> Prepared:
+def prepare(case: Case, most: int | None = None, deadline: Deadline | None = None) -> Prepared:
     """Bring the baseline into predictor form, fit what is free, ask every catalogue entry where it could attach.
 
-    most: samples that one prediction spans at most, where it is not for this function to choose.
+    most: samples that one prediction spans at most, where it is not for this function to choose. deadline: when all
+    fits on this stage end where they stand, never by default.
     """
-    base = baseline_of(case)
+    deadline = deadline or unlimited()
+    base = baseline_of(case, deadline)
     declared, linear = base.equations, base.linear
     records = with_smoothed_wind(base.records, declared)
     compiled = compile_equations(declared)
@@ -117,7 +125,7 @@ def prepare(case: Case, most: int | None = None) -> Prepared:
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
     frame = Frame(
         with_exogenous(working, given), rough[1], sizes, spreads, forces, offsets | SIZES, base.surrogate,
-        recorded_wind(working, given),
+        recorded_wind(working, given), deadline,
     )  # fmt: skip
     predictor, free, start = frame.extend((), split.fit)
     run = frame.as_run(predictor.compiled.model, start.x0)

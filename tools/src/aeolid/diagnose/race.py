@@ -12,7 +12,7 @@ from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.refit import MAX_FINALISTS, begin, finalists, finish, left_behind
+from aeolid.diagnose.refit import MAX_FINALISTS, Begun, begin, finalists, finish, left_behind
 from aeolid.diagnose.scores import Bank, Row
 
 Array = NDArray[np.float64]
@@ -38,12 +38,13 @@ def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
     """
     base_select = select_density(prepared) if rows else np.zeros(0)
     stages = [prepared.only([r.attachment]) for r in rows]
-    begun = [b for b in (begin(s, s.fit, [r]) for s, r in zip(stages, rows, strict=True)) if b is not None]
+    begun = [b for b in (_begun(s, r) for s, r in zip(stages, rows, strict=True)) if b is not None]
     begun.sort(key=lambda b: -b.gain)
     found: list[Candidate] = []
     leader: Candidate | None = None
     for place, b in enumerate(begun):
         reason = hopeless(b.gain, leader) if prepared.surrogate is not None else ""
+        prepared.deadline.doing(" + ".join(a.key for a in b.attachments))
         candidate = left_behind(b, reason, base_select) if reason else finish(b, base_select)
         if candidate is None:
             continue
@@ -54,6 +55,14 @@ def fit_rows(prepared: Prepared, rows: Sequence[Row]) -> list[Candidate]:
             leader = candidate if candidate.survived else leader
         found.append(candidate)
     return found
+
+
+def _begun(stage: Prepared, row: Row) -> Begun | None:
+    """Fit a hypothesis briefly; None where every start diverges, or where the time for it is over."""
+    if stage.deadline.skips(row.attachment.key):
+        return None
+    stage.deadline.doing(row.attachment.key)
+    return begin(stage, stage.fit, [row])
 
 
 def whispering(bank: Bank) -> list[Row]:

@@ -35,7 +35,7 @@ def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[l
         larger, bank = one_more(prepared, chain[-1], seed)
         if larger is not None:
             chain.append(larger)
-        if larger is None or len(larger.attachments) == _MOST:
+        if larger is None or len(larger.attachments) == _MOST or prepared.deadline.skips("a further effect"):
             return _needed(prepared, chain), bank
 
 
@@ -46,6 +46,8 @@ def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
     """
     full = chain[-1]
     if len(full.attachments) < (2 if prepared.surrogate is None else _MOST):
+        return chain
+    if prepared.deadline.skips(f"whether each effect of {full.key} is needed"):
         return chain
     smaller = without_the_needless(prepared, full)
     if smaller is full:
@@ -92,6 +94,9 @@ def _grown(
     base_select, small = select_density(prepared), winner.predictor.compiled.model
     found: list[Candidate] = []
     for row in rows[:2]:
+        if prepared.deadline.skips(f"{row.attachment.key} beside {winner.key}"):
+            break
+        prepared.deadline.doing(f"{row.attachment.key} beside {winner.key}")
         both = prepared.only((*winner.attachments, row.attachment))
         base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
         larger = refit(both, base, [*as_rows(winner), row], base_select)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline import equations_of, offset_sizes
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.modal import ModalForm, modal_form
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -47,8 +48,9 @@ class Surrogate:
         for name, size in modal_sizes(self.form).items():
             theta[names.index(name)] = size
         sized = Predictor(
-            predictor.compiled, predictor.segments, replace(predictor.scales, theta=theta), predictor.var_order
-        )
+            predictor.compiled, predictor.segments, replace(predictor.scales, theta=theta), predictor.var_order,
+            predictor.deadline,
+        )  # fmt: skip
         return sized.informed(self.prior(predictor.compiled.model))
 
     def prior(self, model: Equations) -> Prior:
@@ -61,7 +63,7 @@ class Surrogate:
         return Prior(mean, root)
 
 
-def surrogate(run: Record, order: int | None = None) -> Surrogate:
+def surrogate(run: Record, order: int | None = None, deadline: Deadline | None = None) -> Surrogate:
     """Identify the run by PBSIDopt, refine by maximum likelihood in modal coordinates, and measure the information.
 
     Raises NotIdentifiable where the run is too short or does not excite. Cost: 15 Gauss–Newton steps of n (r + 2 l)
@@ -75,7 +77,7 @@ def surrogate(run: Record, order: int | None = None) -> Surrogate:
     model = equations_of(form.model, shaped_noise=True, modal=form)
     whole = _whole(run, form)
     sizes = modal_sizes(form) | offset_sizes(whole.u, spreads)
-    predictor = Predictor(compile_equations(model), [whole], _scales(model, sizes, spreads), 0)
+    predictor = Predictor(compile_equations(model), [whole], _scales(model, sizes, spreads), 0, deadline)
     fit = predictor.fit(_start(model, form, len(spreads)), _free(model, form, len(spreads)), iterations=_ITERATIONS)
     if fit is None:
         raise NotIdentifiable(f"{run.source}: no stable linear model predicts the simulation; lengthen the run")

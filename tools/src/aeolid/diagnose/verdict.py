@@ -12,6 +12,7 @@ from aeolid.diagnose.candidate import Candidate, finite
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.closer import describe_closer, look_closer
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.declared import also_speaking, contradicted, form_speaking, parameter_effect
 from aeolid.diagnose.experiment import advise, describe, menu_of, stretch_of
 from aeolid.diagnose.locate import whereabouts
@@ -34,11 +35,14 @@ _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less tha
 def diagnose(study: Study) -> dict[str, Any]:
     """Return diagnosis.json: verdict, effects, where, sealed proof, false-alarm figures, what is not excluded."""
     verdict, effects, proof = _decide(study)
+    said = sentence(verdict, effects, study, proof)
+    if study.deadline.cut_search:
+        verdict, said = _cut_short(verdict, said, study.deadline)
     return {
         "schema": 1,
         "title": study.case.title,
         "verdict": verdict,
-        "statement": sentence(verdict, effects, study, proof),
+        "statement": said,
         "effects": effects,
         "beside": _beside(study) if proof is not None and proof is study.proof else None,
         "location": effects[0]["location"] if effects else _where(study, verdict),
@@ -51,6 +55,16 @@ def diagnose(study: Study) -> dict[str, Any]:
         "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
         "next_experiment": _next_experiment(study, verdict, effects, proof),
     }
+
+
+def _cut_short(verdict: str, said: str, late: Deadline) -> tuple[str, str]:
+    """Return verdict and statement of a search that the time limit ended: that nothing is missing was not tried."""
+    if verdict in ("no_mismatch", "immaterial"):
+        return "not_testable", f"the time limit of {late.limit_s:g} s ended the search before it found anything"
+    if verdict == "unnamed":
+        tried = f"the time limit of {late.limit_s:g} s ended the search before all of the catalogue was tried on it"
+        return verdict, f"Something is missing, and {tried}; nothing that was tried explains it"
+    return verdict, f"{said.rstrip('.')} (the time limit of {late.limit_s:g} s ended the search: not all was tried)"
 
 
 def _beside(study: Study) -> dict[str, Any] | None:
