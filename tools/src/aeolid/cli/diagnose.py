@@ -63,7 +63,7 @@ def run(
             " model: aeolid example . writes two"
         )
     declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
-    diagnosis, evidence = _diagnosed(case, out, sham, seed, allow_outside, time_limit)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside)
     page = out / "report.html"
     discard(page)  # of an earlier run
     if report:
@@ -84,7 +84,7 @@ def run(
 
 
 def _diagnosed(
-    case: Path, out: Path, sham: int, seed: int, allow_outside: bool, time_limit: float
+    case: Path, out: Path, sham: int, seed: int, time_limit: float, allow_outside: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
     from rich.markup import escape
@@ -113,8 +113,8 @@ def _diagnosed(
 
         late = Deadline(time_limit, notice=doing)
         try:
-            opened = load_case(case, allow_outside=allow_outside)
-            return conclude(opened, out, sham=sham, seed=seed, progress=tell, deadline=late)
+            loaded = load_case(case, allow_outside=allow_outside)
+            return conclude(loaded, out, sham=sham, seed=seed, progress=tell, deadline=late)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)
 
