@@ -6,6 +6,7 @@ A reduced form of tests/studies/diagnosis.py: one recording a trial, seeds fixed
 from __future__ import annotations
 
 import tomllib
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ SEEN = {"null, 0.5 N over 0.5 s, sensor 0.01": 111, "null, position only": 115} 
 
 
 rig = load_study("diagnosis")
+asked_elsewhere = partial(pytest.param, marks=pytest.mark.nightly)
 TRIALS = {(t.name, t.kind): t for t in rig.trials()}
 
 
@@ -34,8 +36,8 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("name", "kind"),
     [
-        ("lag, first order", "equations"),
-        ("dry friction", "equations"),
+        asked_elsewhere("lag, first order", "equations"),  # test_diagnose_cli.py, test_diagnose_pairs.py
+        asked_elsewhere("dry friction", "equations"),  # test_diagnose_known.py
         ("wire", "equations"),
         ("rectifier", "equations"),
         ("bracket", "equations"),

@@ -86,6 +86,7 @@ def test_known_cases_that_are_absent_are_said(tmp_path, capsys):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly  # a study's smoke test that costs a whole fit
 def test_told_values_are_held_against_the_truth(tmp_path, capsys):
     """One effect fitted as itself; the table counts bands that hold the truth, and a crash as nothing fitted."""
     study = load_study("told_values")
