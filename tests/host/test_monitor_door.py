@@ -1,4 +1,4 @@
-"""Clients of the page that stall, lie, flood or speak something else: few at a time, one answer each, never for long."""
+"""Clients of the page that stall, lie, flood or speak something else: few at a time, one answer each, not for long."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import socket
 import time
 import urllib.request
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 
 import pytest
 from test_monitor import fill
@@ -58,10 +58,8 @@ def served(quick: None) -> Iterator[PageServer]:
 
 def connect(page: PageServer, said: bytes = b"") -> socket.socket:
     peer = socket.create_connection(("127.0.0.1", page.port), timeout=60)
-    try:
+    with suppress(OSError):  # thrown out while it spoke
         peer.sendall(said)
-    except OSError:  # thrown out while it spoke
-        pass
     return peer
 
 

@@ -1,4 +1,4 @@
-"""A monitor whose page is besieged by hundreds of clients: the recording is complete all the same, and SIGTERM ends it."""
+"""A monitor whose page is besieged by hundreds of clients: the recording is complete, and SIGTERM ends it."""
 
 from __future__ import annotations
 
