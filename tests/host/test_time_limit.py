@@ -139,5 +139,6 @@ def test_a_long_run_is_never_silent_where_there_is_no_terminal(
     lines = common.Milestones(lambda: next(times))
     lines.reach("full fits")  # at 1 s
     for what in ("a", "b", "c", "d"):
-        lines.pass_by(what)  # at 5, 40, 50 and 80 s: half a minute of silence ends with the second and the fourth
+        lines.at = what  # at 5, 40, 50 and 80 s: half a minute of silence ends with the second and the fourth
+        lines.still()
     assert told == ["1 s: full fits", "40 s: b", "80 s: d"]
