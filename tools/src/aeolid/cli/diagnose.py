@@ -77,10 +77,10 @@ def run(
         _print_verdict(diagnosis)
         _print_free_run(evidence, out)
         _print_next(diagnosis)
-        for warning in diagnosis.get("warnings", []):
-            console.print(f"  WARNING: {warning}", soft_wrap=True, markup=False)
         if report:
             console.print(f"  report: {page}", soft_wrap=True, markup=False)
+    for warning in diagnosis.get("warnings", []):
+        (progress_console if json_target == "-" else console).print(f"WARNING: {warning}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)
