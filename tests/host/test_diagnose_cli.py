@@ -57,6 +57,12 @@ def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
+def test_a_limit_that_is_not_reached_leaves_no_word(result: Path) -> None:
+    found = facts(result)
+    assert found["time_limit"] == {"limit_s": 3600.0, "reached": False, "not_tried": []} and found["warnings"] == []
+    assert found["model"] == {"file": "model/model.toml", "divergence": None}
+
+
 def check_location(location: dict[str, Any]) -> None:
     assert set(location) >= {"entry", "outputs", "inputs", "frequency_hz", "azimuth_order", "region", "time_s"}
     assert isinstance(location["entry"], str)

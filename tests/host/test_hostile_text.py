@@ -25,7 +25,7 @@ from aeolid.plants.examples import write_examples
 from aeolid.record import Roles
 from aeolid.text_files import MOST_DEPTH, MOST_JSON, MOST_TOML, load_json, load_toml
 
-MEMORY = 120 << 20  # bytes that reading such a file may take: what the stated counts of tables and lists amount to
+MEMORY = 150 << 20  # bytes that reading such a file may take: what the stated counts of tables and lists amount to
 
 
 def bombs() -> Iterator[tuple[str, str]]:

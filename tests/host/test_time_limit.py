@@ -43,13 +43,6 @@ def run(case: Path, out: Path, deadline: Deadline | None) -> dict[str, Any]:
     return written
 
 
-@pytest.fixture(scope="module")
-def whole(case: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], int]:
-    """Return the diagnosis without a limit, and how often the clock is asked on the way."""
-    clock = Counter()
-    return run(case, tmp_path_factory.mktemp("whole"), Deadline(1e9, clock)), clock.now
-
-
 @pytest.fixture
 def no_late_steps(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
     """Let no fit take a step after its time; the clock moves only when it is asked, so this is exact."""
@@ -66,28 +59,22 @@ def no_late_steps(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[float]]:
     yield late
 
 
-def test_a_limit_that_is_not_reached_changes_nothing(whole: tuple[dict[str, Any], int], case: Path) -> None:
-    found, asked = whole
-    assert found["time_limit"] == {"limit_s": 1e9, "reached": False, "not_tried": []}
-    assert found["warnings"] == [] and asked > 100
-
-
-@pytest.mark.parametrize("share", [0.02, 0.5])
+@pytest.mark.parametrize("looks", [40, 1100])
 def test_the_limit_gives_the_best_answer_so_far_and_says_what_was_not_tried(
-    share: float, whole: tuple[dict[str, Any], int], case: Path, tmp_path: Path, no_late_steps: list[float]
+    looks: int, case: Path, tmp_path: Path, no_late_steps: list[float]
 ) -> None:
-    limit = share * whole[1]
-    found = run(case, tmp_path, Deadline(limit, Counter()))
+    """A whole run looks at the clock some 2,200 times: the limits are in the baseline's fit, and in the search."""
+    found = run(case, tmp_path, Deadline(float(looks), Counter()))
     assert no_late_steps == []
-    if found["verdict"] == "not_testable":
-        assert "time limit" in found["statement"]
+    if looks == 40:
+        assert found["verdict"] == "not_testable" and "time limit" in found["statement"]
         return
     late = found["time_limit"]
-    assert late["reached"] and late["not_tried"] and late["limit_s"] == limit
+    assert late["reached"] and late["not_tried"] and late["limit_s"] == looks
     assert found["warnings"] and found["warnings"][0].startswith("The time limit of ")
     assert all(what.split(" (")[0] in found["warnings"][0] for what in late["not_tried"])
-    assert found["false_alarm"]["sham_runs"] <= whole[0]["false_alarm"]["sham_runs"]
-    assert found["verdict"] not in ("no_mismatch", "immaterial") or not any("last iter" in w for w in late["not_tried"])
+    assert found["verdict"] not in ("no_mismatch", "immaterial")
+    assert "time limit" in found["statement"]
     assert (tmp_path / "model" / "model.toml").exists() and (tmp_path / "evidence.json").exists()
 
 
@@ -139,5 +126,6 @@ def test_a_long_run_is_never_silent_where_there_is_no_terminal(
     lines = common.Milestones(lambda: next(times))
     lines.reach("full fits")  # at 1 s
     for what in ("a", "b", "c", "d"):
-        lines.pass_by(what)  # at 5, 40, 50 and 80 s: half a minute of silence ends with the second and the fourth
+        lines.at = what  # at 5, 40, 50 and 80 s: half a minute of silence ends with the second and the fourth
+        lines.still()
     assert told == ["1 s: full fits", "40 s: b", "80 s: d"]

@@ -23,7 +23,7 @@ MOST_JSON = 16 << 20  # bytes: a model with 800 states, all matrices full
 MOST_DEPTH = 8  # levels of lists and tables: an LPV model's matrices, the deepest of our files, have four
 MOST_LETTERS = 200  # of a name, a unit or a heading
 _MOST_TOML_PARTS = 20_000  # tables, lists and dots of keys: 1 kB each in the parser, so 20 MB
-_MOST_JSON_PARTS = 200_000  # lists and tables: a row of a matrix is one; 0.3 kB each, so 60 MB
+_MOST_JSON_PARTS = 400_000  # lists and tables: a row of a matrix is one; 0.3 kB each, so 120 MB
 _TOML_TEXT = re.compile(
     r'''"""(?:[^\\]|\\.)*?(?:"""|\Z)|'{3}.*?(?:'{3}|\Z)|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|#[^\n]*+''', re.DOTALL
 )

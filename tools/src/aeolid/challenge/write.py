@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import io
 import json
 import re
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +22,8 @@ from aeolid.challenge.items import WAYS
 from aeolid.challenge.plants import Plant, Setup, simulate
 from aeolid.challenge.worth import core_of, discrete, linearise
 from aeolid.errors import DataError, UsageError
+from aeolid.inputs import read_bounded
+from aeolid.text_files import MOST_JSON, load_json, parse_json
 
 ANSWERS, SEAL = "answers.json.gz", "seal.json"
 VERSION = 4  # of the generator: the same seed makes the same bytes within one version
@@ -75,16 +79,13 @@ def hash_of(case: Path) -> str:
 def read_seal(folder: Path) -> Facts:
     """Return seal.json; raises DataError where it is missing or is none."""
     path = folder / SEAL
-    try:
-        seal = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        why = error.strerror or error
-        raise DataError(f"{path}: {why}; `aeolid challenge make {folder}` writes a challenge") from None
-    except ValueError as error:
-        raise DataError(f"{path}: is not JSON ({error})") from None
+    if not path.exists():
+        raise DataError(f"{path}: no such file; `aeolid challenge make {folder}` writes a challenge")
+    seal = load_json(path)
     if not isinstance(seal, dict) or seal.get("schema") != 1 or not isinstance(seal.get("cases"), dict):
         raise DataError(f"{path}: is not a seal of this version; make the challenge anew")
-    if not all(re.fullmatch(r"case-\d{4,}", n) for n in seal["cases"]) or not isinstance(seal.get("sha256"), str):
+    digests = [seal.get("sha256"), *seal["cases"].values()]
+    if not all(re.fullmatch(r"case-\d{4,}", n) for n in seal["cases"]) or not all(isinstance(d, str) for d in digests):
         raise DataError(f"{path}: is not a seal of this version; make the challenge anew")
     return seal
 
@@ -92,13 +93,20 @@ def read_seal(folder: Path) -> Facts:
 def open_answers(folder: Path) -> Facts:
     """Return the answers; raises DataError where they are not those that were sealed."""
     seal, path = read_seal(folder), folder / ANSWERS
-    try:
-        found = sha256(path)
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror or error}; the answers of this challenge are lost") from None
+    if not path.exists():
+        raise DataError(f"{path}: no such file; the answers of this challenge are lost")
+    packed = read_bounded(path, MOST_JSON)
+    found = hashlib.sha256(packed).hexdigest()
     if found != seal["sha256"]:
         raise DataError(f"{path}: the seal is broken: its SHA-256 is {found[:12]}…, sealed was {seal['sha256'][:12]}…")
-    content: Facts = json.loads(gzip.decompress(path.read_bytes()))
+    try:
+        with gzip.open(io.BytesIO(packed)) as handle:
+            text = handle.read(MOST_JSON + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise DataError(f"{path}: is not packed by gzip ({error})") from None
+    if len(text) > MOST_JSON:
+        raise DataError(f"{path}: unpacks to more than {MOST_JSON} bytes")
+    content: Facts = parse_json(text.decode("utf-8", "replace"), str(path))
     return content
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 import typer
@@ -57,22 +58,40 @@ def waiting(text: str) -> Iterator[None]:
 
 
 class Milestones:
-    """Write what is done on standard error, a line each, where that is no terminal and a bar would not show."""
+    """Write what is done on standard error, a line each, where that is no terminal and a bar would not show.
+
+    As a context it also says every half minute what it is still at, so that a long run is never silent.
+    """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Start the time; clock: growing seconds."""
         self._clock, self._begun, self._last = clock, clock(), clock()
+        self._over = threading.Event()
+        self.at = ""
 
     def reach(self, text: str) -> None:
         """Write the beginning of a step."""
+        self.at, self._last = text, self._clock()
         if not progress_console.is_terminal:
-            self._last = self._clock()
             progress_console.print(f"{self._last - self._begun:.0f} s: {text}", markup=False, soft_wrap=True)
 
-    def pass_by(self, text: str) -> None:
-        """Write what is done within a step, if nothing was written for half a minute."""
-        if self._clock() - self._last >= _QUIET_S:
-            self.reach(text)
+    def still(self) -> None:
+        """Write what it is at, if nothing was written for half a minute."""
+        if self.at and self._clock() - self._last >= _QUIET_S:
+            self.reach(self.at)
+
+    def __enter__(self) -> Self:
+        """Begin to watch over silence."""
+        threading.Thread(target=self._watch, daemon=True).start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """End to watch."""
+        self._over.set()
+
+    def _watch(self) -> None:
+        while not self._over.wait(_QUIET_S / 6):
+            self.still()
 
 
 def one_of(*values: str) -> Callable[[str], list[str]]:

@@ -42,6 +42,9 @@ def run(
     allow_outside: Annotated[
         bool, typer.Option("--allow-outside", help="Read also files that the case names outside its folder.")
     ] = False,
+    allow_fmu: Annotated[
+        bool, typer.Option("--allow-fmu", help="Run the native library of a unit, confined; without it, say its hash.")
+    ] = False,
     time_limit: Annotated[
         float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
     ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
@@ -63,7 +66,7 @@ def run(
             " model: aeolid example . writes two"
         )
     declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
-    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside, allow_fmu)
     page = out / "report.html"
     discard(page)  # of an earlier run
     if report:
@@ -74,17 +77,17 @@ def run(
         _print_verdict(diagnosis)
         _print_free_run(evidence, out)
         _print_next(diagnosis)
-        for warning in diagnosis.get("warnings", []):
-            console.print(f"  WARNING: {warning}", soft_wrap=True, markup=False)
         if report:
             console.print(f"  report: {page}", soft_wrap=True, markup=False)
+    for warning in diagnosis.get("warnings", []):
+        (progress_console if json_target == "-" else console).print(f"WARNING: {warning}", soft_wrap=True, markup=False)
     emit_json(diagnosis, json_target)
     if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
         raise typer.Exit(1)
 
 
 def _diagnosed(
-    case: Path, out: Path, sham: int, seed: int, time_limit: float, allow_outside: bool
+    case: Path, out: Path, sham: int, seed: int, time_limit: float, allow_outside: bool, allow_fmu: bool
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
     from rich.markup import escape
@@ -98,10 +101,8 @@ def _diagnosed(
     columns = (
         TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
-    with Progress(*columns, console=progress_console, transient=True) as bar:
+    with Progress(*columns, console=progress_console, transient=True) as bar, Milestones() as plain:
         task = bar.add_task("reading", total=1.0)
-
-        plain = Milestones()
 
         def tell(text: str, share: float) -> None:
             bar.update(task, description=text, completed=share)
@@ -109,11 +110,14 @@ def _diagnosed(
 
         def doing(what: str) -> None:
             bar.update(task, description=escape(f"fitting {what}"[:60]))
-            plain.pass_by(f"fitting {what}")
+            plain.at = f"fitting {what}"
 
         late = Deadline(time_limit, notice=doing)
         try:
-            loaded = load_case(case, allow_outside=allow_outside)
+            loaded = load_case(case, allow_outside=allow_outside, allow_fmu=allow_fmu)
+            if loaded.kind == "fmu":
+                unit = f"running {loaded.baseline_file}, SHA-256 {loaded.baseline_sha256}, in a confined process"
+                progress_console.print(unit, markup=False, soft_wrap=True)
             return conclude(loaded, out, sham=sham, seed=seed, progress=tell, deadline=late)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)

@@ -184,6 +184,8 @@ def noisy_states(model: Equations) -> tuple[int, ...]:
     def kinematic(state: State) -> bool:
         if isinstance(state.derivative, ast.Name):
             return state.derivative.id in names
+        if len(bodies - {state.name}) < 2:  # as in every linear model: nothing to be a difference of
+            return False
         return len(factors_of(written_out(state.derivative, model), model, bodies - {state.name})) > 1
 
     return tuple(i for i, s in enumerate(model.states) if not kinematic(s))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.diagnose.inside import resolve
-from aeolid.errors import Contradiction, DataError
+from aeolid.errors import Contradiction, DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
@@ -47,11 +47,11 @@ class Case:
     same_inputs: bool = False
 
 
-def load_case(directory: str | Path, *, allow_outside: bool = False) -> Case:
+def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: bool = False) -> Case:
     """Read `case.toml` and all it names; raises DataError that names the file and the key.
 
     allow_outside: files may lie outside the folder too; default no, a case from elsewhere could name any of this
-    machine's.
+    machine's. allow_fmu: the native library of a functional mock-up unit may be run, confined; default no.
     """
     folder = Path(directory)
     find = partial(resolve, folder, allow_outside=allow_outside)
@@ -80,6 +80,11 @@ def load_case(directory: str | Path, *, allow_outside: bool = False) -> Case:
         require_same_layout((*records, baseline))
     elif kind == "fmu":
         baseline = open_fmu(path)
+        if not allow_fmu:
+            raise UsageError(
+                f"{path}: a diagnosis would run the native library in this unit, SHA-256 {file_sha256(path)};"
+                " if you trust whom it comes from, say so with --allow-fmu"
+            )
         _check_unit(baseline, records[0])
     else:
         baseline = read_state_space(path) if kind == "state_space" else _equations(path)

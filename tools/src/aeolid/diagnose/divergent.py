@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.models.divergence import Divergence, divergence_of
-from aeolid.models.equations import Equations
+from aeolid.models.equations import TIME, Equations
 from aeolid.models.integrate import compile_equations, free_run
 from aeolid.models.prediction import complete_stretches
 from aeolid.record import Record
@@ -44,6 +44,9 @@ def diverging(model: Equations, records: Sequence[Record]) -> Diverging | None:
     """
     compiled = compile_equations(model)
     for record in records:
+        known = {TIME, *(c.name for c in record.channels)}
+        if any(s.name not in known for s in model.inputs):
+            continue  # nothing to run it on
         u = model.inputs_of(record)
         runs = complete_stretches(np.column_stack([u, record.time_s]), _SHORTEST)
         if not runs:

@@ -13,7 +13,7 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue.modes import highest_hz
 from aeolid.diagnose.colour import survives_colour
 from aeolid.diagnose.control import survives_control
-from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.explore import fit_quietly
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.point import Point
@@ -46,11 +46,12 @@ class First:
     winner: Candidate | None
 
 
-def find_first(case: Case, seed: int, step: Step, deadline: Deadline) -> First:
+def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = None) -> First:
     """Look for one effect; at a finer rate again where a mode lies beyond what the rows of the first look show.
 
     step(name, share done) marks the beginning of a step and returns what ends it.
     """
+    deadline = deadline or unlimited()
     found = _look(case, seed, step, 0.02, None, deadline)
     while found.prepared.decimation > 1 and _is_cut_off(found):
         if deadline.skips("all of it at a finer rate, where a mode lies beyond the rows of the first look"):

@@ -1,10 +1,9 @@
-"""Run a functional mock-up unit (FMI 1 to 3, co-simulation or model exchange) on given inputs."""
+"""Run a functional mock-up unit (FMI 1 to 3, co-simulation or model exchange) on given inputs, in a box."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,26 +11,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.display import token, without_quotes
+from aeolid.confined import Failure, Limits, Reply, call
+from aeolid.confined.limits import MIB
 from aeolid.errors import Contradiction, DataError, NotIdentifiable
+from aeolid.models.exchange.fmu_unpack import unpack
 
 Array = NDArray[np.float64]
+_CHILD = "aeolid.models.exchange.fmu_child"
+# A description of 16 MiB as a tree of Python objects takes half a gigabyte.
+_READING = Limits(memory=1024 * MIB, cpu_s=60, patience_s=120.0, result=64 * MIB)
+# What a plant model may take; it may neither write a file, start a program nor open a connection.
+RUNNING = Limits(memory=2048 * MIB, cpu_s=1800, patience_s=1800.0, result=512 * MIB, mapped=4096 * MIB)
 
 
 @dataclass(frozen=True, eq=False)
 class Fmu:
-    """Hold a unit that was opened: its file, its variables by name (unit as declared, empty where none), its kind."""
+    """Hold a unit that was looked at: its file, its variables by name (unit as declared, empty where none), causality.
+
+    Nothing of it has run: that is only what `run_fmu` does.
+    """
 
     path: Path
     units: dict[str, str]
     causality: dict[str, str]
-    description: Any
 
     def require(self, names: Sequence[str], causality: str, record_units: dict[str, str]) -> None:
         """Refuse names that the unit does not have as `causality`, or declares in another unit."""
         for name in names:
             if name not in self.units:
-                known = ", ".join(n for n, c in self.causality.items() if c == causality) or "none"
+                known = ", ".join([n for n, c in self.causality.items() if c == causality][:20]) or "none"
                 raise DataError(f"{self.path}: no {causality} {name!r}; the unit's {causality}s are {known}")
             if causality == "input" and self.causality[name] != "input":
                 raise DataError(f"{self.path}: {name!r} is {self.causality[name]}, no input of the unit")
@@ -44,65 +52,44 @@ class Fmu:
 
 
 def open_fmu(path: str | Path) -> Fmu:
-    """Read the model description; raises DataError where the file is no unit or has no binary for this machine."""
-    from fmpy import read_model_description, supported_platforms
+    """Read the description of a unit; nothing of the unit itself is run.
 
+    Raises DataError where the file is no unit, has no library for this machine or unpacks to too much.
+    """
     file = Path(path)
-    if not file.is_file():
-        raise DataError(f"{file}: no such file")
     try:
-        description = read_model_description(str(file), validate=False)
-        platforms = supported_platforms(str(file))
-    except Exception as error:  # the reader raises what its parsers raise: zip, XML, its own
-        raise DataError(f"{file}: not a functional mock-up unit ({token(without_quotes(str(error)), 160)})") from None
-    if "linux64" not in platforms and "x86_64-linux" not in platforms and "c-code" not in platforms:
-        raise DataError(f"{file}: built for {', '.join(platforms) or 'no platform'}; a Linux 64-bit binary is needed")
-    units, causality = {}, {}
-    for variable in description.modelVariables:
-        units[variable.name] = variable.unit or ""
-        causality[variable.name] = variable.causality or "local"
-    return Fmu(file, units, causality, description)
+        facts, _ = _in_box(file, "describe", {}, _READING)
+    except Failure as failure:
+        raise DataError(f"{file}: not a functional mock-up unit ({failure})") from None
+    variables: list[list[str]] = facts["variables"]
+    return Fmu(file, {n: unit for n, unit, _ in variables}, {n: causality for n, _, causality in variables})
 
 
 def run_fmu(unit: Fmu, inputs: dict[str, Array], outputs: Sequence[str], step: float) -> Array:
     """Run from rest on inputs (N,) held over each step of `step` seconds; returns the outputs (N, l) at the samples.
 
-    Raises NotIdentifiable where the unit fails or leaves the finite numbers, naming the time.
+    Runs native code that came with the unit, in a process that may only compute (the limits are `RUNNING`). Raises
+    NotIdentifiable where the unit fails or leaves the finite numbers, naming the time.
     """
-    from fmpy import extract, simulate_fmu
-
-    count = len(next(iter(inputs.values())))
-    table = np.zeros(count, dtype=[("time", float), *((n, float) for n in inputs)])
-    table["time"] = step * np.arange(count)
-    for name, values in inputs.items():
-        table[name] = values
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            result = simulate_fmu(
-                extract(str(unit.path), unzipdir=folder), model_description=_holding(unit, inputs), input=table,
-                output=list(outputs), start_time=0.0, stop_time=float(table["time"][-1]), output_interval=step,
-                step_size=step, record_events=False, validate=False, logger=lambda *_: None,
-            )  # fmt: skip
-        except Exception as error:  # whatever the unit or its loader reports
-            raise NotIdentifiable(f"{unit.path}: the unit stopped: {error}") from None
-    found = np.column_stack([np.asarray(result[name], float) for name in outputs])[:count]
-    if len(found) < count or not np.all(np.isfinite(found)):
-        last = len(found) if len(found) < count else int(np.argwhere(~np.isfinite(found))[0][0])
+    u = np.column_stack(list(inputs.values())).astype(float)
+    arguments = {"inputs": list(inputs), "outputs": list(outputs), "step": float(step)}
+    try:
+        _, arrays = _in_box(unit.path, "simulate", arguments, RUNNING, {"u": u})
+    except (Failure, NotIdentifiable) as error:
+        raise NotIdentifiable(f"{unit.path}: {error}") from None
+    found = np.asarray(arrays.get("y"), dtype=float)
+    if found.ndim != 2 or found.shape[1] != len(outputs) or len(found) > len(u):
+        raise NotIdentifiable(f"{unit.path}: the unit's results have the wrong shape")
+    if len(found) < len(u) or not np.all(np.isfinite(found)):
+        last = len(found) if len(found) < len(u) else int(np.argwhere(~np.isfinite(found))[0][0])
         raise NotIdentifiable(f"{unit.path}: the unit leaves the finite numbers (or ends) at {last * step:g} s")
     return found
 
 
-def _holding(unit: Fmu, inputs: dict[str, Array]) -> Any:
-    """Return the description with which inputs are held over a step.
-
-    In model exchange the reader draws lines between the samples of what is declared continuous; declared discrete it
-    holds them, each change an event. A step of a co-simulation holds them by itself.
-    """
-    if unit.description.coSimulation is not None:
-        return unit.description
-    description = copy(unit.description)
-    description.modelVariables = [copy(v) for v in unit.description.modelVariables]
-    for variable in description.modelVariables:
-        if variable.name in inputs:
-            variable.variability = "discrete"
-    return description
+def _in_box(
+    path: Path, function: str, arguments: Mapping[str, Any], limits: Limits, arrays: Mapping[str, Array] | None = None
+) -> Reply:
+    """Call one function of the child on the unpacked unit, in a folder that goes with the call."""
+    with tempfile.TemporaryDirectory(prefix="aeolid-fmu-") as folder:
+        unpack(path, Path(folder))
+        return call(f"{_CHILD}:{function}", {"folder": folder, **arguments}, limits, arrays)
