@@ -16,17 +16,23 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
+from aeolid import output
 from aeolid.children import python_command
-from aeolid.errors import AeolidError, DataError, UsageError
+from aeolid.cli import guard
+from aeolid.cli.common import SafeConsole
+from aeolid.errors import DataError, UsageError
 
-console = Console(highlight=False, soft_wrap=True)
+console = SafeConsole(highlight=False, soft_wrap=True)
 SAMPLES = 10_000  # the length of the published study: 1000 s at 10 Hz
 PAST = 30
 ORDER = 7
 CONCEALED_LAG_S = 0.3
+MADE = (
+    "theta.f32", "received.csv", "received.roles.toml", "markov.npz", "stream.json", "model.json", "case", "diagnosis",
+    "report.html",
+)  # fmt: skip
 
 
 class Clock:
@@ -51,22 +57,26 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--speed", default="100", help="multiple of real time the controller runs at, or max")
     parser.add_argument("--seed", type=int, default=0, help="seed of wind, excitation and noise")
     options = parser.parse_args(arguments)
-    try:
-        run(options.out, options.speed, options.seed)
-    except AeolidError as error:
-        print(f"demo: {error}", file=sys.stderr)
-        return error.exit_code
-    except KeyboardInterrupt:
-        print("demo: stopped", file=sys.stderr)
-        return 130
-    return 0
+    with guard.standard_streams() as stream, guard.interrupts():
+        try:
+            run(options.out, options.speed, options.seed)
+            code = 0
+        except (Exception, KeyboardInterrupt) as error:
+            code = guard.explain(error, "demo")
+        finally:
+            output.finished()
+        return guard.end_of(stream, code)
 
 
 def run(out: Path, speed: str, seed: int) -> None:
     """Do all steps; everything is written under `out`."""
     clock = Clock()
-    shutil.rmtree(out, ignore_errors=True)
-    out.mkdir(parents=True)
+    output.declare("demo", force=False, folders={"--out": out}, claimed=True)
+    for left in (out / name for name in MADE):  # of an earlier run, whose mark the folder bears
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left)
+        else:
+            left.unlink(missing_ok=True)
     clock.step(f"1  A controller node filters {SAMPLES} samples of a closed-loop turbine and streams on virtual CAN")
     stream = stream_and_listen(out, speed, seed)
     clock.step("2  The host identifies a model from what it received")

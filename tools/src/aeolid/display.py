@@ -7,7 +7,7 @@ import unicodedata
 
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # control, format (bidirectional, zero width), half a pair, line ends
 MOST = 2000  # characters of one message
-_QUOTED = re.compile(r"""b?"[^"]*"?|b?(?<!\w)'[^']*'?""")
+_QUOTED = re.compile(r"""b?"[^"]*"?|(?<!\w)b?'[^']*'?""")
 _KEPT = frozenset("\n\t")
 
 

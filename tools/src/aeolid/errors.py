@@ -4,7 +4,7 @@
 class AeolidError(Exception):
     """Base of all errors that end in one sentence for the user; `exit_code` as in the command-line contract."""
 
-    exit_code = 1
+    exit_code = 3
 
 
 class UsageError(AeolidError):

@@ -45,7 +45,7 @@ def carrying(command: Callable[..., Any]) -> Callable[..., Any]:
     return run
 
 
-def explain(error: BaseException) -> int:
+def explain(error: BaseException, program: str = "aeolid") -> int:
     """Say what ended a command in one sentence on standard error; returns the exit code."""
     if isinstance(error, CarriedError):
         error = error.error
@@ -53,7 +53,7 @@ def explain(error: BaseException) -> int:
         traceback.print_exception(error)
     code, text = _told(error)
     with suppress(OSError, ValueError):
-        print(f"aeolid: {sentence(text)}", file=sys.stderr, flush=True)
+        print(f"{program}: {sentence(text)}", file=sys.stderr, flush=True)
     return code
 
 
@@ -188,4 +188,4 @@ def interrupts() -> Iterator[None]:
         yield
     finally:
         for kind, handler in before.items():
-            signal.signal(kind, signal.SIG_DFL if asked and kind == signal.SIGINT else handler)
+            signal.signal(kind, stop if asked and kind == signal.SIGINT else handler)  # while the interpreter ends

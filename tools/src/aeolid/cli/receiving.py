@@ -199,13 +199,14 @@ def _check(w: Wanted) -> None:
     for target in given:
         if not target.parent.is_dir():
             raise UsageError(f"{target}: the folder {target.parent} does not exist")
-        if target.is_symlink():
-            raise UsageError(f"{target}: is a link; name the file itself")
         if target.is_dir():
             raise UsageError(f"{target}: is a folder; name a file in it")
     names = [str(p.resolve()) for p in [*given, Path(w.bus)]]
     for name in {n for n in names if names.count(n) > 1}:
         raise UsageError(f"{name}: is named twice; each file needs a name of its own")
+    for target in given:
+        if target.is_symlink():
+            raise UsageError(f"{target}: is a link; name the file itself")
     if w.seconds is not None and not w.seconds > 0:
         raise UsageError(f"{w.time_option} {w.seconds}: a time above 0 is needed")
     rate = min(w.bit_rate, w.data_bit_rate)

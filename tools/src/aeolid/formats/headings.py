@@ -92,7 +92,7 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
 
     Raises DataError when it is absent (listing what exists and the nearest name) or stands there twice.
     """
-    exact = [name for name in names if name == wanted]
+    exact = [n for n in names if n == wanted] or [n for n in names if n == bare_heading(wanted)]
     found = exact or [name for name in names if split_heading(name)[0] == wanted]
     if len(found) == 1:
         return found[0]

@@ -42,10 +42,10 @@ def check_file(path: Path, *, own: bool = False) -> os.stat_result | None:
         folder = path.parent.stat()
     except OSError as error:
         if isinstance(error, FileNotFoundError):
-            raise UsageError(f"{path}: the folder {path.parent} does not exist") from None
+            raise UsageError(f"{path}: cannot be written (the folder {path.parent} does not exist)") from None
         raise cannot(path, error) from None
     if not stat.S_ISDIR(folder.st_mode):
-        raise UsageError(f"{path}: {path.parent} is no folder")
+        raise UsageError(f"{path}: cannot be written ({path.parent} is no folder)")
     _refuse_links(path.parent)
     try:
         facts = path.lstat()
