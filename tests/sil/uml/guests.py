@@ -7,6 +7,7 @@ AEOLID_CAN_GUEST=uml or =qemu allows one of them alone.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import re
 import shutil
@@ -26,6 +27,7 @@ USER_MODE_MODULES = ROOT / "build/uml/usr/lib/uml/modules"
 EMULATED = ROOT / "build/can-guest"  # Debian's kernel and some of its modules
 MODULES = ("virtio_pci", "9pnet_virtio", "9p", "can_raw", "vcan", "slcan")
 BOOT_S, PATIENCE_S = 400.0, 1200.0  # limits for a guest that hangs, far beyond what a loaded machine takes
+PR_SET_PDEATHSIG = 1
 INSTALL = "sh tools/setup tests"
 
 
@@ -133,11 +135,16 @@ def order_modules(tree: Path) -> list[Path]:
     return list(ordered.values())
 
 
+def end_with_us() -> None:
+    """Have the kernel end this process when the tests' process ends, however that is."""
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
 def boot(guest: Guest, out: Path, clock: Callable[[], float] = time.monotonic) -> None:
     """Run the script in a guest to its end; raises NoResult where the guest came to none."""
     begun = clock()
     with (out / "console.log").open("wb") as console:
-        process = subprocess.Popen(guest.command(out), stdin=subprocess.DEVNULL, stdout=console,
+        process = subprocess.Popen(guest.command(out), stdin=subprocess.DEVNULL, stdout=console, preexec_fn=end_with_us,
                                    stderr=subprocess.STDOUT, start_new_session=True)  # fmt: skip
     try:
         while process.poll() is None:
