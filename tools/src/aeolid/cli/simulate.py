@@ -56,19 +56,17 @@ def simulate(
     record = read_record(recording, Roles.load(roles))
     matched(record, model.inputs)
     y = model.simulate(record)
-    names = [s.name for s in model.outputs]
-    wild, lost = diverged(model, record, y), not np.isfinite(y).all()
-    columns = {"time_s": record.time_s} | {
-        n: np.where(np.isfinite(y[:, i]), y[:, i], np.nan) for i, n in enumerate(names)
-    }
+    names, finite = [s.name for s in model.outputs], np.isfinite(y)
+    wild, told = diverged(model, record, y), np.where(finite, y, np.nan)
+    columns = {"time_s": record.time_s} | {n: told[:, i] for i, n in enumerate(names)}
     write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
-    facts: dict[str, Any] = {
-        "model": str(model_file), "recording": str(recording), "samples": len(record), "outputs": names,
-        "divergence": None if wild is None else wild.to_json(),
-    }  # fmt: skip
+    facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
+    facts |= {"outputs": names, "divergence": None if wild is None else wild.to_json()}
     lines = [f"{len(record)} samples written to {out}"]
     if wild is not None:
-        lines.append(f"WARNING: {wild.text()}" + (" Values that are not finite are left empty." if lost else ""))
+        lines.append(
+            f"WARNING: {wild.text()}" + ("" if finite.all() else " Values that are not finite are left empty.")
+        )
     if set(names) <= {c.name for c in record.channels}:
         fit = score(names, matched(record, model.outputs), y)
         facts["free_run"] = fit.to_json()

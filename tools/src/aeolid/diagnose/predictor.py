@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.gains import forgets, kalman_gain
 from aeolid.diagnose.kinks import beyond_kinks
-from aeolid.diagnose.noise import Noise, estimate_noise, filter_var, levelled_density, log_density, touched
+from aeolid.diagnose.noise import (
+    Noise,
+    estimate_noise,
+    filter_var,
+    levelled_density,
+    log_density,
+    preferred_order,
+    touched,
+)
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.reflection import reflected
 from aeolid.diagnose.sensitivity import sensitivity
@@ -26,9 +34,6 @@ from aeolid.models.integrate import Compiled, driven, substeps
 from aeolid.models.machine_code import LANES
 
 Array = NDArray[np.float64]
-# BIC chooses the noise-model order among these. A physical noise model needs little colour on top; more would
-# learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
-_VAR_ORDERS = (0, 1, 2)
 _HUGE = 1e300
 _STEPS = 6  # with one set of sensitivities
 _TRIES = 8  # dampings of one step
@@ -85,7 +90,6 @@ class Predictor:
         self, compiled: Compiled, segments: Sequence[Segment], scales: Scales, var_order: int | None = None,
         deadline: Deadline | None = None,
     ) -> None:  # fmt: skip
-        """Take a model and data; deadline: when fits end where they stand, never by default."""
         self.compiled = compiled
         self.deadline = deadline or unlimited()
         self.segments = tuple(segments)
@@ -212,19 +216,7 @@ class Predictor:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""
         if point.K is not None:
             return 0
-        innovations = self.innovations(point)
-        burns = [s.burn for s in self.segments]
-        rows = sum(len(s.y) - s.burn for s in self.segments)
-        outputs = self.segments[0].y.shape[1]
-        best, choice = np.inf, 0
-        for order in _VAR_ORDERS:
-            if rows < 20 * (order * outputs + 1):
-                break
-            noise = estimate_noise(innovations, burns, order)
-            score = 0.5 * rows * np.linalg.slogdet(noise.covariance)[1] + 0.5 * order * outputs**2 * np.log(rows)
-            if score < best:
-                best, choice = score, order
-        return choice
+        return preferred_order(self.innovations(point), [s.burn for s in self.segments])
 
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
         """Maximise the likelihood from `start` and return what stands there; None where the start itself diverges."""
@@ -234,9 +226,7 @@ class Predictor:
     def climb(
         self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02
     ) -> tuple[float, Point] | None:
-        """Minimise the objective from `start` by damped Gauss–Newton; None where the start itself diverges.
-
-        Ends where it stands once the predictor's deadline has passed.
+        """Minimise the objective from `start` by damped Gauss–Newton until the deadline; None where `start` diverges.
 
         Sensitivities serve several steps, as long as each still gains a fifth of the first one. Stops when one set of
         them gains less than `tolerance` nats and promises no more; where it does, kinks are looked beyond, then the

@@ -34,7 +34,7 @@ def unpack(path: Path, folder: Path) -> None:
                 target.parent.mkdir(parents=True, exist_ok=True)
                 with archive.open(info) as source, open(target, "xb") as file:
                     left = _copy(path, source, file, left)
-    except (zipfile.BadZipFile, zipfile.LargeZipFile, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, RuntimeError, EOFError, ValueError) as error:
         raise DataError(f"{path}: not a functional mock-up unit ({error})") from None
     except OSError as error:
         raise DataError(f"{path}: cannot be unpacked ({error.strerror or error})") from None
