@@ -70,7 +70,7 @@ def test_no_error_of_ours_has_code_1() -> None:
 
 
 def run(command: list[str], folder: Path, **how: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(["sh", "-c", *command], cwd=folder, stderr=subprocess.PIPE, text=True, timeout=250, **how)  # type: ignore[call-overload,no-any-return]
+    return subprocess.run(["sh", "-c", *command], cwd=folder, stderr=subprocess.PIPE, text=True, timeout=3600, **how)  # type: ignore[call-overload,no-any-return]
 
 
 @pytest.mark.parametrize(

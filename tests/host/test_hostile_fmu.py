@@ -39,7 +39,9 @@ def evil(folder: Path, deed: str) -> Path:
     body = DEEDS[deed].format(mark=folder / "mark")
     code = f"{head}__attribute__((constructor)) static void go(void) {{ {body} }}\n"
     (folder / "e.c").write_text(code)
-    subprocess.run(["cc", "-shared", "-fPIC", "-o", str(folder / "e.so"), str(folder / "e.c")], check=True, timeout=60)
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-o", str(folder / "e.so"), str(folder / "e.c")], check=True, timeout=3600
+    )
     target = folder / "evil.fmu"
     with zipfile.ZipFile(target, "w") as archive:
         archive.writestr("modelDescription.xml", XML)

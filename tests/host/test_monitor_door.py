@@ -57,7 +57,7 @@ def served(quick: None) -> Iterator[PageServer]:
 
 
 def connect(page: PageServer, said: bytes = b"") -> socket.socket:
-    peer = socket.create_connection(("127.0.0.1", page.port), timeout=60)
+    peer = socket.create_connection(("127.0.0.1", page.port), timeout=3600)
     with suppress(OSError):  # thrown out while it spoke
         peer.sendall(said)
     return peer
@@ -77,7 +77,7 @@ def hear(peer: socket.socket) -> bytes:
 
 
 def ask(page: PageServer, path: str = "state?node=3") -> bytes:
-    with urllib.request.urlopen(page.url + path, timeout=60) as answer:
+    with urllib.request.urlopen(page.url + path, timeout=3600) as answer:
         return bytes(answer.read())
 
 

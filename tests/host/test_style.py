@@ -112,3 +112,23 @@ def test_the_rules_can_fail() -> None:
     assert [name for name, _, _ in undocumented(bad)] == ["f", "C", "g"]
     long = ast.parse("def f():\n    '''Doc.'''\n" + "    x = 1\n" * 60)
     assert body_lines(functions(long)[0]) == 60
+
+
+LEAST_PATIENCE_S = 1200  # what takes a second has taken forty beside eight others on two cores
+WAITING = re.compile(r"(?:\btimeout=|mark\.timeout\(|^PATIENCE_S = |\bTIMEOUT )([0-9]+(?:\.[0-9]+)?)")
+
+
+def test_no_limit_of_a_test_is_in_reach_of_a_busy_machine() -> None:
+    """A test that waits gives up after a long time only; what never ends is ended by processor time, see conftest.
+
+    The guests of tests/sil/uml have limits of their own: an emulated machine that hangs has to be told from a slow one.
+    """
+    files = [p for p in tracked() if p.is_relative_to(ROOT / "tests") and p.suffix in (".py", ".txt")]
+    files = [p for p in files if p.parent.name != "uml"]
+    short = [
+        f"{path.relative_to(ROOT)}:{number}: {found[0]}"
+        for path in files if path.name not in ("conftest.py", Path(__file__).name)
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        for found in WAITING.finditer(line) if float(found[1]) < LEAST_PATIENCE_S
+    ]  # fmt: skip
+    assert files and short == []
