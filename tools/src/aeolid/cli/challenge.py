@@ -95,14 +95,19 @@ def challenge(
 
 def _declare(step: str, folder: Path, target: Path, page: Path, json_target: str | None, force: bool) -> None:
     """Say where a step writes; the folder of results is emptied of old diagnoses, so it must be of our making."""
+    from aeolid.challenge.run import read_results
+    from aeolid.challenge.write import read_seal
+
     files: dict[str, str | Path | None] = {"--json": json_target}
     if step == "score":
+        read_results(folder, target)  # what is missing is told before where the page would go
         declare("challenge score", force=force, files=files | {"--page": page})
     elif step == "make":
         declare("challenge make", force=force, folders={"DIR": folder}, files=files)
     else:
         if target.resolve() == folder.resolve():
             raise UsageError(f"--out {target}: holds the cases themselves; name another folder")
+        read_seal(folder)
         declare("challenge run", force=force, folders={"--out": target}, files=files, claimed=True)
 
 

@@ -185,8 +185,6 @@ def make_folder(path: Path) -> None:
             path.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
             raise UsageError(f"{path}: is a file; name a folder") from None
-        except NotADirectoryError as error:
-            raise UsageError(f"{error.filename or path}: is below a file; name another folder") from None
         with _opened(path) as folder:
             name = f".aeolid.{os.urandom(8).hex()}.part"
             os.close(os.open(name, _NEW, 0o666, dir_fd=folder))
