@@ -27,10 +27,9 @@ PYPROJECT = ROOT / "tools/pyproject.toml"
 HEAD = """\
 # Every Python package of this repository as it is tested: version, SHA-256 of its file, and the group that needs it.
 # Written by tools/supply/lock.py, read by tools/setup on Python 3.11 on x86-64 Linux; users get the ranges of
-# tools/pyproject.toml. pip and builder come first; cmake and ninja are only for machines without; docs also needs what
-# demo needs, and tests what docs needs.
+# tools/pyproject.toml. docs also needs what demo needs, tests what docs needs; ninja is for machines that have none.
 """
-GROUPS = ("pip", "build", "cmake", "ninja", "demo", "docs", "tests")
+GROUPS = ("pip", "build", "demo", "docs", "tests", "cmake", "ninja")  # a package stands in the first that needs it
 
 
 def requirements() -> dict[str, list[Requirement]]:

@@ -26,8 +26,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-PATIENCE_S = 300.0  # for what has gone wrong; an emulated processor on a loaded machine is slow
-LOOKS, LOOK_S = 6, 0.04  # nothing happened in so many looks, so long apart
+PATIENCE_S = 1000.0  # for what has gone wrong; an emulated processor on a loaded machine is slow
+LOOKS, LOOK_S = 3, 0.05  # nothing happened in so many looks, so long apart
 MODULES = ("net/can/can", "net/can/can-raw", "drivers/net/can/dev/can-dev", "drivers/net/can/vcan",
            "drivers/net/can/slcan/slcan")  # fmt: skip
 FINIT_MODULE = 313  # x86-64; a machine without kmod has no insmod

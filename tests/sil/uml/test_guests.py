@@ -11,7 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import guests
-from guests import BOOT_S, GUESTS, PATIENCE_S, Guest, NoResult, allowed, boot, pack_file, run_first
+from guests import GUESTS, PATIENCE_S, Guest, NoResult, allowed, boot, pack_file, run_first
 
 PANIC = "echo 'Kernel panic - not syncing: put_fp_registers failed'; exit 6"
 
@@ -48,18 +48,33 @@ def test_a_panic_leads_to_the_next_guest(script: str, tmp_path: Path) -> None:
     assert ("put_fp_registers" in reasons) == ("put_fp" in script)
 
 
-@pytest.mark.parametrize(("booted", "limit_s"), [(False, BOOT_S), (True, PATIENCE_S)])
-def test_a_guest_that_hangs_is_ended_with_its_children(booted: bool, limit_s: float, tmp_path: Path) -> None:
-    """One that never boots, and one that boots and never ends: both end at their limits, on a clock of the test's."""
+def test_a_guest_that_hangs_is_ended_with_its_children(tmp_path: Path) -> None:
+    """One that says nothing for so long, on a clock of the test's; what it started ends with it."""
     child = tmp_path / "child"
-    script = (': >"$1/booted"; ' if booted else "") + 'sleep 1000 & echo $! >"$1/new"; mv "$1/new" "$1/child"; wait'
-    with pytest.raises(NoResult, match=f"hangs ended after {limit_s + 1:.0f} s"):
-        boot(imitate("hangs", script), tmp_path, clock=lambda: limit_s + 1 if child.exists() else 0)
+    script = 'sleep 1000 & echo $! >"$1/new"; mv "$1/new" "$1/child"; wait'
+    with pytest.raises(NoResult, match=f"hangs ended after {PATIENCE_S:.0f} s"):
+        boot(imitate("hangs", script), tmp_path, clock=lambda: PATIENCE_S if child.exists() else 0)
     number = int(child.read_text())
     with pytest.raises(ProcessLookupError):
         for _ in range(1000):  # the signal has been sent; the kernel takes a moment
             os.kill(number, 0)
             subprocess.run(["sleep", "0.01"], check=True)
+
+
+def test_a_guest_that_goes_on_is_left_alone(tmp_path: Path) -> None:
+    """However long it takes: on this clock each look is most of the patience after the last, and each finds a word."""
+    log, looks = tmp_path / "guest.log", 0
+
+    def clock() -> float:
+        nonlocal looks
+        looks += 1
+        with log.open("a") as file:
+            file.write("step\n")
+        return looks * PATIENCE_S * 0.4
+
+    boot(imitate("slow", 'until [ "$(wc -l <"$1/guest.log")" -gt 20 ]; do sleep 0.01; done; echo 0 >"$1/code"'),
+         tmp_path, clock=clock)  # fmt: skip
+    assert looks > 20
 
 
 def test_none_is_there(tmp_path: Path) -> None:

@@ -21,10 +21,10 @@ from aeolid.record import Record, Roles
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ports"))
-from guests import GUESTS, PATIENCE_S, Guest, allowed, run_first
+from guests import Guest, allowed, run_first
 from wiring import README, build, make_reference
 
-pytestmark = pytest.mark.timeout(len(GUESTS) * PATIENCE_S + 300)
+pytestmark = pytest.mark.timeout(0)  # guests.py ends a guest that does not go on
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 SAMPLES, PAST = 300, 4
