@@ -58,4 +58,9 @@ def data_size() -> int:
         return next(1024 * int(line.split()[1]) for line in status if line.startswith("VmData"))
 
 
-USERS = ("aeolid.formats.parquet", "aeolid.formats.matlab", "aeolid.formats.mdf", "aeolid.can.logs")
+USERS = (
+    "aeolid.formats.parquet",
+    "aeolid.formats.matlab",
+    "aeolid.formats.mdf",
+    "aeolid.can.logs",
+)  # of confined.start

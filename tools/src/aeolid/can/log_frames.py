@@ -22,6 +22,7 @@ from aeolid.formats.mdf_blocks import forbid_formulas, open_mdf, refuse_formulas
 from aeolid.formats.parquet import FRAMES_COLUMNS, FRAMES_MARK
 
 BATCH = 4096
+_FRAMES, _FRAMES_PER_BYTE = 1 << 16, 32  # zlib packs at most 1032 times, and an object of BLF takes 32 bytes
 
 
 def send_frames(path: str, source: str) -> Generator[Reply, None, None]:
@@ -30,7 +31,7 @@ def send_frames(path: str, source: str) -> Generator[Reply, None, None]:
     A log that cannot be read at all raises what its reader raises.
     """
     batches = _parquet(path, source) if path.lower().endswith(".parquet") else _by_python_can(path, source)
-    count, failed = 0, None
+    count, failed, most = 0, None, _FRAMES + _FRAMES_PER_BYTE * Path(path).stat().st_size
     while True:
         try:
             frames = next(batches, None)
@@ -44,6 +45,8 @@ def send_frames(path: str, source: str) -> Generator[Reply, None, None]:
         if frames is None:
             break
         count += len(frames)
+        if count > most:
+            raise DataError(f"{source}: it holds more frames than a file of its size can; its objects go in a circle")
         yield {"garbled": frames.garbled}, {k: getattr(frames, k) for k in ("id", "flags", "length", "data", "time_s")}
     yield {"failed": failed, "damage": _damage(Path(path), count)}, {}
 

@@ -110,12 +110,22 @@ class Archive:
             with self._zip.open(array.entry) as member:
                 member.seek(array.start)
                 content = member.read()  # the whole rest, so that its checksum is compared
+            if array.dtype.kind == "U":
+                _require_text(content, array)
             flat = np.frombuffer(content, array.dtype, math.prod(array.shape)) if array.dtype.itemsize else None
             if flat is None:
                 return np.zeros(array.shape, array.dtype)
             return flat.reshape(array.shape, order="F" if array.fortran else "C")
         except Exception as error:  # as in __init__
             raise unreadable(self.path, _KIND, error) from None
+
+
+def _require_text(content: bytes, array: _Array) -> None:
+    """Refuse text that is none; NumPy holds any 32 bits as a character, and Python ends in an error of its own."""
+    characters = array.dtype.itemsize // 4 * math.prod(array.shape)
+    codes = np.frombuffer(content, array.dtype.byteorder.replace("|", "=") + "u4", characters)
+    if np.any((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes < 0xE000))):
+        raise ValueError(f"{array.entry.filename} holds no text")
 
 
 def read_npz(path: Path, choose: Choose) -> Table:
