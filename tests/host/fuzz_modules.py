@@ -5,5 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "fuzz"))
 import forked
+import mutations
+import readers
 
-__all__ = ["forked"]
+__all__ = ["forked", "mutations", "readers"]
