@@ -83,6 +83,17 @@ def test_errors_of_the_package_pass_through_and_other_packages_are_not_run() -> 
         call("os:system", {"command": "true"}, SMALL)
 
 
+def test_a_function_can_ask() -> None:
+    found = []
+    with start("aeolid.confined.probe:double", {}, SMALL) as running:
+        for facts, _ in running:
+            if "asks" in facts:
+                running.answer({"number": 3 + len(found)})
+            else:
+                found.append(facts["double"])
+    assert found == [6, 8]
+
+
 NONSENSE = [
     b"\xff" * 8, b"\x02" + bytes(7) + b"[]", b"\x04" + bytes(7) + b"\xff{}}",
     *(len(t).to_bytes(8, "little") + t for t in (

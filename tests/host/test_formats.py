@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from aeolid.confined import start
 from aeolid.errors import DataError
 from aeolid.formats import read_record, read_table, write_table
 from aeolid.formats.headings import plain_unit, same_unit, split_heading
@@ -93,7 +94,8 @@ def test_formats_agree(tmp_path: Path, name: str) -> None:
 numbers = st.floats(allow_nan=True, allow_infinity=False, width=64)
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.usefixtures("forking")
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.tuples(numbers, numbers), min_size=1, max_size=40), st.sampled_from([".csv", ".csv.gz", ".parquet"]))
 def test_round_trip_is_exact(tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, float]], suffix: str):
     path = tmp_path_factory.mktemp("round") / f"t{suffix}"
@@ -113,7 +115,8 @@ def test_a_single_column_keeps_its_missing_samples(tmp_path_factory: pytest.Temp
     np.testing.assert_array_equal(read_table(path).columns["a"], values)
 
 
-@settings(max_examples=100, deadline=None)
+@pytest.mark.usefixtures("forking")
+@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=400), st.sampled_from([n.split(".", 1)[1] for n in FORMATS if n[-4:] != ".mat"]))
 def test_garbage_is_refused_in_one_sentence(tmp_path_factory: pytest.TempPathFactory, content: bytes, suffix: str):
     path = tmp_path_factory.mktemp("garbage") / f"g.{suffix}"
@@ -136,15 +139,19 @@ def read_damaged(path: Path, name: str, data: st.DataObject) -> None:
         assert str(path) in str(error)
 
 
+@pytest.mark.usefixtures("forking")
 @pytest.mark.parametrize("name", [name for name in FORMATS if not name.endswith(".mat")])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_damaged_files_are_refused_or_read(tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject):
     read_damaged(tmp_path_factory.mktemp("damaged") / name, name, data)
 
 
+@pytest.mark.usefixtures("forking")
 @pytest.mark.parametrize("name", ["a.mat", "b.mat"])
-@settings(max_examples=6, deadline=None)  # each starts a process
+@settings(
+    max_examples=6, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)  # each starts a process
 @given(data=st.data())
 def test_damaged_matlab_files_are_refused_or_read(
     tmp_path_factory: pytest.TempPathFactory, name: str, data: st.DataObject
@@ -164,10 +171,13 @@ def test_a_cell_that_is_no_number_is_named_whatever_blanks_it_has(tmp_path: Path
         read_record(tmp_path / "a.out", ROLES)
 
 
+CRASH = "aeolid.confined.probe:crash", {}
+
+
 def test_a_reader_that_crashes_is_a_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     as_mat(tmp_path / "a.mat")
-    monkeypatch.setattr("aeolid.formats.matlab._CONVERT", "import os; os.abort()")
-    with pytest.raises(DataError, match=r"a\.mat: not readable as MATLAB \(damaged\)"):
+    monkeypatch.setattr("aeolid.formats.matlab.start", lambda _, __, limits: start(*CRASH, limits))
+    with pytest.raises(DataError, match=r"a\.mat: not readable as MATLAB \(its reader crashed, SIGSEGV\)"):
         read_record(tmp_path / "a.mat", ROLES)
 
 
@@ -240,7 +250,7 @@ def test_announced_size_is_checked_before_memory_is_taken(tmp_path: Path) -> Non
 
 
 def test_a_table_beyond_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("aeolid.formats.table.memory_limit", lambda: 100)
+    monkeypatch.setattr("aeolid.formats.bounds.memory_limit", lambda: 100)
     for name in ("a.csv", "a.parquet", "a.npz"):
         FORMATS[name](tmp_path / name)
         with pytest.raises(DataError, match="split the recording"):

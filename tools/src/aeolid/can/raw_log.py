@@ -15,7 +15,7 @@ from aeolid.can.messages import unpack_messages
 from aeolid.can.raw_mf4 import Mf4Log
 from aeolid.can.wire import Frames
 from aeolid.errors import UsageError
-from aeolid.formats.binary import FRAMES_COLUMNS, FRAMES_MARK
+from aeolid.formats.parquet import FRAMES_COLUMNS, FRAMES_MARK, WRITTEN
 from aeolid.formats.spare import SpareFile
 
 RAW_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".parquet")
@@ -108,7 +108,7 @@ class ParquetLog(ChunkedLog):
         self._schema = pa.schema(fields, metadata={FRAMES_MARK: json.dumps(1), b"note": _NOTE})
         self._raw = SpareFile(path)
         self._file = io.BufferedWriter(self._raw, 1 << 16)
-        self._writer = parquet.ParquetWriter(self._file, self._schema, compression="zstd")
+        self._writer = parquet.ParquetWriter(self._file, self._schema, compression="zstd", **WRITTEN)
 
     def _put(self, frames: Frames) -> None:
         import pyarrow as pa

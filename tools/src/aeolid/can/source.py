@@ -11,7 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from aeolid.can.logs import is_log, open_log, reason_of
+from aeolid.can.log_frames import reason_of
+from aeolid.can.logs import is_log, open_log
 from aeolid.can.messages import pack_messages
 from aeolid.can.wire import Frames, no_frames
 from aeolid.errors import DataError, UsageError

@@ -16,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Reply = tuple[dict[str, Any], dict[str, NDArray[Any]]]
-"""What a confined function returns or yields: facts that JSON can hold, and arrays of numbers by name."""
+"""What a confined function returns or yields: facts that JSON can hold, and arrays of numbers by name.
+
+Where the facts hold `asks`, the value of the `yield` is the facts that the caller answers with.
+"""
 
 _LENGTH = struct.Struct("<Q")
 _HEAD_MOST = 16 << 20  # bytes of a message's JSON: names and units of 65,536 channels have room

@@ -7,23 +7,26 @@ standard library is imported before the limits hold.
 from __future__ import annotations
 
 import importlib
-import inspect
 import os
 import resource
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any, BinaryIO
 
 
-def main() -> None:
-    """Serve one request: it comes on descriptor 0, the answer leaves on descriptor 1, nothing else is open."""
-    memory, mapped, cpu_s, file_size, network = (int(word) for word in sys.argv[1:6])
+def main(arguments: list[str]) -> None:
+    """Serve one request: it comes on descriptor 0, the answer leaves on descriptor 1, nothing else is open.
+
+    arguments: memory, mapped, cpu_s, file_size and network of the limits, then folders where this package and what it
+    needs are found should the interpreter not find them. Does not return.
+    """
+    memory, mapped, cpu_s, file_size, network = (int(word) for word in arguments[:5])
     _limit(memory, mapped, cpu_s, file_size)
     silent = os.open(os.devnull, os.O_RDWR)
     request, answer = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb", buffering=1 << 20)
     for descriptor in range(3):
         os.dup2(silent, descriptor)
-    sys.path += [folder for folder in sys.argv[6:] if folder not in sys.path]
+    sys.path += [folder for folder in arguments[5:] if folder not in sys.path]
     from aeolid.confined.barrier import close_off
 
     close_off(writing=file_size > 0, network=bool(network))
@@ -49,18 +52,33 @@ def _serve(request: BinaryIO, answer: BinaryIO) -> None:
     from aeolid.confined.channel import pack, unpack
 
     def fill(buffer: memoryview) -> None:
-        if request.readinto(buffer) != len(buffer):  # type: ignore[attr-defined]
-            raise EOFError
+        while buffer:
+            count = request.readinto(buffer)  # type: ignore[attr-defined]
+            if not count:
+                raise EOFError
+            buffer = buffer[count:]
 
     def send(kind: str, facts: dict[str, Any], arrays: dict[str, Any]) -> None:
         for piece in pack({"kind": kind, "content": facts}, arrays):
             answer.write(piece)
         answer.flush()
 
+    def hear() -> tuple[dict[str, Any], dict[str, Any]]:
+        return unpack(fill, 1 << 40)[:2]  # from the parent, which is trusted
+
     try:
-        asked, arrays, _ = unpack(fill, 1 << 40)  # from the parent, which is trusted
-        for facts, found in _run(asked, arrays):
+        asked, arrays = hear()
+        result = _begin(asked, arrays)
+        told: dict[str, Any] | None = None
+        while isinstance(result, Generator):
+            try:
+                facts, found = result.send(told)
+            except StopIteration:
+                break
             send("reply", facts, found)
+            told = hear()[0] if facts.get("asks") else None
+        else:
+            send("reply", *result)
         send("end", {}, {})
     except MemoryError:
         send("error", {"class": "MemoryError", "text": ""}, {})
@@ -68,17 +86,13 @@ def _serve(request: BinaryIO, answer: BinaryIO) -> None:
         send("error", {"class": type(error).__name__, "text": " ".join(str(error).split())[:2000]}, {})
 
 
-def _run(asked: dict[str, Any], arrays: dict[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+def _begin(asked: dict[str, Any], arrays: dict[str, Any]) -> Any:
     module, _, name = asked["function"].partition(":")
     if not module.startswith("aeolid."):
         raise ImportError(f"{module} is no module of this package")
     function = getattr(importlib.import_module(module), name)
-    result = function(**asked["arguments"], **({"arrays": arrays} if arrays else {}))
-    if inspect.isgenerator(result):
-        yield from result
-    else:
-        yield result
+    return function(**asked["arguments"], **({"arrays": arrays} if arrays else {}))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -79,13 +79,18 @@ class Running:
                 with suppress(OSError):
                     pipe.close()
 
-    def send(self, pieces: list[bytes | memoryview]) -> None:
-        """Hand the request over."""
+    def answer(self, facts: Mapping[str, Any]) -> None:
+        """Answer a reply whose facts say `asks`: the function goes on with these facts as the value of its `yield`."""
+        self.send(pack(facts, {}))
+
+    def send(self, pieces: Sequence[bytes | memoryview]) -> None:
+        """Hand one message to the process."""
         assert self._process.stdin is not None  # a pipe, by start
         with suppress(BrokenPipeError):  # how it ended is told on reading
             for piece in pieces:
-                self._process.stdin.write(piece)
-            self._process.stdin.close()
+                left = memoryview(piece)
+                while left:
+                    left = left[self._process.stdin.write(left) or 0 :]
 
     def _fill(self, buffer: memoryview) -> None:
         """Fill a buffer from the pipe; raises Failure when the process has ended or is silent for too long."""
@@ -126,9 +131,10 @@ def start(
 ) -> Running:
     """Run `module:function` of this package in a process of its own.
 
-    function: "aeolid.formats.matlab:numeric_arrays"; it returns one Reply, or yields several. arguments: given by name,
+    function: "aeolid.formats.matlab:send_arrays"; it returns one Reply, or yields several. arguments: given by name,
     values that JSON can hold; paths absolute, since the process works in the root folder. arrays: handed over as the
-    argument `arrays` when there are any. Iterate over what is returned, in a `with` block.
+    argument `arrays` when there are any. Iterate over what is returned, in a `with` block; a reply that has `asks`
+    among its facts waits for `answer`.
     """
     numbers = (limits.memory, limits.mapped, limits.cpu_s, limits.file_size, int(limits.network))
     homes = [str(Path(module.__file__ or "").resolve().parents[1]) for module in (aeolid, np)]

@@ -7,7 +7,7 @@ import os
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import numpy as np
 
@@ -46,6 +46,18 @@ def reach(path: str, program: str) -> Reply:
     return {"met": met, "open": sorted(os.listdir("/proc/self/fd"), key=int)}, {}
 
 
+def double() -> Generator[Reply, dict[str, int], None]:
+    """Ask for a number twice, and return double of each."""
+    for _ in range(2):
+        given = yield {"asks": "a number"}, {}
+        yield {"double": 2 * given["number"]}, {}
+
+
+def crash() -> Reply:
+    """End by a fault of memory."""
+    return {"read": ctypes.string_at(0).decode()}, {}
+
+
 def fail(way: str) -> Iterator[Reply]:
     """Answer once, then end badly: spin, grow, crash, flood, exit, sleep, refuse or raise."""
     yield {"before": way}, {}
@@ -55,7 +67,7 @@ def fail(way: str) -> Iterator[Reply]:
     if way == "grow":
         yield {"size": np.ones(1 << 30).nbytes}, {}
     if way == "crash":
-        ctypes.string_at(0)
+        yield crash()
     if way == "exit":
         os._exit(7)
     if way == "sleep":

@@ -17,6 +17,7 @@ import numpy as np
 
 from aeolid.errors import UsageError
 from aeolid.formats.headings import heading_line
+from aeolid.formats.parquet import WRITTEN
 from aeolid.formats.spare import SPARE, SpareFile
 from aeolid.formats.table import Array
 from aeolid.output import create
@@ -126,7 +127,7 @@ class ParquetTable(GrowingTable):
         self._schema = pa.schema(fields)
         self._raw = SpareFile(path)
         self._file = io.BufferedWriter(self._raw, 1 << 16)
-        self._writer = parquet.ParquetWriter(self._file, self._schema)
+        self._writer = parquet.ParquetWriter(self._file, self._schema, **WRITTEN)
 
     def _put(self, rows: Array) -> None:
         self._writer.write_table(_arrow(rows, self.names).cast(self._schema), row_group_size=PART)

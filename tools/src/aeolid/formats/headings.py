@@ -8,13 +8,16 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
 
 from aeolid.display import is_unseen, token, visible
 from aeolid.errors import DataError
 from aeolid.formats.table import listed
 
-_UNIT = re.compile(r"^(?P<name>.*?)[\s_]*(?:\[(?P<square>[^\[\]]*)\]|\((?P<round>[^()]*)\))\s*$")
 _SAME = {
     "sec": "s", "second": "s", "seconds": "s", "°": "deg", "degree": "deg", "degrees": "deg", "radians": "rad",
     "1/min": "rpm", "/min": "rpm", "rev/min": "rpm", "min1": "rpm", "r/min": "rpm", "ms2": "m/s2", "ms1": "m/s",
@@ -66,13 +69,19 @@ def harmless_name(name: str, unit: str) -> str:
     return plain
 
 
+_COMPARED = 100  # characters of names that are searched for the one that was meant
+
+
 def split_heading(heading: str) -> tuple[str, str | None]:
     """Split 'pitch [deg]', 'pitch (deg)' or 'pitch_[deg]' into name and unit; the unit is None where none stands."""
-    match = _UNIT.match(heading)
-    if match is None or not match["name"].strip():
-        return heading.strip(), None
-    unit = match["square"] if match["square"] is not None else match["round"]
-    return match["name"].strip(), unit.strip()
+    text = heading.strip()
+    opening = text.rfind({"]": "[", ")": "("}.get(text[-1:], "\0"))
+    unit, end = text[opening + 1 : -1], max(opening, 0)
+    while end and (text[end - 1] == "_" or text[end - 1].isspace()):
+        end -= 1
+    if end == 0 or text[-1] in unit:
+        return text, None
+    return text[:end], unit.strip()
 
 
 def plain_unit(unit: str) -> str:
@@ -92,21 +101,45 @@ def find_heading(wanted: str, names: Sequence[str], source: str) -> str:
 
     Raises DataError when it is absent (listing what exists and the nearest name) or stands there twice.
     """
-    exact = [n for n in names if n == wanted] or [n for n in names if n == bare_heading(wanted)]
-    found = exact or [name for name in names if split_heading(name)[0] == wanted]
+    headings, own = _by_name(tuple(names)), bare_heading(wanted)
+    exact = [wanted] * headings.count[wanted] or [own] * headings.count[own]
+    found = exact or headings.bare.get(wanted, [])
     if len(found) == 1:
         return found[0]
     if found:
         raise DataError(f"{source}: the heading {wanted!r} stands there {len(found)} times; rename all but one")
-    bare = [split_heading(name)[0] for name in names]
-    folded = {name.lower(): name for name in reversed(bare)}
-    near = [folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)]
-    hint = f"; did you mean {token(near[0])!r}?" if near and len(names) > 1 else ""
-    held = listed(bare) if len(names) > 1 else "one column only"  # the first line of what is no table is not shown
+    near = _nearest(wanted, headings.bare)
+    hint = f"; did you mean {token(near)!r}?" if near and len(names) > 1 else ""
+    # the first line of what is no table is not shown
+    held = listed(list(headings.bare)) if len(names) > 1 else "one column only"
     raise DataError(
-        f"{source}: no channel {wanted!r}{hint or '.'} The file holds {held or 'no named channel'};"
+        f"{source}: no channel {token(wanted)!r}{hint or '.'} The file holds {held or 'no named channel'};"
         f" set `column` in the roles file to the heading"
     )
+
+
+@dataclass(frozen=True)
+class _Headings:
+    """Hold how often each heading stands in a table, and the headings behind each name without its unit."""
+
+    count: Counter[str]
+    bare: dict[str, list[str]]
+
+
+@lru_cache(maxsize=4)
+def _by_name(names: tuple[str, ...]) -> _Headings:
+    bare: dict[str, list[str]] = {}
+    for name in names:
+        bare.setdefault(split_heading(name)[0], []).append(name)
+    return _Headings(Counter(names), bare)
+
+
+def _nearest(wanted: str, names: Iterable[str]) -> str | None:
+    """Return the name most like the wanted one; long names, and those behind the first thousands, are not compared."""
+    if len(wanted) > _COMPARED:
+        return None
+    folded = {n.lower(): n for n in reversed(list(islice(names, 50 * _COMPARED))) if len(n) <= _COMPARED}
+    return next((folded[n] for n in difflib.get_close_matches(wanted.lower(), folded, n=1, cutoff=0.6)), None)
 
 
 def check_unit(source: str, channel: str, wanted: str, found: str | None) -> None:
@@ -116,6 +149,6 @@ def check_unit(source: str, channel: str, wanted: str, found: str | None) -> Non
     if not plain_unit(found):
         return
     raise DataError(
-        f"{source}: channel {channel!r} is in {found!r} in the file and in {wanted!r} in the roles file;"
+        f"{source}: channel {channel!r} is in {found[:40]!r} in the file and in {wanted!r} in the roles file;"
         f" correct the unit in the roles file or convert the column"
     )

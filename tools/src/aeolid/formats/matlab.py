@@ -1,64 +1,69 @@
 """Read MATLAB files up to version 7.
 
-The reader of scipy can crash the process on a damaged file, so it runs in a process of its own and hands the arrays
-over as a NumPy archive; about half a second more for a file.
+The reader of scipy can crash the process on a damaged file, and fill the memory on a crafted one, so it runs confined;
+about half a second more for a file.
 """
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
+from collections.abc import Generator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aeolid.children import python_command
+from aeolid.confined import Failure, Reply, start
 from aeolid.errors import DataError
-from aeolid.formats.binary import from_arrays, unreadable
-from aeolid.formats.table import Choose, Table, guard_size
-
-_CONVERT = "import sys; from aeolid.formats.matlab import convert; convert(sys.argv[1], sys.argv[2])"
-_PATIENCE_S = 600
+from aeolid.formats.arrays import table_of_arrays
+from aeolid.formats.bounds import MOST_CHANNELS, reading_limits
+from aeolid.formats.table import Choose, Table, unreadable
+from aeolid.inputs import open_regular
 
 
 def read_mat(path: Path, choose: Choose) -> Table:
     """Read a MATLAB file up to version 7: vectors, matrices, or one structure that holds them."""
-    with open(path, "rb") as handle:
+    with open_regular(path) as handle:
         if handle.read(10) == b"MATLAB 7.3":
             raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
-    guard_size(path, 4 * path.stat().st_size)
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "arrays.npz"
-        command = python_command("-c", _CONVERT, str(path), str(target))
-        try:
-            done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
-        except subprocess.TimeoutExpired:
-            raise unreadable(path, "MATLAB", ValueError("reading it did not come to an end")) from None
-        if done.returncode != 0:
-            cause = done.stderr.strip().splitlines()[-1:] if done.returncode == 3 else []
-            raise unreadable(path, "MATLAB", ValueError(cause[0] if cause else "damaged"))
-        with np.load(target, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    return from_arrays(path, arrays, choose)
+    asked = {"path": str(path.absolute()), "source": str(path)}
+    try:
+        with start("aeolid.formats.matlab:send_arrays", asked, reading_limits(path)) as running:
+            replies = iter(running)
+
+            def load(names: list[str]) -> dict[str, NDArray[Any]]:
+                running.answer({"wanted": names})
+                _, arrays = next(replies)
+                return {name: arrays[str(i)] for i, name in enumerate(names)}
+
+            shapes, _ = next(replies)
+            return table_of_arrays(path, shapes["shapes"], load, choose)
+    except Failure as error:
+        raise unreadable(path, "MATLAB", error) from None
 
 
-def convert(source: str, target: str) -> None:
-    """Write the numeric arrays of a MATLAB file as a NumPy archive; ends the process with code 3 and the cause."""
+def send_arrays(path: str, source: str) -> Generator[Reply, dict[str, Any], None]:
+    """Say what numeric arrays there are, then send those that are wanted; runs confined."""
+    arrays = numeric_arrays(path)
+    if len(arrays) > MOST_CHANNELS:
+        raise DataError(f"{source}: {len(arrays)} variables; at most {MOST_CHANNELS} are read")
+    wanted = (yield {"asks": "wanted", "shapes": {name: a.shape for name, a in arrays.items()}}, {})["wanted"]
+    for name in wanted:
+        if arrays[name].dtype.kind == "c":
+            raise DataError(f"{source}: channel {name!r} is complex; give real samples, one channel a signal")
+    yield {}, {str(i): arrays[name] for i, name in enumerate(wanted)}
+
+
+def numeric_arrays(path: str) -> dict[str, NDArray[Any]]:
+    """Return the numeric variables of a MATLAB file, or the fields of its structures. Raises what scipy raises."""
     from scipy.io import loadmat
 
-    try:
-        content = loadmat(source, squeeze_me=False, struct_as_record=True)
-    except Exception as error:  # the reader raises whatever its parser meets in a damaged file
-        print(str(error) or type(error).__name__, file=sys.stderr)
-        raise SystemExit(3) from None
-    arrays: dict[str, object] = {}
-    for name, value in content.items():
+    arrays: dict[str, Any] = {}
+    for name, value in loadmat(path, squeeze_me=False, struct_as_record=True).items():
         if name.startswith("__") or not isinstance(value, np.ndarray):
             continue
         if value.dtype.names and value.size == 1:
             arrays |= {field: value.reshape(-1)[0][field] for field in value.dtype.names}
         else:
             arrays[name] = value
-    numeric = {k: v for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"}
-    np.savez(target, **numeric)  # type: ignore[arg-type]
+    return {k: v for k, v in arrays.items() if isinstance(v, np.ndarray) and v.dtype.kind in "biufc"}

@@ -12,6 +12,7 @@ from aeolid.errors import DataError
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
 from aeolid.formats.timebase import uniform_grid
+from aeolid.inputs import regular_size
 from aeolid.record import Record, Roles, file_sha256
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log")
@@ -73,15 +74,7 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> Table:
 
 
 def _read(path: Path, choose: Choose) -> Table:
-    if path.is_dir():
-        raise DataError(f"{path}: a folder; name the recording in it")
-    try:
-        with open(path, "rb") as handle:
-            empty = not handle.read(1)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
+    empty = regular_size(path) == 0
     name = path.name.lower()
     suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
     if suffix not in SUFFIXES:
@@ -107,15 +100,24 @@ def _reader(suffix: str, path: Path) -> Callable[[Path, Choose], Table]:
         from aeolid.formats import matlab
 
         return matlab.read_mat
+    if suffix == ".parquet":
+        return _read_parquet
+    if suffix == ".npz":
+        from aeolid.formats import archive
+
+        return archive.read_npz
     from aeolid.formats import binary
 
-    if suffix == ".parquet" and binary.holds_frames(path):
-        return _read_can_log
-    return {
-        ".parquet": binary.read_parquet,
-        ".npz": binary.read_npz,
-        ".outb": binary.read_outb,
-    }[suffix]
+    return binary.read_outb
+
+
+def _read_parquet(path: Path, choose: Choose) -> Table:
+    from aeolid.formats import parquet
+
+    try:
+        return parquet.read_parquet(path, choose)
+    except parquet.HoldsFrames:
+        return _read_can_log(path, choose)
 
 
 def _read_can_log(path: Path, choose: Choose) -> Table:

@@ -1,8 +1,7 @@
-"""Hold the columns of one file before they are a recording, and guard against what does not fit in memory."""
+"""Hold the columns of one file before they are a recording."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.display import token
+from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
 
 Array = NDArray[np.float64]
@@ -49,21 +48,10 @@ def want_all(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:
     return tuple(name for name in names if name)
 
 
-def memory_limit() -> int:
-    """Return how many bytes one table may take: half the machine's memory."""
-    try:
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-    except (ValueError, OSError, AttributeError):
-        return 4 << 30
-
-
-def guard_size(source: str | Path, needed: int) -> None:
-    """Refuse a table of `needed` bytes when it does not fit; the sentence says what to do."""
-    if needed > memory_limit():
-        raise DataError(
-            f"{source}: the wanted channels take {needed / 2**30:.1f} GiB, this machine can hold"
-            f" {memory_limit() / 2**30:.1f} GiB; split the recording into several files and give them together"
-        )
+def positions(names: Sequence[str], wanted: Sequence[str]) -> list[int]:
+    """Return where each wanted name stands first among the names."""
+    place = {name: i for i, name in reversed(list(enumerate(names)))}
+    return [place[name] for name in wanted]
 
 
 def require_one_length(source: str | Path, columns: dict[str, Array]) -> None:
@@ -74,8 +62,11 @@ def require_one_length(source: str | Path, columns: dict[str, Array]) -> None:
         raise DataError(f"{source}: channels differ in their number of samples ({listed}); resample them to one clock")
 
 
-def to_numbers(source: str | Path, name: str, values: object) -> Array:
-    """Return values as a float column (N,); text, complex or nested data are refused by sample."""
+def to_numbers(source: str | Path, name: str, values: object, before: int = 0) -> Array:
+    """Return values as a float column (N,); text, complex or nested data are refused by sample.
+
+    before: how many samples of the channel come before these.
+    """
     array = np.asarray(values)
     if isinstance(values, np.ma.MaskedArray):
         array = np.ma.filled(values.astype(float), np.nan) if values.dtype.kind in "biuf" else np.asarray(values)
@@ -83,10 +74,14 @@ def to_numbers(source: str | Path, name: str, values: object) -> Array:
         return np.ascontiguousarray(array, dtype=np.float64)
     if array.dtype.kind == "c":
         raise DataError(f"{source}: channel {name!r} is complex; give real samples, one channel a signal")
-    return _numbers_from_objects(source, name, array)
+    return _numbers_from_objects(source, name, array, before)
 
 
-def _numbers_from_objects(source: str | Path, name: str, array: NDArray[np.generic]) -> Array:
+def _numbers_from_objects(source: str | Path, name: str, array: NDArray[np.generic], before: int) -> Array:
+    if array.ndim != 1:
+        raise DataError(
+            f"{source}: channel {name!r} holds {array.ndim}-dimensional data; one number a sample is needed"
+        )
     out = np.full(len(array), np.nan)
     for index, value in enumerate(array.tolist()):
         if value is None or value == "":
@@ -94,7 +89,7 @@ def _numbers_from_objects(source: str | Path, name: str, array: NDArray[np.gener
         try:
             out[index] = float(value)
         except (TypeError, ValueError, OverflowError):
-            raise text_error(source, name, f"sample {index + 1}", value) from None
+            raise text_error(source, name, f"sample {before + index + 1}", value) from None
     return out
 
 
@@ -104,6 +99,12 @@ def text_error(source: str | Path, name: str, place: str, value: object) -> Data
     return DataError(
         f"{source}: channel {name!r}, {place}: {shown!r} is not a number; correct the cell or leave it empty"
     )
+
+
+def unreadable(path: str | Path, kind: str, error: Exception) -> DataError:
+    """Build the refusal of a file its own reader cannot take."""
+    cause = token(without_quotes(" ".join(str(error).split())), 160) or type(error).__name__
+    return DataError(f"{path}: not readable as {kind} ({cause}); check that the copy is complete and the suffix right")
 
 
 def listed(names: Sequence[str], most: int = 12) -> str:

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import csv
-import gzip
-import io
 import itertools
 import re
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, cast
 
 import numpy as np
 
 from aeolid.errors import DataError
+from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
 from aeolid.formats.headings import bare_heading, split_heading
-from aeolid.formats.table import Array, Choose, Table, guard_size, text_error
+from aeolid.formats.table import Array, Choose, Table, positions, text_error
+from aeolid.formats.unpacking import GZIP, bounded_lines, open_text
+from aeolid.inputs import open_regular
 
 EMPTY = ("", "NaN", "nan", "NAN", "NA", "N/A", "n/a", "null", "NULL", "None", "#N/A", "-nan")
 _BLOCK = 1 << 22  # bytes read at a time: memory is bounded by the wanted columns, not by the file
-_HEAD_LIMIT = 1 << 20  # a heading longer than this is not a table
+_CELLS = 1 << 16  # that are Python numbers at a time
 
 
 @dataclass(frozen=True)
@@ -49,23 +48,35 @@ def read_csv(path: Path, choose: Choose) -> Table:
 
 def read_out(path: Path, choose: Choose) -> Table:
     """Read OpenFAST text output: six lines of description, names, units, then rows separated by blanks."""
-    with _open(path) as handle:
-        head = [line.decode("latin-1") for line in itertools.islice(handle, 8)]
+    with open_regular(path) as handle:
+        lines = bounded_lines(path, handle)
+        head = [line.decode("latin-1") for line in itertools.islice(lines, 8)]
         rows = next((i for i, line in enumerate(head) if line.split()[:1] == ["Time"]), None)
+        if head and head[0].startswith(GZIP.decode("latin-1")):
+            raise DataError(f"{path}: packed by gzip; unpack it first (gunzip)")
         if rows is None or rows + 1 >= len(head):
             raise DataError(f"{path}: no line that starts with 'Time' among the first eight; not OpenFAST text output")
-        names = tuple(head[rows].split())
+        names = guard_names(path, tuple(head[rows].split()))
         units = [u.strip("()") for u in head[rows + 1].split()]
         if len(units) != len(names):
             raise DataError(f"{path}: {len(names)} names but {len(units)} units in line {rows + 2}")
         wanted = choose(names, "Time")
-        index = [names.index(name) for name in wanted]
-        handle.seek(0)
-        body = itertools.islice(handle, rows + 2, None)
-        values = list(_out_rows(path, body, names, index, rows + 3))
-    table = np.array(values, dtype=float).reshape(len(values), len(wanted))
+        index = positions(names, wanted)
+        body = itertools.chain((line.encode("latin-1") for line in head[rows + 2 :]), lines)
+        table = _gather(path, _out_rows(path, body, names, index, rows + 3), len(wanted))
     columns = {name: np.ascontiguousarray(table[:, i]) for i, name in enumerate(wanted)}
     return Table(str(path), names, columns, dict(zip(names, units, strict=True)), "Time", rows + 3)
+
+
+def _gather(path: Path, rows: Iterator[list[float]], width: int) -> Array:
+    """Collect rows in blocks, so that the list of Python numbers stays small; returns (N, width)."""
+    blocks: list[Array] = [np.empty((0, width))]
+    count = 0
+    while block := list(itertools.islice(rows, max(1, _CELLS // max(1, width)))):
+        count += len(block)
+        guard_size(path, 2 * count * width * 8)  # twice: the blocks and their concatenation
+        blocks.append(np.array(block, dtype=float).reshape(len(block), width))
+    return np.concatenate(blocks)
 
 
 def _out_rows(
@@ -97,19 +108,10 @@ def _reads(cell: bytes) -> bool:
     return True
 
 
-def _open(path: Path) -> IO[bytes]:
-    with open(path, "rb") as handle:
-        packed = handle.read(2) == b"\x1f\x8b"
-    return cast(IO[bytes], gzip.open(path, "rb")) if packed else open(path, "rb")
-
-
 def _csv_layout(path: Path) -> Layout:
     """Read the lines up to sample 1: comments, the heading, an optional row of units."""
-    try:
-        with _open(path) as handle:
-            head = handle.read(_HEAD_LIMIT)
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise _broken_gzip(path, error) from None
+    with open_text(path) as handle:
+        head = handle.read(MOST_LINE)
     if not head.strip():
         raise DataError(f"{path}: the file is empty; a heading line and one row a sample are needed")
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -126,16 +128,24 @@ def _csv_layout(path: Path) -> Layout:
 
 def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
     delimiter = max(",;\t", key=lines[0].count)
-    names = tuple(bare_heading(cell.strip()) for cell in next(csv.reader([lines[0]], delimiter=delimiter)))
+    names = guard_names(path, tuple(bare_heading(cell.strip()) for cell in _cells(path, lines[0], delimiter)))
     if all(_is_number(name) for name in names):
         raise DataError(f"{path}: line {skip + 1} holds numbers where the headings should be; add a heading line")
     units = {name: unit for name in names if (unit := split_heading(name)[1]) is not None}
-    rows = [next(csv.reader([line], delimiter=delimiter)) for line in lines[1:]]
+    rows = [_cells(path, line, delimiter) for line in lines[1:]]
     if rows and len(rows[0]) == len(names) and _is_unit_row(rows[0]) and len(rows) > 1 and not _is_unit_row(rows[1]):
         units |= {n: u.strip().strip("[]()") for n, u in zip(names, rows.pop(0), strict=True) if u.strip()}
         skip += 1
     decimal = "," if delimiter != "," and rows and any("," in cell for cell in rows[0]) else "."
     return Layout(names, units, delimiter, decimal, skip + 1, encoding)
+
+
+def _cells(path: Path, line: str, delimiter: str) -> list[str]:
+    """Split one line of the head."""
+    try:
+        return next(csv.reader([line], delimiter=delimiter), [])
+    except csv.Error as error:
+        raise DataError(f"{path}: the heading is no line of a table ({error}); check the delimiter") from None
 
 
 def _is_unit_row(cells: list[str]) -> bool:
@@ -156,7 +166,7 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[s
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
-    keys = [str(layout.names.index(name)) for name in wanted]
+    keys = [str(position) for position in positions(layout.names, wanted)]
     types = dict.fromkeys(keys, pa.float64())
     read = arrow_csv.ReadOptions(
         column_names=[str(i) for i in range(len(layout.names))], skip_rows=layout.skip, block_size=_BLOCK,
@@ -167,16 +177,13 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[s
     )
     parts: dict[str, list[Array]] = {key: [] for key in keys}
     rows = 0
-    try:
-        with _open(path) as handle:
-            parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
-            for batch in arrow_csv.open_csv(handle, read, parse, convert):
-                rows += batch.num_rows
-                guard_size(path, 2 * rows * len(keys) * 8)  # twice: the parts and their concatenation
-                for key in keys:
-                    parts[key].append(batch.column(key).to_numpy(zero_copy_only=False))
-    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
-        raise _broken_gzip(path, error) from None
+    with open_text(path) as handle:
+        parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
+        for batch in arrow_csv.open_csv(handle, read, parse, convert):
+            rows += batch.num_rows
+            guard_size(path, 2 * rows * len(keys) * 8)  # twice: the parts and their concatenation
+            for key in keys:
+                parts[key].append(batch.column(key).to_numpy(zero_copy_only=False))
     return {
         name: np.concatenate([np.empty(0), *(np.asarray(p, dtype=float) for p in parts.pop(key))])
         for name, key in zip(wanted, keys, strict=True)
@@ -185,25 +192,34 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[s
 
 def _locate(path: Path, layout: Layout, wanted: tuple[str, ...], cause: str) -> DataError:
     """Walk the file once more, slowly, to name the first row that cannot be read."""
-    index = [layout.names.index(name) for name in wanted]
-    with _open(path) as raw, io.TextIOWrapper(raw, layout.encoding, errors="replace", newline="") as text:
-        body = itertools.islice(text, layout.skip, None)
-        sample = 0
-        for cells in csv.reader(body, delimiter=layout.delimiter):
-            if not cells:
-                continue
-            if len(cells) != len(layout.names):
-                return _ragged(path, sample, layout.skip + 1, len(layout.names), len(cells))
-            for i in index:
-                cell = cells[i].strip()
-                number = cell.replace(",", ".") if layout.decimal == "," else cell
-                if cell not in EMPTY and not _is_number(number):
-                    place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
-                    return text_error(path, layout.names[i], place, cell)
-            sample += 1
-    rows = re.search(r"Expected \d+ columns, got \d+", cause)  # what follows it is the row itself
+    index = positions(layout.names, wanted)
+    try:
+        with open_text(path) as raw:
+            lines = (line.decode(layout.encoding, "replace") for line in bounded_lines(path, raw))
+            body = itertools.islice(lines, layout.skip, None)
+            return _first_fault(path, layout, index, csv.reader(body, delimiter=layout.delimiter))
+    except csv.Error as error:
+        cause = f"{cause} {error}"
+    rows = re.search(r"Expected \d+ columns, got \d+|field larger than field limit", cause)  # the row itself may follow
     told = f" ({rows[0]})" if rows else ""
     return DataError(f"{path}: not a readable table{told}; export it as CSV, one row a sample")
+
+
+def _first_fault(path: Path, layout: Layout, index: list[int], rows: Iterator[list[str]]) -> DataError:
+    sample = 0
+    for cells in rows:
+        if not cells:
+            continue
+        if len(cells) != len(layout.names):
+            return _ragged(path, sample, layout.skip + 1, len(layout.names), len(cells))
+        for i in index:
+            cell = cells[i].strip()
+            number = cell.replace(",", ".") if layout.decimal == "," else cell
+            if cell not in EMPTY and not _is_number(number):
+                place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
+                return text_error(path, layout.names[i], place, cell)
+        sample += 1
+    raise csv.Error("its rows cannot be told apart")
 
 
 def _ragged(path: Path, sample: int, first: int, expected: int, found: int) -> DataError:
@@ -211,10 +227,6 @@ def _ragged(path: Path, sample: int, first: int, expected: int, found: int) -> D
         f"{path}: sample {sample + 1} (line {first + sample}) has {found} cells where the heading has {expected};"
         f" complete the row or remove it"
     )
-
-
-def _broken_gzip(path: Path, error: Exception) -> DataError:
-    return DataError(f"{path}: the gzip data are cut off or damaged ({str(error).split(chr(10))[0]}); copy it again")
 
 
 def _is_number(text: str) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from aeolid import output
 from aeolid.errors import UsageError
 from aeolid.formats.headings import heading_line, require_readable
+from aeolid.formats.parquet import WRITTEN
 from aeolid.formats.table import Array, require_one_length
 
 
@@ -47,7 +48,7 @@ def _write(handle: BinaryIO, name: str, table: Any, names: list[str]) -> None:
     if name.endswith(".parquet"):
         from pyarrow import parquet
 
-        parquet.write_table(table, handle)
+        parquet.write_table(table, handle, **WRITTEN)
     elif name.endswith(".gz"):
         with gzip.GzipFile(filename="", mode="wb", fileobj=handle, compresslevel=6) as packed:
             _write_csv(packed, table, names)

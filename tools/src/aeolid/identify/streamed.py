@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +14,8 @@ from numpy.typing import NDArray
 
 from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
+from aeolid.formats.archive import Archive
+from aeolid.formats.table import listed
 from aeolid.identify.markov import MarkovEstimate, regressor_columns, with_theta
 from aeolid.identify.recursive_spread import LEAST_SHARE, FilterMemory, measure, sample_indices
 from aeolid.identify.windows import Scaling, WindowFactor
@@ -23,6 +24,8 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 GROWTH_MAX = 10.0  # of the variances of a filter that does not say its own; the wire never does
 ON_WIRE = 32, 16  # bytes of a channel's name and unit that a controller sends
+_READ = ("theta", "residual", "innovation", "settings", "inputs", "outputs", "input_units", "output_units", "sha256",
+         "sample_index")  # fmt: skip
 SAME_TIME = 0.02  # relative; clocks and rounded time columns differ by less, decimated recordings by more
 
 
@@ -47,18 +50,24 @@ class Origin:
     memory: FilterMemory | None = None
 
     @classmethod
-    def read(cls, archive: Any) -> Origin | None:
-        """Read it from an open .npz; None where the file does not say."""
-        if not {"settings", "inputs", "outputs", "input_units", "output_units"} <= set(archive.files):
+    def read(cls, archive: Mapping[str, NDArray[Any]]) -> Origin | None:
+        """Read it from the arrays of a markov.npz; None where the file does not say.
+
+        Raises ValueError, TypeError, LookupError, ArithmeticError or AttributeError where it says what cannot be.
+        """
+        if not {"settings", "inputs", "outputs", "input_units", "output_units"} <= archive.keys():
             return None
         settings, wired = json.loads(str(archive["settings"])), "sample_index" in archive
         channels, units = (
             tuple(str(v) for key in keys for v in archive[key])
             for keys in (("inputs", "outputs"), ("input_units", "output_units"))
         )
+        step, past = float(settings["sample_time_s"]), int(settings["past"])
+        through, inputs = tuple(int(i) for i in settings["feedthrough"]), len(archive["inputs"])
+        if len(units) != len(channels) or not 0 < step < 1e6 or past < 1 or not set(through) <= set(range(inputs)):
+            raise ValueError("its settings contradict each other")
         return cls(
-            channels, units, len(archive["inputs"]), int(settings["past"]), str(settings["model_set"]),
-            tuple(int(i) for i in settings["feedthrough"]), float(settings["sample_time_s"]),
+            channels, units, inputs, past, str(settings["model_set"]), through, step,
             "" if wired else str(archive["sha256"]), wired, _read_memory(settings, archive, wired),
         )  # fmt: skip
 
@@ -121,23 +130,20 @@ class StreamedMarkov:
     @classmethod
     def load(cls, path: str | Path) -> StreamedMarkov:
         """Read Ξ, innovations and origin from a markov.npz; raises DataError that names the file."""
+        with Archive(path) as archive:
+            names = archive.shapes
+            if "theta" not in names:
+                raise DataError(f"{path}: no array 'theta'; it holds {listed(list(names)) or 'nothing'}")
+            content = archive.load([name for name in _READ if name in names])
         try:
-            if Path(path).is_file() and not zipfile.is_zipfile(path):
-                raise DataError(f"{path}: not a readable .npz of Markov parameters; filter and listen write one")
-            with np.load(path, allow_pickle=False) as archive:
-                if "theta" not in archive:
-                    raise DataError(f"{path}: no array 'theta'; it holds {', '.join(archive.files) or 'nothing'}")
-                theta = np.asarray(archive["theta"], dtype=np.float64)
-                # e is the a posteriori residual where the file has it; a stream carries the innovation only
-                kinds = [np.asarray(archive[k], np.float64) for k in ("residual", "innovation") if k in archive]
-                innovation = next((e for e in kinds if np.isfinite(e).any()), None)
-                origin = Origin.read(archive)
-        except FileNotFoundError:
-            raise DataError(f"{path}: no such file") from None
-        except (OSError, ValueError, TypeError, KeyError, zipfile.BadZipFile, EOFError) as error:
-            raise DataError(
-                f"{path}: not a readable .npz of Markov parameters: {token(without_quotes(str(error)), 160)}"
-            ) from None
+            theta = np.asarray(content["theta"], dtype=np.float64)
+            # e is the a posteriori residual where the file has it; a stream carries the innovation only
+            kinds = [np.asarray(content[k], np.float64) for k in ("residual", "innovation") if k in content]
+            innovation = next((e for e in kinds if e.ndim == 2 and np.isfinite(e).any()), None)
+            origin = Origin.read(content)
+        except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+            cause = token(without_quotes(str(error)), 160)
+            raise DataError(f"{path}: not a readable .npz of Markov parameters: {cause}") from None
         if theta.ndim != 2:
             raise DataError(f"{path}: theta has shape {theta.shape}, a matrix (outputs x regressors) is needed")
         if not np.isfinite(theta).all():
@@ -228,7 +234,7 @@ class StreamedMarkov:
         return theta
 
 
-def _read_memory(settings: dict[str, Any], archive: Any, wired: bool) -> FilterMemory | None:
+def _read_memory(settings: dict[str, Any], archive: Mapping[str, NDArray[Any]], wired: bool) -> FilterMemory | None:
     """Read how the filter weighed its samples; None where the file does not say."""
     keys = ("forgetting", "regularisation", "offset", "scale")
     if any(settings.get(key) is None for key in keys):
@@ -240,8 +246,10 @@ def _read_memory(settings: dict[str, Any], archive: Any, wired: bool) -> FilterM
         return None
     last = int(archive["sample_index"]) if wired else -1
     # the wire does not carry the guards of the filter: their defaults
-    growth = float(settings.get("growth_max") or GROWTH_MAX)
-    return FilterMemory(float(numbers[0]), float(numbers[1]), offset, scale, growth, last if last >= 0 else None)
+    growth, ridge = float(settings.get("growth_max") or GROWTH_MAX), float(numbers[1])
+    if not np.isfinite([growth, ridge, *offset, *scale]).all():
+        return None
+    return FilterMemory(float(numbers[0]), ridge, offset, scale, growth, last if last >= 0 else None)
 
 
 def theta_in_units(theta: Array, scaling: Scaling, past: int) -> Array:

@@ -1,0 +1,70 @@
+"""Read text that may be packed by gzip, and let it unpack no further than its bound."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from aeolid.errors import DataError
+from aeolid.formats.bounds import FACTOR, FLOOR, MIB, MOST_LINE, content_limit
+from aeolid.inputs import open_regular
+
+GZIP = b"\x1f\x8b"  # how packed data begin
+
+
+def open_text(path: Path) -> BinaryIO:
+    """Open a text file for reading as bytes, unpacked where it is packed, whatever its suffix.
+
+    Reading raises DataError where the packed data are damaged or unpack beyond `content_limit`.
+    """
+    handle = open_regular(path)
+    if handle.peek(2)[:2] != GZIP:  # type: ignore[attr-defined] # buffered, by fdopen
+        return handle
+    return cast(BinaryIO, io.BufferedReader(_Unpacked(path, handle), 1 << 16))
+
+
+def bounded_lines(path: Path, handle: BinaryIO) -> Iterator[bytes]:
+    """Yield lines with their ends; raises DataError at one longer than MOST_LINE."""
+    number = 0
+    while line := handle.readline(MOST_LINE + 1):
+        number += 1
+        if len(line) > MOST_LINE:
+            raise DataError(f"{path}: line {number} is longer than {MOST_LINE // MIB} MiB; this is not a text table")
+        yield line
+
+
+class _Unpacked(io.RawIOBase):
+    """Unpack gzip, counting."""
+
+    def __init__(self, path: Path, handle: BinaryIO) -> None:
+        self._path, self._below = path, handle
+        self._file = gzip.GzipFile(fileobj=handle)
+        self._left = self._most = content_limit(path)
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: object) -> int:
+        view = memoryview(buffer).cast("B")  # type: ignore[arg-type] # what io hands over is a buffer
+        try:
+            piece = self._file.read1(len(view))
+        except (EOFError, OSError, zlib.error) as error:
+            cause = str(error).split("\n")[0]
+            raise DataError(f"{self._path}: the gzip data are cut off or damaged ({cause}); copy it again") from None
+        self._left -= len(piece)
+        if self._left < 0:
+            raise DataError(
+                f"{self._path}: it unpacks into more than the {self._most / MIB:.0f} MiB that a file of its size may"
+                f" ({FLOOR // MIB} MiB and {FACTOR} times its size); unpack or split the recording"
+            )
+        view[: len(piece)] = piece
+        return len(piece)
+
+    def close(self) -> None:
+        self._file.close()
+        self._below.close()
+        super().close()
