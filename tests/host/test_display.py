@@ -18,6 +18,7 @@ from aeolid.display import is_unseen, sentence, token, visible, visible_lines, w
 from aeolid.errors import DataError
 from aeolid.formats import read_record, read_table, write_table
 from aeolid.formats.headings import bare_heading, fault_of_name, harmless_name, heading_line
+from aeolid.models.model_file import read_signals
 from aeolid.record import Channel, Roles
 from aeolid.report.charts import sketch
 from aeolid.report.markup import table, tag, write_page
@@ -103,7 +104,14 @@ def test_roles_refuse_such_names(name: str, tmp_path: Path, capsys: pytest.Captu
     words = ["identify", str(tmp_path / "r.csv"), "--roles", str(tmp_path / "roles.toml"), "--past", "3"]
     assert main([*words, "--out", str(tmp_path / "m.json")]) == 3
     said = capsys.readouterr().err
-    assert "roles.toml: the name" in said and not any(is_unseen(c) for c in said.replace("\n", ""))
+    assert "roles.toml" in said and "the name" in said and not any(is_unseen(c) for c in said.replace("\n", ""))
+
+
+def test_models_refuse_such_names() -> None:
+    for entry in ("a\nb", {"name": "a", "unit": "\u202em"}, {"name": "\x1b[2J"}):
+        with pytest.raises(DataError, match="control character"):
+            read_signals([entry], "outputs", "m.json")
+    assert read_signals(["ω [rad/s]"], "outputs", "m.json")[0].name == "ω [rad/s]"
 
 
 def test_names_from_the_bus_fit_every_file(tmp_path: Path) -> None:

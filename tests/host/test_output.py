@@ -193,6 +193,20 @@ def test_folders_are_tried_before_the_work(
         assert (place / NAMED[name]).read_text() == "mine"
 
 
+def test_what_is_cleared_was_made_by_the_same_command(folder: Path) -> None:
+    """The results of a challenge and the demonstration are written anew each time, so the folder must be theirs."""
+    place = folder / "results"
+    for _ in range(2):
+        output.declare("challenge run", force=False, folders={"--out": place}, claimed=True)
+        (place / "case-0001").mkdir(exist_ok=True)
+    output.finished()
+    for command in ("demo", "challenge run"):
+        with pytest.raises(UsageError, match="did not make it"):
+            other = place if command == "demo" else folder
+            output.declare(command, force=False, folders={"--out": other}, claimed=True)
+        output.finished()
+
+
 def test_a_link_planted_in_a_case_is_not_followed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The folder of a case is somebody else's: what lies between it and the output is no link."""
     elsewhere = folder.parent / "elsewhere"

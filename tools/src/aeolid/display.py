@@ -16,6 +16,11 @@ def is_unseen(character: str) -> bool:
     return unicodedata.category(character) in _UNSEEN
 
 
+def has_unseen(*texts: str) -> bool:
+    """Tell whether one of the texts holds such a character, a line end among them."""
+    return any(is_unseen(c) for text in texts if not text.isascii() or not text.isprintable() for c in text)
+
+
 def visible(text: str, *, keep: frozenset[str] = frozenset()) -> str:
     r"""Return a text with every control, bidirectional and zero-width character written out, as \x1b or \u202e.
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import has_unseen, token
 from aeolid.errors import DataError, UsageError
 from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
 
@@ -199,6 +200,8 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
             raise DataError(f"{where}: {key} is missing or not a text")
         if not is_short(entry[key]):
             raise DataError(f"{where}: {key} = {shown(entry[key])} is longer than {MOST_LETTERS} characters")
+    if has_unseen(entry["name"], entry["unit"]):
+        raise DataError(f"{where}: the name {token(entry['name'])!r} or its unit holds a control character; rename it")
     if entry["role"] not in ROLES:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
     if not is_short(entry.get("column", "")):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
 
-from aeolid.display import is_unseen, token, visible
+from aeolid.display import has_unseen, token, visible
 from aeolid.errors import DataError
 from aeolid.formats.table import listed
 
@@ -42,7 +42,7 @@ def fault_of_name(name: str, unit: str = "") -> str:
     """Say why a channel of this name and unit would not be found again in a file of ours; empty where it would."""
     if not name.strip() or name != name.strip():
         return "is empty" if not name.strip() else "begins or ends with a blank"
-    if any(is_unseen(c) for c in name):
+    if has_unseen(name):
         return "holds a control character"
     found = split_heading(name)[1]
     if found is not None and unit and plain_unit(found) and not same_unit(found, unit):

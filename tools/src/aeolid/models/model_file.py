@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.display import has_unseen, token
 from aeolid.errors import DataError
 from aeolid.record import check_keys
 from aeolid.text_files import MOST_LETTERS, is_number, shown
@@ -52,6 +53,10 @@ def read_signals(entries: Any, key: str, source: str) -> tuple[Signal, ...]:
             raise DataError(f"{source}: {key}[{i}] has a name or unit of more than {MOST_LETTERS} characters")
         if not is_number(offset):
             raise DataError(f"{source}: {key}[{i}] has offset {shown(offset)}, a finite number is needed")
+        if has_unseen(entry["name"], entry.get("unit", "")):
+            raise DataError(
+                f"{source}: {key}[{i}]: name {token(entry['name'])!r} or its unit holds a control character"
+            )
         result.append(Signal(entry["name"], entry.get("unit", ""), float(offset)))
     return tuple(result)
 
