@@ -214,7 +214,14 @@ static void set_feedback(aeo_els_t *self)
     }
 }
 
-/* What follows once the inner filter, fresh starts times started before, has taken z; passes its status on. */
+/* How often P has started anew of itself; modulo 2^32 once a counter stays at the top. */
+static uint32_t count_starts(const aeo_els_t *self)
+{
+    return self->rls.count.reinitialised + self->rls.count.released;
+}
+
+/* What follows once the inner filter, started anew `starts` times before, has taken z; passes its status on. After a
+ * fault of a sensor, too, the yardstick of the guard is to be measured again. */
 static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, uint32_t starts, aeo_status_t status)
 {
     if (status != AEO_OK) {
@@ -224,7 +231,7 @@ static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, uint32_t starts
         notice_unfed(self, z);
     }
     aeo_count_up(&self->since);
-    if ((guard_is_on(&self->config) && watch(self, z)) || self->rls.count.reinitialised != starts) {
+    if ((guard_is_on(&self->config) && watch(self, z)) || count_starts(self) != starts) {
         fall_back(self);
         return AEO_OK;
     }
@@ -241,7 +248,7 @@ aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real
     if (self == NULL) {
         return AEO_E_ARG;
     }
-    const uint32_t starts = self->rls.count.reinitialised;
+    const uint32_t starts = count_starts(self);
     return attend(self, z, starts, aeo_rls_update(&self->rls, z, y));
 }
 
@@ -259,7 +266,7 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
     if (status != AEO_OK) {
         return status;
     }
-    const uint32_t starts = self->rls.count.reinitialised;
+    const uint32_t starts = count_starts(self);
     const aeo_real_t *z = aeo_regressor_z(regressor);
     status = attend(self, z, starts, aeo_rls_update(&self->rls, z, aeo_regressor_y(regressor)));
     return status == AEO_OK ? aeo_regressor_set_innovation(regressor, self->feedback) : status;
@@ -325,7 +332,7 @@ int aeo_els_invariants_hold(const aeo_els_t *self)
 
 /* The saved array: version, bytes of a real, p, d, lambda_end, lambda_start, rate, guard ratio, VARX samples (at most
  * 1e6, exact in a float); three counters, health, since, backoff, missed; lambda_end - lambda; feedback and levels
- * (saved.h); then the saved array of rls.h. */
+ * (saved.h); then the saved array of rls.h, which has a seal of its own. */
 enum { BACKOFF = 5, MISSED, NUMBERS, SETTINGS = 5 };
 
 static void describe(const aeo_els_t *self, aeo_real_t settings[SETTINGS], aeo_saved_form_t *form)
@@ -359,7 +366,9 @@ aeo_status_t aeo_els_save(const aeo_els_t *self, aeo_real_t *saved, size_t lengt
     const size_t own = AEO_ELS_OWN(self->config.outputs), outer = AEO_ELS_SAVED_HEAD + own;
     saved[AEO_ELS_SAVED_HEAD - 1u] = self->shortfall;
     memcpy(saved + AEO_ELS_SAVED_HEAD, self->feedback, own * sizeof *saved); /* the levels lie behind it */
-    return aeo_rls_save(&self->rls, saved + outer, length - outer);
+    (void)aeo_rls_save(&self->rls, saved + outer, length - outer);           /* the length is judged: it cannot fail */
+    aeo_saved_seal(saved, form.words);
+    return AEO_OK;
 }
 
 /* Restore the inner filter, which wants the lambda it was saved with; on failure everything is as it was. */

@@ -17,6 +17,9 @@
 /* Of a saved A or B: as an entry moves by at most 1e24 a sample, none that moves can leave this within 1e6 samples, and
  * one that rests cannot overflow by it. */
 #define WEIGHT_MAX AEO_REAL(1e30)
+/* Of a saved S, whose variances the bound keeps within a few times 1e10, and E, a sum of at most 1e8 samples. */
+#define FACTOR_MAX AEO_REAL(1e6)
+#define ENERGY_MAX AEO_REAL(1e33)
 
 /* 1 + w'kappa is at least 1; rounding in an array that is well lies far below this. */
 #define NEWS_LEAST AEO_REAL(-0.1)
@@ -231,6 +234,8 @@ int aeo_fast_array_is_sound(const aeo_fast_rls_t *self, const aeo_real_t *words)
     }
     return aeo_linalg_all_within(words, 2 * m * n, WEIGHT_MAX) &&
            aeo_linalg_all_within(kappa, n, AEO_REAL(2) * GAIN_MAX * scalar[INVERSE_GAMMA]) &&
-           scalar[DISAGREEMENT] >= AEO_REAL(0) && scalar[ERROR_SIZE] >= AEO_REAL(0);
+           aeo_linalg_all_within(kappa + n + m, m * (m + 1) / 2, FACTOR_MAX) &&
+           aeo_linalg_all_within(scalar - m * m, m * m, ENERGY_MAX) && scalar[DISAGREEMENT] >= AEO_REAL(0) &&
+           scalar[ERROR_SIZE] >= AEO_REAL(0) && aeo_linalg_all_within(scalar + DISAGREEMENT, 2, AEO_REAL(2) * NEWS_MAX);
 }
 /* SPDX-License-Identifier: MIT */

@@ -10,6 +10,7 @@
 /* As in rls.c: samples are at most 1e6, and an innovation beyond AEO_LINALG_ERROR_MAX forces theta to start afresh
  * before it is used. A gain is at most 1e12 (fast_array.c), so theta moves by at most 1e24 an update, and theta z stays
  * below n 1e24 1e6 < 1.1e33 until the next judgement. */
+#define KEPT_MAX            AEO_REAL(100) /* theta of scaled data stays below some tens */
 #define SHRINK_MIN          AEO_REAL(1e-3)
 #define REGULARISATION_RISE AEO_REAL(65536)
 
@@ -60,7 +61,13 @@ static aeo_status_t judge_config(const aeo_fast_rls_config_t *config, size_t tai
     return shrink >= SHRINK_MIN ? AEO_OK : AEO_E_ARG;
 }
 
-/* Lengths of time in samples; none is above 86 memories of 1.7e7 samples, which 32 bits hold. */
+/* A length of time as a number of samples. In float none is above 86 memories of 1.7e7 samples; in double a memory may
+ * have 1e15, and what 32 bits cannot hold is cut at 2e9, six years at 10 Hz. */
+static uint32_t to_samples(aeo_real_t length)
+{
+    return length < AEO_REAL(2e9) ? (uint32_t)length : UINT32_C(2000000000);
+}
+
 static void fill_schedule(aeo_fast_rls_t *self)
 {
     const aeo_real_t n = (aeo_real_t)self->length, rate = AEO_REAL(1) - self->config.forgetting, q = n * rate;
@@ -69,7 +76,7 @@ static void fill_schedule(aeo_fast_rls_t *self)
     self->wait = 4u * self->length;
     self->warm = 50u * self->length; /* where nothing is forgotten */
     if (rate * (aeo_real_t)self->wait > AEO_REAL(0.1)) {
-        self->wait = (uint32_t)(AEO_REAL(0.1) / rate);
+        self->wait = to_samples(AEO_REAL(0.1) / rate);
     }
     if (rate > AEO_REAL(0)) { /* at least half of a rounding error */
         aeo_real_t warm = AEO_REAL(2) * WARM;
@@ -77,9 +84,9 @@ static void fill_schedule(aeo_fast_rls_t *self)
             const aeo_real_t life = LIFE + TAIL / q;
             warm = life < AEO_REAL(2) * warm ? life / AEO_REAL(2) : warm;
             warm = warm > WARM ? warm : WARM;
-            self->life = (uint32_t)((life - warm) / rate);
+            self->life = to_samples((life - warm) / rate);
         }
-        self->warm = (uint32_t)(warm / rate) + 2u * self->config.past;
+        self->warm = to_samples(warm / rate) + 2u * self->config.past;
     }
 }
 
@@ -100,7 +107,8 @@ static void place(aeo_fast_rls_t *self, aeo_real_t *memory)
     self->window = self->theta + n * l;
     self->innovation = self->window + m + n;
     self->residual = self->innovation + l;
-    self->step = self->residual + l;
+    self->watched = self->residual + l;
+    self->step = self->watched + AEO_WATCH_WORDS(l);
     self->update = self->step + n;
     self->error = self->update + n;
 }
@@ -133,6 +141,16 @@ aeo_status_t aeo_fast_rls_init(aeo_fast_rls_t *self, const aeo_fast_rls_config_t
     return AEO_OK;
 }
 
+/* theta that no scaled data have, as a fault may leave it, is not kept when arrays start afresh: with a rho raised by
+ * arrays lost in the fault not even twenty memories would lead back. */
+static void judge_theta(aeo_fast_rls_t *self)
+{
+    const size_t count = (size_t)self->length * self->config.outputs;
+    if (!aeo_linalg_all_within(self->theta, count, KEPT_MAX)) {
+        memset(self->theta, 0, count * sizeof *self->theta);
+    }
+}
+
 /* Forget the window and both arrays; the first array is ready for the next sample. */
 static void start_arrays(aeo_fast_rls_t *self)
 {
@@ -141,6 +159,8 @@ static void start_arrays(aeo_fast_rls_t *self)
     aeo_fast_array_start(self, &self->array[1]);
     self->active = 0;
     self->filled = 0;
+    judge_theta(self);
+    aeo_watch_forget(&self->watch, self->watched);
 }
 
 void aeo_fast_rls_reset(aeo_fast_rls_t *self)
@@ -153,6 +173,7 @@ void aeo_fast_rls_reset(aeo_fast_rls_t *self)
     self->hold = 0;
     self->random = 1;
     self->regularisation = self->config.regularisation;
+    aeo_watch_start(&self->watch, self->watched, self->config.outputs);
     start_arrays(self);
 }
 
@@ -295,6 +316,8 @@ static void replace_array(aeo_fast_rls_t *self)
         }
     }
     aeo_fast_array_start(self, follower);
+    judge_theta(self);
+    aeo_watch_forget(&self->watch, self->watched);
     self->hold = hold > pass ? hold : pass;
 }
 
@@ -342,6 +365,21 @@ static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
     feed_follower(self);
 }
 
+/* Let both arrays start afresh when they hold too much for the data of late; theta waits until their window is whole. */
+static void watch(aeo_fast_rls_t *self, const aeo_real_t *y)
+{
+    const size_t m = self->config.block;
+    const aeo_real_t *const newest = self->window + self->length;
+    if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, aeo_linalg_dot(newest, newest, m),
+                       self->config.forgetting, 0)) {
+        self->hold = find_hold(self, self->array[self->active].age);
+        self->regularisation = self->config.regularisation;
+        start_arrays(self);
+        aeo_count_up(&self->count.released);
+        self->health |= AEO_FAST_RLS_RELEASED;
+    }
+}
+
 aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     if (self == NULL) {
@@ -359,6 +397,9 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
         self->health |= AEO_FAST_RLS_REINITIALISED;
     }
     absorb(self, z);
+    if (self->config.forgetting < AEO_REAL(1)) {
+        watch(self, y);
+    }
     aeo_count_up(&self->count.updates);
     return AEO_OK;
 }

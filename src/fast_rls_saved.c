@@ -7,8 +7,8 @@
 
 #include <string.h>
 
-/* Places of the numbers saved: those that lie side by side from random to hold, then the arrays' ages. */
-enum { RANDOM, FILLED, ACTIVE, AGES = 12, NUMBERS = 14, SIZES = 5 };
+/* Places of the numbers saved: those that lie side by side from random to watch, then the arrays' ages. */
+enum { RANDOM, FILLED, ACTIVE, WATCH = 13, AGES = WATCH + 5, NUMBERS = AGES + 2, SIZES = 5 };
 
 static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
 {
@@ -19,11 +19,12 @@ static void copy_numbers(const aeo_fast_rls_t *self, uint32_t numbers[NUMBERS])
 
 static size_t count_kept(const aeo_fast_rls_t *self)
 {
-    return (size_t)(self->residual - self->array[0].forward) + self->config.outputs;
+    return (size_t)(self->step - self->array[0].forward);
 }
 
 /* The saved array: version, bytes of a real, p, m, l, feedthrough, three settings; random, filled, active, health,
- * counters, hold, ages; then arrays, theta, window, innovation and residual as they lie in memory (saved.h). */
+ * counters, hold, watch, ages; then arrays, theta, window, innovation, residual and the watch's words as they lie in
+ * memory (saved.h). */
 static void describe(const aeo_fast_rls_t *self, uint16_t sizes[SIZES], aeo_saved_form_t *form)
 {
     sizes[0] = self->config.past;
@@ -37,7 +38,7 @@ static void describe(const aeo_fast_rls_t *self, uint16_t sizes[SIZES], aeo_save
     form->number_count = NUMBERS;
     form->sizes = sizes;
     form->settings = &self->config.forgetting;
-    form->words = AEO_FAST_RLS_SAVED_HEAD + count_kept(self);
+    form->words = AEO_FAST_RLS_SAVED_HEAD + count_kept(self) + AEO_SAVED_SEAL;
 }
 
 aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, size_t length)
@@ -53,6 +54,7 @@ aeo_status_t aeo_fast_rls_save(const aeo_fast_rls_t *self, aeo_real_t *saved, si
     const aeo_status_t status = aeo_saved_begin(&form, numbers, saved, length);
     if (status == AEO_OK) {
         memcpy(saved + AEO_FAST_RLS_SAVED_HEAD, self->array[0].forward, count_kept(self) * sizeof *saved);
+        aeo_saved_seal(saved, form.words);
     }
     return status;
 }
@@ -68,9 +70,13 @@ static int words_hold(const aeo_fast_rls_t *self, const aeo_real_t *words)
            aeo_linalg_all_within(window + n + m, self->config.outputs, AEO_REAL(1e12));
 }
 
-static int numbers_hold(const aeo_fast_rls_t *self, const uint32_t numbers[NUMBERS])
+/* words lie as self's memory does */
+static int numbers_hold(const aeo_fast_rls_t *self, const uint32_t numbers[NUMBERS], const aeo_real_t *words)
 {
-    return numbers[RANDOM] != 0u && numbers[FILLED] <= self->config.past + 1u && numbers[ACTIVE] <= 1u;
+    aeo_watch_t watch;
+    memcpy(&watch, numbers + WATCH, sizeof watch);
+    return numbers[RANDOM] != 0u && numbers[FILLED] <= self->config.past + 1u && numbers[ACTIVE] <= 1u &&
+           aeo_watch_holds(&watch, words + (self->watched - self->array[0].forward), self->config.outputs);
 }
 
 aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved, size_t length)
@@ -87,7 +93,7 @@ aeo_status_t aeo_fast_rls_restore(aeo_fast_rls_t *self, const aeo_real_t *saved,
         return status;
     }
     const aeo_real_t *const body = saved + AEO_FAST_RLS_SAVED_HEAD;
-    if (!numbers_hold(self, numbers) || !words_hold(self, body)) {
+    if (!numbers_hold(self, numbers, body) || !words_hold(self, body)) {
         return AEO_E_DAMAGED;
     }
     memcpy((unsigned char *)self + offsetof(aeo_fast_rls_t, random), numbers, AGES * sizeof *numbers);
@@ -106,7 +112,7 @@ int aeo_fast_rls_invariants_hold(const aeo_fast_rls_t *self)
     copy_numbers(self, numbers);
     const size_t m = self->config.block, n = self->length;
     const aeo_real_t *const words = self->array[0].forward;
-    return numbers_hold(self, numbers) &&
+    return numbers_hold(self, numbers, words) &&
            self->residual == self->theta + (n * self->config.outputs + n + m + self->config.outputs) &&
            aeo_linalg_all_finite(words, count_kept(self)) && words_hold(self, words);
 }

@@ -214,21 +214,6 @@ uint32_t aeo_float_bits(aeo_real_t value)
     return bits;
 }
 
-uint32_t aeo_frame_crc32(uint32_t crc, uint32_t word)
-{
-    static const uint32_t table[16] = {
-        UINT32_C(0x00000000), UINT32_C(0x1DB71064), UINT32_C(0x3B6E20C8), UINT32_C(0x26D930AC),
-        UINT32_C(0x76DC4190), UINT32_C(0x6B6B51F4), UINT32_C(0x4DB26158), UINT32_C(0x5005713C),
-        UINT32_C(0xEDB88320), UINT32_C(0xF00F9344), UINT32_C(0xD6D6A3E8), UINT32_C(0xCB61B38C),
-        UINT32_C(0x9B64C2B0), UINT32_C(0x86D3D2D4), UINT32_C(0xA00AE278), UINT32_C(0xBDBDF21C)};
-    unsigned i;
-    crc ^= word; /* reflected: the four bytes, least significant first, in one go */
-    for (i = 0; i < 8u; i++) {
-        crc = (crc >> 4) ^ table[crc & 15u];
-    }
-    return crc;
-}
-
 uint32_t aeo_frame_repair_set(uint16_t repair, uint32_t word)
 {
     /* Two rounds of multiply and xor-shift; the odd constants are those of MurmurHash3's finaliser (Appleby, 2008). */

@@ -26,6 +26,9 @@ typedef uint64_t bits_t;
 typedef uint32_t bits_t;
 #endif
 
+/* Largest weight that is kept when covariances start anew; theta of scaled data stays below some tens. */
+#define WEIGHT_MAX AEO_REAL(100)
+
 /* Samples for each regressor after which the first ones are thrown away, when they were no true start. */
 #define LEARNING 4u
 
@@ -73,7 +76,8 @@ static void place_arrays(aeo_lattice_t *self, aeo_real_t *memory)
     self->step = self->alpha + p;
     self->innovation = self->step + p;
     self->residual = self->innovation + l;
-    self->forward = self->residual + l;
+    self->watched = self->residual + l;
+    self->forward = self->watched + AEO_WATCH_WORDS(l);
     self->targets = self->forward + m;
     self->spare = self->targets + l + d;
     self->reading = self->spare + 2 * m;
@@ -134,6 +138,18 @@ static void reset_factors(aeo_lattice_t *self)
         diagonal = j + 1 < p ? diagonal * self->config.forgetting : newest;
     }
     aeo_linalg_start_triangle(factor, self->config.present, newest);
+    aeo_watch_forget(&self->watch, self->watched);
+}
+
+/* Let the covariances start anew and weights stay, unless a fault has left some that no scaled data have. Until such are
+ * learnt anew their errors would go into the covariances of the later stages, and outlast ln(weight^2) memories there. */
+static void restart_factors(aeo_lattice_t *self)
+{
+    const size_t weights = (size_t)(self->window - self->present_weight);
+    reset_factors(self);
+    if (!aeo_linalg_all_within(self->present_weight, weights, WEIGHT_MAX)) {
+        memset(self->present_weight, 0, weights * sizeof *self->present_weight);
+    }
 }
 
 void aeo_lattice_reset(aeo_lattice_t *self)
@@ -142,6 +158,7 @@ void aeo_lattice_reset(aeo_lattice_t *self)
         return;
     }
     memset(self->factor, 0, aeo_lattice_count_state(self) * sizeof *self->factor);
+    aeo_watch_start(&self->watch, self->watched, self->config.outputs);
     reset_factors(self);
     for (size_t j = 0; j < self->config.past; j++) {
         self->alpha[j] = self->config.forgetting;
@@ -355,6 +372,22 @@ static void start_afresh(aeo_lattice_t *self, const aeo_real_t *z)
     self->health |= AEO_LATTICE_REINITIALISED;
 }
 
+/* Let the covariances start anew when they hold too much for the data of late; withheld: the gate kept this sample out.
+ * The whole window counts: blocks that were only followed enter the covariances as targets of the ones behind. */
+static void watch(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y, int withheld)
+{
+    const aeo_real_t power = aeo_linalg_dot(z, z, (size_t)self->config.past * self->config.block);
+    withheld += withheld && power >= self->gate * self->config.regularisation;
+    if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, power, self->config.forgetting,
+                       withheld)) {
+        restart_factors(self);
+        self->learning = 0;
+        self->quiet = 0;
+        aeo_count_up(&self->count.released);
+        self->health |= AEO_LATTICE_RELEASED;
+    }
+}
+
 aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     if (self == NULL) {
@@ -366,6 +399,7 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
         return status;
     }
     place_sample(self, z);
+    const int withheld = self->quiet != 0u;
     /* The second time all weights are 0: errors are samples, at most 1e6. */
     for (int i = 0; i < 2 && !take_sample(self, z, y); i++) {
         start_afresh(self, z);
@@ -375,8 +409,11 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
             bound_variances(self);
         }
         if (self->learning > 0u && --self->learning == 0u) {
-            reset_factors(self);
+            restart_factors(self);
         }
+    }
+    if (self->config.forgetting < AEO_REAL(1) && (withheld || !self->following)) {
+        watch(self, z, y, withheld && self->following);
     }
     self->read_order = 0;
     aeo_count_up(&self->count.updates);

@@ -53,7 +53,8 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     self->theta = self->factor + n * (n + 1) / 2;
     self->innovation = self->theta + n * l;
     self->residual = self->innovation + l;
-    self->gain = self->residual + l;
+    self->watched = self->residual + l;
+    self->gain = self->watched + AEO_WATCH_WORDS(l);
     self->projection = self->gain + n;
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
     derive_from_forgetting(self);
@@ -67,6 +68,7 @@ static void start_factor(aeo_rls_t *self)
     const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
     aeo_linalg_start_triangle(self->factor, self->config.regressors, diagonal);
     self->scan_row = 0;
+    aeo_watch_forget(&self->watch, self->watched);
 }
 
 void aeo_rls_reset(aeo_rls_t *self)
@@ -76,6 +78,7 @@ void aeo_rls_reset(aeo_rls_t *self)
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
     memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);
+    aeo_watch_start(&self->watch, self->watched, l);
     start_factor(self);
 }
 
@@ -153,6 +156,19 @@ static void bound_variances(aeo_rls_t *self)
     }
 }
 
+/* Let P start anew when it is too small for the data of late. */
+static void watch(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y, int quiet)
+{
+    const aeo_real_t power = aeo_linalg_dot(z, z, self->config.regressors);
+    const int withheld = quiet + (quiet && power >= self->gate * self->config.regularisation);
+    if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, power, self->config.forgetting,
+                       withheld)) {
+        start_factor(self);
+        aeo_count_up(&self->count.released);
+        self->health |= AEO_RLS_RELEASED;
+    }
+}
+
 aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     if (self == NULL) {
@@ -170,7 +186,8 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
         self->health |= AEO_RLS_REINITIALISED;
     }
     const aeo_real_t news = aeo_linalg_project(self->factor, z, self->projection, self->config.regressors);
-    if (news < self->gate) {
+    const int quiet = news < self->gate;
+    if (quiet) {
         absorb(self, AEO_REAL(1), AEO_REAL(1));
         aeo_count_up(&self->count.withheld);
         self->health |= AEO_RLS_WITHHELD;
@@ -179,6 +196,7 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
     }
     if (self->config.forgetting < AEO_REAL(1)) {
         bound_variances(self);
+        watch(self, z, y, quiet);
     }
     aeo_count_up(&self->count.updates);
     return AEO_OK;
@@ -242,14 +260,20 @@ int aeo_rls_invariants_hold(const aeo_rls_t *self)
         return 0;
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
-    return self->theta == self->factor + n * (n + 1) / 2 && self->projection == self->theta + n * l + 2 * l + n &&
-           self->scan_row < n && aeo_linalg_all_finite(self->theta, n * l + 2 * n + 2 * l) &&
-           factor_holds(self->factor, n, self->variance_max);
+    return self->theta == self->factor + n * (n + 1) / 2 && self->watched == self->theta + n * l + 2 * l &&
+           self->projection == self->watched + AEO_WATCH_WORDS(l) + n && self->scan_row < n &&
+           aeo_linalg_all_finite(self->theta, n * l + 2 * n + 2 * l + AEO_WATCH_WORDS(l)) &&
+           aeo_watch_holds(&self->watch, self->watched, l) && factor_holds(self->factor, n, self->variance_max);
 }
 
-/* The saved array: version, bytes of a real, n, l, four settings; health, five counters, scan row; factor, theta,
- * innovation, residual as they lie in memory (saved.h). */
-enum { SCAN_ROW = 6, NUMBERS };
+/* The saved array: version, bytes of a real, n, l, four settings; health, six counters, scan row, the watch's five
+ * numbers; factor, theta, innovation, residual and the watch's words as they lie in memory (saved.h). */
+enum { SCAN_ROW = 7, WATCH, NUMBERS = WATCH + 5 };
+
+static size_t count_kept(const aeo_rls_t *self)
+{
+    return AEO_RLS_KEPT_WORDS(self->config.regressors, self->config.outputs);
+}
 
 static void describe(const aeo_rls_t *self, aeo_saved_form_t *form)
 {
@@ -271,18 +295,23 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
     describe(self, &form);
     const aeo_status_t status = aeo_saved_begin(&form, &self->health, saved, length);
     if (status == AEO_OK) {
-        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, (form.words - AEO_RLS_SAVED_HEAD) * sizeof *saved);
+        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, count_kept(self) * sizeof *saved);
+        aeo_saved_seal(saved, form.words);
     }
     return status;
 }
 
-/* The numbers after the head, finite: such as a filter can have, or the proofs would not hold from here on. */
-static int body_holds(const aeo_rls_t *self, const aeo_real_t *body)
+/* What follows the head, all finite: such as a filter can have, or the proofs would not hold from here on. */
+static int body_holds(const aeo_rls_t *self, const uint32_t *numbers, const aeo_real_t *body)
 {
+    aeo_watch_t watch;
+    memcpy(&watch, numbers + WATCH, sizeof watch);
     const size_t n = self->config.regressors, l = self->config.outputs;
     const aeo_real_t *const theta = body + n * (n + 1) / 2;
-    return factor_holds(body, n, self->variance_max) && aeo_linalg_all_within(theta, n * l, THETA_MAX) &&
-           aeo_linalg_all_within(theta + n * l, 2 * l, INNOVATION_MAX);
+    return numbers[SCAN_ROW] < n && factor_holds(body, n, self->variance_max) &&
+           aeo_linalg_all_within(theta, n * l, THETA_MAX) &&
+           aeo_linalg_all_within(theta + n * l, 2 * l, INNOVATION_MAX) &&
+           aeo_watch_holds(&watch, theta + n * l + 2 * l, l);
 }
 
 aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length)
@@ -298,11 +327,11 @@ aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t le
         return status;
     }
     const aeo_real_t *const body = saved + AEO_RLS_SAVED_HEAD;
-    if (numbers[SCAN_ROW] >= self->config.regressors || !body_holds(self, body)) {
+    if (!body_holds(self, numbers, body)) {
         return AEO_E_DAMAGED;
     }
     memcpy((unsigned char *)self + offsetof(aeo_rls_t, health), numbers, form.number_count * sizeof *numbers);
-    memcpy(self->factor, body, (form.words - AEO_RLS_SAVED_HEAD) * sizeof *body);
+    memcpy(self->factor, body, count_kept(self) * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

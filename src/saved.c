@@ -1,6 +1,7 @@
 /* saved.c: the helpers of saved.h. */
 #include "saved.h"
 
+#include "aeolid/frame.h"
 #include "linalg.h"
 
 #include <string.h>
@@ -53,6 +54,30 @@ aeo_status_t aeo_saved_begin(const aeo_saved_form_t *form, const void *numbers, 
     return AEO_OK;
 }
 
+/* CRC-32 over the bits of count values; of a double the upper half comes first. */
+static uint32_t find_crc(const aeo_real_t *saved, size_t count)
+{
+    uint32_t crc = UINT32_C(0xFFFFFFFF);
+    for (size_t i = 0; i < count; i++) {
+#if AEO_REAL_BYTES == 8
+        uint64_t bits;
+        memcpy(&bits, saved + i, sizeof bits);
+        crc = aeo_frame_crc32(crc, (uint32_t)(bits >> 32));
+        crc = aeo_frame_crc32(crc, (uint32_t)(bits & UINT32_C(0xFFFFFFFF)));
+#else
+        uint32_t bits;
+        memcpy(&bits, saved + i, sizeof bits);
+        crc = aeo_frame_crc32(crc, bits);
+#endif
+    }
+    return ~crc;
+}
+
+void aeo_saved_seal(aeo_real_t *saved, size_t words)
+{
+    put_u32(saved + (words - AEO_SAVED_SEAL), find_crc(saved, words - AEO_SAVED_SEAL));
+}
+
 /* Read count numbers written by put_u32, all words finite; returns 0 when they cannot be such. */
 static int get_numbers(const aeo_real_t *from, uint32_t *numbers, size_t count)
 {
@@ -83,6 +108,12 @@ aeo_status_t aeo_saved_judge(const aeo_saved_form_t *form, const aeo_real_t *sav
             return i == 0 ? AEO_E_VERSION : AEO_E_MISMATCH;
         }
     }
-    return get_numbers(saved, numbers, form->number_count) ? AEO_OK : AEO_E_DAMAGED;
+    const size_t sealed = form->words - AEO_SAVED_SEAL;
+    uint32_t crc = 0;
+    const aeo_real_t *const start = saved - count_head(form);
+    return get_numbers(start + sealed, &crc, 1) && crc == find_crc(start, sealed) &&
+                   get_numbers(saved, numbers, form->number_count)
+               ? AEO_OK
+               : AEO_E_DAMAGED;
 }
 /* SPDX-License-Identifier: MIT */

@@ -20,6 +20,7 @@
 #include "aeolid/rls.h"
 #include "aeolid/status.h"
 #include "aeolid/stream.h"
+#include "aeolid/watch.h"
 
 /* Version of the interface (semantic versioning); the wire has its own, AEO_WIRE_VERSION. */
 #define AEO_VERSION_MAJOR 0

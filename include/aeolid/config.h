@@ -51,6 +51,9 @@ typedef float aeo_real_t;
 /* AEO_REAL(0.5): a constant of the build's precision, so that no float build computes in double by accident. */
 #define AEO_REAL(x) ((aeo_real_t)(x))
 
+/* Words at the end of every saved array: the CRC-32 of frame.h over the bits of all before, in halves of 16 bits. */
+#define AEO_SAVED_SEAL 2u
+
 #ifndef AEO_SQRT
 #include <math.h>
 #ifdef AEO_REAL_DOUBLE

@@ -18,12 +18,13 @@
  *     the share being mean |innovation|^2 / mean |w|^2 of late: wind that makes everything livelier is none. Then the
  *     columns of e become 0, P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it
  *     comes back soon, up to 64 times) feedback resumes. One sample counts four limits at most: an outlier is no burst.
+ *     The same follows when rls.h releases P after a fault of a sensor, for the yardstick may be the fault's.
  *   5 bounded feedback: a residual is cut at 6 times the root of that level, and always at 1e6, before it is fed back.
  *   With a short memory the H of a snapshot need not have a stable inverse: judge it before predicting with it.
  *
  * CONTRACT
  *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 5 l.
- *   r=2, l=3, p=10 (n=80): 3,661 words (14.6 kB in float); p=30 (n=240): 30,141 words (120.6 kB).
+ *   r=2, l=3, p=10 (n=80): 3,669 words (14.7 kB in float); p=30 (n=240): 30,149 words (120.6 kB).
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
  *   stack: 248 bytes (restore; a step 232). Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to
@@ -63,16 +64,16 @@ extern "C" {
 #define AEO_ELS_OWN(l)            (5u * (size_t)(l))
 #define AEO_ELS_WORDS(n, l)       (AEO_RLS_WORDS(n, l) + AEO_ELS_OWN(l))
 #define AEO_ELS_SAVED_HEAD        24u
-#define AEO_ELS_SAVED_WORDS(n, l) (AEO_ELS_SAVED_HEAD + AEO_ELS_OWN(l) + AEO_RLS_SAVED_WORDS(n, l))
+#define AEO_ELS_SAVED_WORDS(n, l) (AEO_ELS_SAVED_HEAD + AEO_ELS_OWN(l) + AEO_RLS_SAVED_WORDS(n, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_ELS_SAVED_VERSION 1
+#define AEO_ELS_SAVED_VERSION 2
 
 /* The longest VARX start accepted. */
 #define AEO_ELS_VARX_SAMPLES_MAX 1000000u
 
 /* Health flags besides those of rls.h; once set they stay until aeo_els_clear_health. */
-#define AEO_ELS_FELL_BACK 8u  /* innovations grew, or theta ran away: back to VARX for a while */
+#define AEO_ELS_FELL_BACK 8u  /* innovations grew, theta ran away or P was released: back to VARX for a while */
 #define AEO_ELS_LIMITED   32u /* a residual was cut before it was fed back */
 #define AEO_ELS_UNFED     64u /* twice running z did not hold the e of the update before: it is not being fed back */
 

@@ -34,15 +34,17 @@
  *   4 Rests: in float, what rounding cuts off the sums of A and B is kept, in the memory of the second array while that
  *     one is at rest, and added the next time. In VARMAX the window foretells the newest e but for what theta moves, and
  *     these sums made theta 20 times worse than that of rls.h in float. -ffast-math undoes it.
- *   5 Start within a record: blocks before the first window are unknown, taken as zeros by the arrays, and theta waits
+ *   5 Release: numbers 1e6 times too large outweigh good data for 30 memories. When watch.h finds that the arrays hold
+ *     far more than the data of late bring, both start afresh, theta stays and waits as after a break.
+ *   6 Start within a record: blocks before the first window are unknown, taken as zeros by the arrays, and theta waits
  *     until the window is whole, unless they are zeros. In directions that the data excite little, theta comes to that
  *     of rls.h only as the arrays forget this start (turbine data of condition 1e4: 1e-2 after 8 memories, 1e-4 after
  *     12).
  *
  * CONTRACT
  *   Memory: AEO_FAST_RLS_WORDS(p, m, d, l) words of aeo_real_t from the caller:
- *   n (4m + l + 5) + 3m^2 + 7m + 2l + 6.
- *   p=10, m=5, d=0, l=3: 1,522 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,122 words (28.5 kB).
+ *   n (4m + l + 5) + 3m^2 + 7m + 4l + 8.
+ *   p=10, m=5, d=0, l=3: 1,530 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,130 words (28.5 kB).
  *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample; in float 6 m n
  *   additions more for the rests; or 6 m n of both more while a second array warms up. Worst stack: 256 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
@@ -54,6 +56,7 @@
 
 #include "aeolid/config.h"
 #include "aeolid/status.h"
+#include "aeolid/watch.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -86,19 +89,21 @@ extern "C" {
      (size_t)(m) * (size_t)(m) + 3u)
 #define AEO_FAST_RLS_KEPT_WORDS(p, m, d, l)                                                                            \
     (2u * AEO_FAST_RLS_ARRAY_WORDS(p, m, d) + AEO_FAST_RLS_LENGTH(p, m, d) * ((size_t)(l) + 1u) + (size_t)(m) +        \
-     2u * (size_t)(l))
+     2u * (size_t)(l) + AEO_WATCH_WORDS(l))
 #define AEO_FAST_RLS_WORDS(p, m, d, l)                                                                                 \
     (AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + 2u * AEO_FAST_RLS_LENGTH(p, m, d) + 3u * (size_t)(m))
-#define AEO_FAST_RLS_SAVED_HEAD              38u
-#define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l) (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l))
+#define AEO_FAST_RLS_SAVED_HEAD 50u
+#define AEO_FAST_RLS_SAVED_WORDS(p, m, d, l)                                                                           \
+    (AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_KEPT_WORDS(p, m, d, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_FAST_RLS_SAVED_VERSION 2
+#define AEO_FAST_RLS_SAVED_VERSION 3
 
 /* Health flags; once set they stay until aeo_fast_rls_clear_health. Bits 2 and 4 mean what they mean in rls.h. */
-#define AEO_FAST_RLS_BOUNDED       2u  /* a variance met its bound: some direction is not excited */
-#define AEO_FAST_RLS_REINITIALISED 4u  /* an array lost its way or theta ran away, and started afresh */
-#define AEO_FAST_RLS_RESTARTED     16u /* z was not the last one moved by a block: window and arrays started afresh */
+#define AEO_FAST_RLS_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
+#define AEO_FAST_RLS_REINITIALISED 4u   /* an array lost its way or theta ran away, and started afresh */
+#define AEO_FAST_RLS_RESTARTED     16u  /* z was not the last one moved by a block: window and arrays started afresh */
+#define AEO_FAST_RLS_RELEASED      128u /* arrays held too much for good data to count, as a fault leaves them */
 
 typedef struct {
     uint16_t past;         /* p, blocks in z, 1 ... 1024; p m + d at most 1024 */
@@ -127,6 +132,7 @@ typedef struct {
     uint32_t restarted;     /* windows that were no shift of the one before */
     uint32_t renewed;       /* second arrays that took over */
     uint32_t held;          /* samples at which theta waited for an array to warm up */
+    uint32_t released;      /* times the arrays started afresh because good data hardly counted */
 } aeo_fast_rls_count_t;
 
 /* One array: everything that stands for P. Private but for reading. */
@@ -150,6 +156,7 @@ typedef struct {
     aeo_real_t *window;     /* m + n: [x; w], channels of the mask first in each block */
     aeo_real_t *innovation; /* l */
     aeo_real_t *residual;   /* l */
+    aeo_real_t *watched;    /* 2 l + 2: words of the watch */
     aeo_real_t *step;       /* n: g of an array, in the order of w, scratch */
     aeo_real_t *update;     /* n: g in the order of z, scratch */
     aeo_real_t *error;      /* 3m: e or r, f, projection, scratch */
@@ -162,6 +169,7 @@ typedef struct {
     uint32_t health;
     aeo_fast_rls_count_t count;
     uint32_t hold; /* samples theta waits still */
+    aeo_watch_t watch;
     aeo_fast_rls_array_t array[2];
     aeo_real_t inverse_root_forgetting;
     aeo_real_t regularisation; /* rho of arrays that start now: 16 times more after each one that lost its way */

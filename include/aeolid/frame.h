@@ -161,7 +161,7 @@ typedef enum {
 } aeo_item_t;
 
 /* tag of a health message: the newest sample index; the streamer's counters sent, refused, dropped, snapshots, busy;
- * from AEO_HEALTH_FILTER on up to eight counters of the filter */
+ * from AEO_HEALTH_FILTER on up to nine counters of the filter */
 #define AEO_HEALTH_INDEX     0u
 #define AEO_HEALTH_SENT      1u
 #define AEO_HEALTH_REFUSED   2u

@@ -28,13 +28,15 @@
  *     after 4 n samples the covariances start anew at rho while all weights stay. The same after a runaway. With lambda
  *     = 1 the mark of the start fades as 1 / samples only; a turbine's predictions lose 0.1 % after 10,000 (p = 10,
  *     30).
+ *   5 release: as in rls.h. When watch.h finds that the covariances hold far more than the data of late bring, as after a
+ *     fault of a sensor, they start anew at rho while all weights stay.
  *   Why this form: DESIGN.md has the rivals. Float innovations of a turbine's loop with 1 % noise, lambda from 0.98 to
  *   1, lie 2e-5 to 1.3e-4 from the double ones, theta 3e-5 to 5e-5 (20,000 samples); where outputs are singular to
  *   rounding, 10^7 samples leave the innovations as they were.
  *
  * CONTRACT
  *   Memory: AEO_LATTICE_WORDS(p, m, d, l) words of aeo_real_t from the caller, linear in p.
- *   p=10, m=5, d=0, l=3: 1,629 words (6.5 kB in float); p=50: 8,309 words (33.2 kB).
+ *   p=10, m=5, d=0, l=3: 1,637 words (6.5 kB in float); p=50: 8,317 words (33.3 kB).
  *   Operations: 7 m^2 + 2 m (l + d) multiplications and as many additions, 4 m divisions a stage, of which there are p;
  *   n comparisons. A read-out takes p^2 m^2 (m + l / 2). Worst stack: 208 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
@@ -49,6 +51,7 @@
 
 #include "aeolid/config.h"
 #include "aeolid/status.h"
+#include "aeolid/watch.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -81,22 +84,23 @@ extern "C" {
 #define AEO_LATTICE_STATE(p, m, d, l)                                                                                  \
     ((size_t)(p) *                                                                                                     \
          (2u * AEO_LATTICE_TRIANGLE(m) + (size_t)(m) * (2u * (size_t)(m) + (size_t)(l) + (size_t)(d) + 3u) + 2u) +     \
-     AEO_LATTICE_TRIANGLE(d) + (size_t)(l) * (size_t)(d) + 2u * (size_t)(l)-AEO_LATTICE_TRIANGLE(m) -                  \
-     2u * (size_t)(m) * (size_t)(m))
+     AEO_LATTICE_TRIANGLE(d) + (size_t)(l) * (size_t)(d) + 2u * (size_t)(l) + AEO_WATCH_WORDS(l) -                     \
+     AEO_LATTICE_TRIANGLE(m) - 2u * (size_t)(m) * (size_t)(m))
 #define AEO_LATTICE_WORDS(p, m, d, l)                                                                                  \
     (AEO_LATTICE_STATE(p, m, d, l) + 3u * (size_t)(m) + (size_t)(l) + (size_t)(d) +                                    \
      (size_t)(p) * (2u * (size_t)(m) * (size_t)(m) + (size_t)(m)))
-#define AEO_LATTICE_SAVED_HEAD              36u
-#define AEO_LATTICE_SAVED_WORDS(p, m, d, l) (AEO_LATTICE_SAVED_HEAD + AEO_LATTICE_STATE(p, m, d, l))
+#define AEO_LATTICE_SAVED_HEAD              48u
+#define AEO_LATTICE_SAVED_WORDS(p, m, d, l) (AEO_LATTICE_SAVED_HEAD + AEO_LATTICE_STATE(p, m, d, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_LATTICE_SAVED_VERSION 1
+#define AEO_LATTICE_SAVED_VERSION 2
 
 /* Health flags; once set they stay until aeo_lattice_clear_health. */
-#define AEO_LATTICE_WITHHELD      1u  /* a sample was followed, not absorbed: the one before carried almost no news */
-#define AEO_LATTICE_BOUNDED       2u  /* a variance met its bound: some direction is not excited */
-#define AEO_LATTICE_REINITIALISED 4u  /* an error ran away (beyond 1e10); the estimator started afresh */
-#define AEO_LATTICE_RESTARTED     16u /* z was not the z before moved by one block */
+#define AEO_LATTICE_WITHHELD      1u   /* a sample was followed, not absorbed: the one before carried almost no news */
+#define AEO_LATTICE_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
+#define AEO_LATTICE_REINITIALISED 4u   /* an error ran away (beyond 1e10); the estimator started afresh */
+#define AEO_LATTICE_RESTARTED     16u  /* z was not the z before moved by one block */
+#define AEO_LATTICE_RELEASED      128u /* covariances held too much for good data to count, as a fault leaves them */
 
 typedef struct {
     uint16_t past;         /* p, blocks in z, 1 ...; regressor.h says how to choose it */
@@ -123,6 +127,7 @@ typedef struct {
     uint32_t bounded;       /* variances bounded */
     uint32_t reinitialised; /* fresh starts forced by a runaway error */
     uint32_t restarted;     /* new windows */
+    uint32_t released;      /* times the covariances started anew because good data hardly counted */
 } aeo_lattice_count_t;
 
 /* Private: one of the small regressions of an update, of targets (count of them) on an error r (m entries). */
@@ -137,7 +142,7 @@ typedef struct {
 } aeo_lattice_regression_t;
 
 /* Private but for reading. Pointers lead into the caller's memory; arrays of p or p - 1 stages, one after the other.
- * From factor to residual all is state, the rest scratch. */
+ * From factor to watched all is state, the rest scratch. */
 typedef struct {
     aeo_lattice_config_t config;
     aeo_real_t
@@ -155,6 +160,7 @@ typedef struct {
     aeo_real_t *step;            /* p: 1 / alpha_{j+1} of the last sample, 0 where it was followed */
     aeo_real_t *innovation;      /* l */
     aeo_real_t *residual;        /* l */
+    aeo_real_t *watched;         /* 2 l + 2: words of the watch */
     aeo_real_t *forward;         /* m: f_j of this sample */
     aeo_real_t *targets;         /* l + d: what is left of y and u */
     aeo_real_t *spare;           /* 2 m */
@@ -175,6 +181,7 @@ typedef struct {
     uint32_t scan;     /* variance to be checked next: of the triangles one after the other */
     uint32_t begun;    /* 1 after the first sample */
     uint32_t quiet;    /* 1 when the last sample lay below the gate */
+    aeo_watch_t watch;
 } aeo_lattice_t;
 
 /* Start self with theta = 0 in the memory given (words values, written, aligned as the type). The config is copied.

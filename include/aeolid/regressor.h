@@ -42,6 +42,8 @@ extern "C" {
 #define aeo_regressor_z               aeo_regressor_z_f64
 #define aeo_regressor_y               aeo_regressor_y_f64
 #define aeo_regressor_reset           aeo_regressor_reset_f64
+#define aeo_regressor_save            aeo_regressor_save_f64
+#define aeo_regressor_restore         aeo_regressor_restore_f64
 #define aeo_regressor_invariants_hold aeo_regressor_invariants_hold_f64
 #endif
 
@@ -57,6 +59,13 @@ extern "C" {
 #define AEO_REGRESSOR_LENGTH(r, l, p, e, d) ((size_t)(p)*AEO_REGRESSOR_BLOCK(r, l, e) + (size_t)(d))
 #define AEO_REGRESSOR_WORDS(r, l, p, e)                                                                                \
     (AEO_REGRESSOR_LENGTH(r, l, p, e, r) + AEO_REGRESSOR_BLOCK(r, l, e) + 4u * ((size_t)(r) + (size_t)(l)))
+
+/* Words of a saved regressor, and the version of the saved array. */
+#define AEO_REGRESSOR_SAVED_HEAD(r, l) (28u + 2u * ((size_t)(r) + (size_t)(l)))
+#define AEO_REGRESSOR_SAVED_WORDS(r, l, p, e)                                                                          \
+    (AEO_REGRESSOR_SAVED_HEAD(r, l) + AEO_REGRESSOR_LENGTH(r, l, p, e, r) + AEO_REGRESSOR_BLOCK(r, l, e) +             \
+     AEO_SAVED_SEAL)
+#define AEO_REGRESSOR_SAVED_VERSION 1
 
 typedef enum {
     AEO_VARX = 0,  /* blocks [u; y]; consistent for long windows only: choose p until the innovation stops shrinking */
@@ -140,6 +149,20 @@ const aeo_real_t *aeo_regressor_y(const aeo_regressor_t *self);
 
 /* Empty the window and forget the last time, as after init; the counters stay. Null is ignored. */
 void aeo_regressor_reset(aeo_regressor_t *self);
+
+/* Write everything needed to go on later into saved (length values, written; must not lie in self's memory), at the same
+ * sample as the filter: a filter whose window is not handed back with it sees a new one and waits, or starts its arrays
+ * afresh. AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_REGRESSOR_SAVED_WORDS(r, l, p, e). On failure saved is not
+ * written. */
+aeo_status_t aeo_regressor_save(const aeo_regressor_t *self, aeo_real_t *saved, size_t length);
+
+/* Go on where saved (length values, read) was written; self was initialised with the same sizes, period, offsets and
+ * scales (plausible ranges may differ). Time goes on too: the next sample is one period after self->time_us, or later
+ * after a gap; a device whose clock begins anew adds what it showed. The same pushes then give the same bits.
+ * AEO_E_ARG: null pointer; AEO_E_MEMORY: length < AEO_REGRESSOR_SAVED_WORDS(r, l, p, e); AEO_E_VERSION: another format
+ * version; AEO_E_MISMATCH: other sizes, settings or precision; AEO_E_NOT_FINITE, AEO_E_DAMAGED: a broken seal, or
+ * numbers that no regressor holds. On failure self is unchanged. */
+aeo_status_t aeo_regressor_restore(aeo_regressor_t *self, const aeo_real_t *saved, size_t length);
 
 /* Return 1 when every stored number is finite and in range and the sizes agree, else 0; O(n), for tests and debugging.
  * A null pointer answers 0. */

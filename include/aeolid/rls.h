@@ -10,21 +10,23 @@
  *   is carried out on the lower triangular factor S of P = S S' by n plane rotations (inverse QR, array form):
  *       [ lambda^(1/2)  z'S ]          [ a^(1/2)      0    ]
  *       [      0         S  ]  Theta = [ g a^(1/2)  S_new lambda^(1/2) ],   a = lambda + z'Pz,
- *   so P cannot lose symmetry or sign; all outputs share S. Deviations, both off when lambda = 1:
+ *   so P cannot lose symmetry or sign; all outputs share S. Deviations, all off when lambda = 1:
  *   1 excitation gate: a sample with z'Pz < excitation_min (1 - lambda) n carries almost no news and is absorbed with
- *     lambda = 1 (steady excitation gives z'Pz = (1 - lambda) n on average): a quiet turbine does not forget. What
- *     follows a spell of numbers a hundred times too large looks quiet too, and is hardly learnt from: keep such
- *     numbers out with the ranges of regressor.h, or switch the gate off.
+ *     lambda = 1 (steady excitation gives z'Pz = (1 - lambda) n on average): a quiet turbine does not forget.
  *   2 bound: when a parameter's variance P_ii exceeds growth_max / rho, its present value is absorbed as if it had been
  *     measured, which halves P_ii twice and leaves theta as it is: directions never excited cannot wind up while the
  *     excited ones go on forgetting.
+ *   3 release: what follows numbers a hundred times too large looks quiet, too, and would not be learnt from for good;
+ *     numbers 1e6 times too large outweigh good data for 30 memories even without the gate. When watch.h finds that P
+ *     is too small for data that are as lively as usual, P = I / rho anew, theta stays. The ranges of regressor.h keep
+ *     such numbers out in the first place.
  *   Why this form: on four closed-loop turbine recordings (regressors singular to rounding, n = 50 and 150, 10,000
  *   samples, lambda = 1) the float result lies at most 4e-5 (rho = 1), 2e-4 (0.1), 3e-3 (0.01) from the double batch
  *   solution, its predictions at most 2e-5 at any of them; DESIGN.md has the rivals.
  *
  * CONTRACT
- *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 2 l.
- *   n=44, l=4: 1,262 words (5.0 kB in float); n=124, l=4: 8,502 words (34.0 kB).
+ *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 4 l + 2.
+ *   n=44, l=4: 1,272 words (5.1 kB in float); n=124, l=4: 8,512 words (34.0 kB).
  *   Operations: 5/2 n^2 + 4 l n + O(n) multiplications and additions and n square roots and n divisions a sample; a
  *   sample that meets the bound costs up to 3/2 n^2 more for each variance bounded. Worst stack: 200 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
@@ -39,6 +41,7 @@
 
 #include "aeolid/config.h"
 #include "aeolid/status.h"
+#include "aeolid/watch.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -65,20 +68,21 @@ extern "C" {
 #define AEO_RLS_REGRESSORS_MAX 1024
 #define AEO_RLS_OUTPUTS_MAX    32
 
-/* Words of memory, and words of a saved filter, for n regressors and l outputs. */
-#define AEO_RLS_WORDS(n, l)                                                                                            \
-    ((size_t)(n) * ((size_t)(n) + 1u) / 2u + (size_t)(n) * (size_t)(l) + 2u * (size_t)(n) + 2u * (size_t)(l))
-#define AEO_RLS_SAVED_HEAD 22u
-#define AEO_RLS_SAVED_WORDS(n, l)                                                                                      \
-    (AEO_RLS_SAVED_HEAD + (size_t)(n) * ((size_t)(n) + 1u) / 2u + (size_t)(n) * (size_t)(l) + 2u * (size_t)(l))
+/* Words that are the filter's state, words of memory, and words of a saved filter, for n regressors and l outputs. */
+#define AEO_RLS_KEPT_WORDS(n, l)                                                                                       \
+    ((size_t)(n) * ((size_t)(n) + 1u) / 2u + (size_t)(n) * (size_t)(l) + 2u * (size_t)(l) + AEO_WATCH_WORDS(l))
+#define AEO_RLS_WORDS(n, l)       (AEO_RLS_KEPT_WORDS(n, l) + 2u * (size_t)(n))
+#define AEO_RLS_SAVED_HEAD        34u
+#define AEO_RLS_SAVED_WORDS(n, l) (AEO_RLS_SAVED_HEAD + AEO_RLS_KEPT_WORDS(n, l) + AEO_SAVED_SEAL)
 
 /* Version of the saved array. */
-#define AEO_RLS_SAVED_VERSION 1
+#define AEO_RLS_SAVED_VERSION 2
 
 /* Health flags; once set they stay until aeo_rls_clear_health. */
-#define AEO_RLS_WITHHELD      1u /* forgetting was withheld: a sample carried almost no news */
-#define AEO_RLS_BOUNDED       2u /* a variance met its bound: some direction is not excited */
-#define AEO_RLS_REINITIALISED 4u /* theta ran away (innovation beyond 1e12); the estimator started afresh */
+#define AEO_RLS_WITHHELD      1u   /* forgetting was withheld: a sample carried almost no news */
+#define AEO_RLS_BOUNDED       2u   /* a variance met its bound: some direction is not excited */
+#define AEO_RLS_REINITIALISED 4u   /* theta ran away (innovation beyond 1e12); the estimator started afresh */
+#define AEO_RLS_RELEASED      128u /* P was too small for good data, as a fault leaves it; it started anew, theta stays */
 
 typedef struct {
     uint16_t regressors;   /* n, 1 ... 1024 */
@@ -101,6 +105,7 @@ typedef struct {
     uint32_t withheld;      /* samples absorbed without forgetting by the gate */
     uint32_t bounded;       /* variances bounded */
     uint32_t reinitialised; /* fresh starts forced by a runaway parameter */
+    uint32_t released;      /* times P started anew because it was too small for good data */
 } aeo_rls_count_t;
 
 /* Private but for reading. Pointers lead into the caller's memory. */
@@ -108,7 +113,8 @@ typedef struct {
     aeo_real_t *factor;     /* n (n + 1) / 2: S by columns, column j holds rows j ... n-1; diagonal above 0 */
     aeo_real_t *theta;      /* l x n by rows */
     aeo_real_t *innovation; /* l */
-    aeo_real_t *residual;   /* l; all up to here is saved, the rest scratch */
+    aeo_real_t *residual;   /* l */
+    aeo_real_t *watched;    /* 2 l + 2: words of the watch; all up to here is saved, the rest scratch */
     aeo_real_t *gain;       /* n: g_k */
     aeo_real_t *projection; /* n: S'z_k */
     aeo_real_t inverse_root_forgetting;
@@ -119,6 +125,7 @@ typedef struct {
     uint32_t health;    /* from here on saved, number by number */
     aeo_rls_count_t count;
     uint32_t scan_row; /* next variance to be checked */
+    aeo_watch_t watch;
 } aeo_rls_t;
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The

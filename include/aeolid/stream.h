@@ -113,7 +113,7 @@ extern "C" {
 #error "AEO_STREAM_CHANNELS_MAX is 1 ... 64: the host refuses more"
 #endif
 
-#define AEO_STREAM_COUNTERS 8  /* counters a filter may report */
+#define AEO_STREAM_COUNTERS 9  /* counters a filter may report */
 #define AEO_STREAM_NAME_MAX 32 /* characters of a channel name that are sent */
 #define AEO_STREAM_UNIT_MAX 16 /* characters of a unit that are sent */
 

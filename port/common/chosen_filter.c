@@ -245,20 +245,23 @@ uint32_t chosen_filter_health(const chosen_filter_t *self)
 
 static uint32_t count_of_rls(const aeo_rls_count_t *count, unsigned which)
 {
-    const uint32_t values[] = {count->updates, count->rejected, count->withheld, count->bounded, count->reinitialised};
-    return which <= CHOSEN_REINITIALISED ? values[which] : 0u;
+    const uint32_t values[] = {count->updates, count->rejected,      count->withheld,
+                               count->bounded, count->reinitialised, count->released};
+    return which <= CHOSEN_RELEASED ? values[which] : 0u;
 }
 
 static uint32_t count_of_lattice(const aeo_lattice_count_t *count, unsigned which)
 {
-    const uint32_t values[] = {count->updates, count->rejected, count->withheld, count->bounded, count->reinitialised};
-    return which <= CHOSEN_REINITIALISED ? values[which] : which == CHOSEN_RESTARTED ? count->restarted : 0u;
+    const uint32_t values[] = {count->updates, count->rejected,      count->withheld,
+                               count->bounded, count->reinitialised, count->released};
+    return which <= CHOSEN_RELEASED ? values[which] : which == CHOSEN_RESTARTED ? count->restarted : 0u;
 }
 
 static uint32_t count_of_fast_rls(const aeo_fast_rls_count_t *count, unsigned which)
 {
-    const uint32_t values[] = {count->updates, count->rejected, 0u, count->bounded, count->reinitialised};
-    return which <= CHOSEN_REINITIALISED ? values[which] : which == CHOSEN_RESTARTED ? count->restarted : 0u;
+    const uint32_t values[] = {count->updates, count->rejected,      0u,
+                               count->bounded, count->reinitialised, count->released};
+    return which <= CHOSEN_RELEASED ? values[which] : which == CHOSEN_RESTARTED ? count->restarted : 0u;
 }
 
 uint32_t chosen_filter_count(const chosen_filter_t *self, unsigned which)

@@ -261,7 +261,8 @@ static void report_health(observer_t *self)
                                                    count->gaps,
                                                    chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
                                                    chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED)};
+                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
+                                                   chosen_filter_count(&self->filter, CHOSEN_RELEASED)};
     (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
 }
 

@@ -50,8 +50,9 @@ static volatile uint32_t closed;   /* 1: the last snapshot is on its way and the
 static void report_health(void)
 {
     const uint32_t counter[AEO_STREAM_COUNTERS] = {
-        regressor.count.samples, regressor.count.not_finite, regressor.count.range, regressor.count.time,
-        regressor.count.gaps,    filter.count.withheld,      filter.count.bounded,  filter.count.reinitialised};
+        regressor.count.samples, regressor.count.not_finite, regressor.count.range,
+        regressor.count.time,    regressor.count.gaps,       filter.count.withheld,
+        filter.count.bounded,    filter.count.reinitialised, filter.count.released};
     (void)aeo_stream_health(&stream, aeo_rls_health(&filter), counter, AEO_STREAM_COUNTERS);
 }
 

@@ -234,7 +234,8 @@ static void report_health(node_t *self)
                                                    self->regressor.count.gaps,
                                                    chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
                                                    chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED)};
+                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
+                                                   chosen_filter_count(&self->filter, CHOSEN_RELEASED)};
     (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
 }
 
@@ -379,13 +380,15 @@ static void print_health(const node_t *self)
     const aeo_regressor_count_t *g = &self->regressor.count;
     (void)fprintf(stderr,
                   "health {\"samples\": %llu, \"accepted\": %u, \"not_finite\": %u, \"range\": %u, \"time\": %u, "
-                  "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, \"flags\": %u, "
+                  "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, "
+                  "\"released\": %u, \"flags\": %u, "
                   "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u",
                   (unsigned long long)self->samples, g->samples, g->not_finite, g->range, g->time, g->gaps,
                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                  chosen_filter_count(&self->filter, CHOSEN_REINITIALISED), chosen_filter_health(&self->filter),
-                  c->sent, c->refused, c->dropped, c->snapshots, c->busy, node_bus_dropped(&self->bus));
+                  chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
+                  chosen_filter_count(&self->filter, CHOSEN_RELEASED), chosen_filter_health(&self->filter), c->sent,
+                  c->refused, c->dropped, c->snapshots, c->busy, node_bus_dropped(&self->bus));
     node_bus_print_counters(&self->bus);
     (void)fprintf(stderr, "}\n");
 }

@@ -15,6 +15,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 import gate
+import linked
 import stack
 import targets
 
@@ -62,16 +63,6 @@ def count_on_pc(rows: int, directory: Path) -> list[int]:
     return counts
 
 
-def read_needs(objects: list[Path]) -> dict[str, set[str]]:
-    """Return for each object the objects that define what it calls."""
-    defined, called = {}, {}
-    for path in objects:
-        lines = [line.split() for line in gate.output("arm-none-eabi-nm", path).splitlines()]
-        called[path.stem] = {words[1] for words in lines if words[0] == "U"}
-        defined.update({words[2]: path.stem for words in lines if len(words) == 3 and words[1] == "T"})
-    return {stem: {defined[symbol] for symbol in symbols if symbol in defined} for stem, symbols in called.items()}
-
-
 def read_text_and_stack(directory: Path) -> tuple[dict[str, int], dict[str, int]]:
     """Return by filter, on a Cortex-M4F: text of all objects it needs, and deepest chain of calls of an update."""
     folder = directory / "objects"
@@ -82,18 +73,13 @@ def read_text_and_stack(directory: Path) -> tuple[dict[str, int], dict[str, int]
     objects = sorted(folder.glob("*.o"))
     lines = [line.split() for line in gate.output("arm-none-eabi-size", *objects).splitlines()[1:]]
     sizes = {Path(words[-1]).stem: int(words[0]) for words in lines}
-    needs = read_needs(objects)
     frames, calls = stack.read_graph(folder)
-    text, deepest = {}, {}
-    for name in sizes:
-        if f"aeo_{name}_update" in frames:
-            deepest[name] = stack.deepest(f"aeo_{name}_update", frames, calls)
-            wanted, seen = {name, "regressor"}, set[str]()
-            while wanted:
-                seen |= wanted
-                wanted = set().union(*(needs[n] for n in wanted)) - seen
-            text[name] = sum(sizes[n] for n in seen)
-    return text, deepest
+    deepest = {
+        name: stack.deepest(f"aeo_{name}_update", frames, calls)
+        for name in linked.PARTS
+        if f"aeo_{name}_update" in frames
+    }
+    return linked.add_text(objects, sizes), deepest
 
 
 def measure() -> dict[str, dict[str, int]]:

@@ -157,7 +157,7 @@ def check(assembly: Assembly, truths: dict[int, Truth]) -> tuple[int, int]:
                 assert value <= most, (name, value, most)
             else:
                 factor = ("Accepted", "NotFinite", "OutOfRange", "TimeFault", "Gaps", "Withheld", "Bounded",
-                          "Reinitialised").index(name) + 1  # fmt: skip
+                          "Reinitialised", "Released").index(name) + 1  # fmt: skip
                 assert value % factor == 0 and value // factor <= last, (name, value, last)
     return values, snapshots
 

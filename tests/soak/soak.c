@@ -3,10 +3,11 @@
  * restoring at any instant. Invariants are checked throughout. Every round ends with good data, on which the filter must
  * come to what a filter started afresh with them finds: nothing of the rough part may stay.
  *
- * Each filter lives twice, half of the samples each: guarded, with plausible ranges at the regressor and the filter's
- * gate, as on a turbine; and bare, with neither, where numbers up to 1e6 reach the filter itself.
+ * Each filter lives three times, a third of the samples each: guarded, with plausible ranges at the regressor and the
+ * filter's gate, as on a turbine; gated, without the ranges, where numbers up to 1e6 reach a filter that withholds
+ * forgetting; and bare, with neither.
  *
- * soak SAMPLES [SEED [FILTER]]: samples a filter, at least 400,000; exit code 0 when all held. */
+ * soak SAMPLES [SEED [FILTER]]: samples a filter, at least 600,000; exit code 0 when all held. */
 #include "family.h"
 
 #include <stdio.h>
@@ -41,6 +42,9 @@ typedef enum {
 static const char *const KIND_NAMES[KINDS] = {"normal",     "quiet",        "step",      "drift",
                                               "not finite", "out of range", "saturated", "frozen",
                                               "scaled up",  "scaled down",  "holes"};
+
+typedef enum { BARE, GATED, GUARDED, MODES } mode_t;
+static const char *const MODE_NAMES[MODES] = {"bare", "gated", "guarded"};
 
 typedef struct {
     const family_filter_t *filter;
@@ -79,14 +83,14 @@ static aeo_real_t make_not_finite(uint32_t which)
     return (aeo_real_t)value;
 }
 
-static void begin(life_t *self, const family_filter_t *filter, int guarded)
+static void begin(life_t *self, const family_filter_t *filter, mode_t mode)
 {
-    const family_settings_t settings = {AEO_REAL(0.999), AEO_REAL(0.1), guarded ? AEO_REAL(0.05) : AEO_REAL(0)};
+    const family_settings_t settings = {AEO_REAL(0.999), AEO_REAL(0.1), mode != BARE ? AEO_REAL(0.05) : AEO_REAL(0)};
     self->filter = filter;
     if (filter->words(SIZE) > WORDS_MAX || filter->object_bytes > sizeof self->object ||
         family_regressors(filter, SIZE) * SIZE.outputs > THETA_MAX ||
-        family_start_regressor(&self->regressor, filter, SIZE, guarded ? AEO_REAL(20) : AEO_REAL(1e6), self->window,
-                               1024) != AEO_OK ||
+        family_start_regressor(&self->regressor, filter, SIZE, mode == GUARDED ? AEO_REAL(20) : AEO_REAL(1e6),
+                               self->window, 1024) != AEO_OK ||
         filter->init(&self->object, SIZE, settings, self->memory, filter->words(SIZE)) != AEO_OK) {
         fail("does not start");
     }
@@ -253,14 +257,14 @@ static double compare(double power, double fresh_power)
 }
 
 /* Good data, met by a filter which has seen nothing else too. */
-static double live_well(int guarded)
+static double live_well(mode_t mode)
 {
     double power = 0.0, fresh_power = 0.0;
     kind = NORMAL;
     plant.sign = plant.excitation = AEO_REAL(1);
     plant.noise = AEO_REAL(0.1);
     clock_us += 1000000u; /* both begin with an empty window */
-    begin(&fresh, life.filter, guarded);
+    begin(&fresh, life.filter, mode);
     for (since = 0; since < GOOD; since++) {
         family_plant_step(&plant);
         clock_us += 1000u;
@@ -278,21 +282,21 @@ static double live_well(int guarded)
     return compare(power, fresh_power);
 }
 
-static void soak(const family_filter_t *filter, uint32_t rounds, int guarded)
+static void soak(const family_filter_t *filter, uint32_t rounds, mode_t mode)
 {
     double worst = 0.0;
     uint32_t seen = 0;
-    begin(&life, filter, guarded);
+    begin(&life, filter, mode);
     family_plant_start(&plant, SIZE, seed);
     for (uint32_t t = 0; t < rounds; t++) {
         live_roughly(ROUND - GOOD);
-        const double distance = live_well(guarded);
+        const double distance = live_well(mode);
         worst = distance > worst ? distance : worst;
         seen |= filter->health(&life.object);
         filter->clear_health(&life.object);
     }
     printf("%s, %s: %u rounds of %u samples, farthest from a fresh filter %.2g, health seen %#x\n", filter->name,
-           guarded ? "guarded" : "bare", (unsigned)rounds, (unsigned)ROUND, worst, (unsigned)seen);
+           MODE_NAMES[mode], (unsigned)rounds, (unsigned)ROUND, worst, (unsigned)seen);
 }
 
 int main(int count, char **arguments)
@@ -300,15 +304,16 @@ int main(int count, char **arguments)
     const double samples = count > 1 ? strtod(arguments[1], NULL) : 1e6;
     const uint32_t first_seed = count > 2 ? (uint32_t)strtoul(arguments[2], NULL, 10) : 20091130u;
     const char *const only = count > 3 ? arguments[3] : "";
-    if (!(samples >= 2 * ROUND && samples <= 4e9) || first_seed == 0u) {
-        fputs("usage: soak SAMPLES [SEED [FILTER]]; 400,000 samples or more, a seed other than 0\n", stderr);
+    if (!(samples >= 3 * ROUND && samples <= 4e9) || first_seed == 0u) {
+        fputs("usage: soak SAMPLES [SEED [FILTER]]; 600,000 samples or more, a seed other than 0\n", stderr);
         return 2;
     }
     for (unsigned f = 0; f < FAMILY_COUNT; f++) {
         if (only[0] == '\0' || strcmp(only, FAMILY[f].name) == 0) {
             seed = first_seed;
-            soak(&FAMILY[f], (uint32_t)(samples / (2.0 * ROUND)), 1);
-            soak(&FAMILY[f], (uint32_t)(samples / (2.0 * ROUND)), 0);
+            for (unsigned mode = MODES; mode-- > 0u;) {
+                soak(&FAMILY[f], (uint32_t)(samples / (3.0 * ROUND)), (mode_t)mode);
+            }
         }
     }
     return 0;

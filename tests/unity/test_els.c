@@ -17,8 +17,8 @@ void tearDown(void)
 
 static void words_are_known_at_compile_time(void)
 {
-    TEST_ASSERT_EQUAL_UINT(3661, AEO_ELS_WORDS(80, 3));
-    TEST_ASSERT_EQUAL_UINT(30141, AEO_ELS_WORDS(240, 3));
+    TEST_ASSERT_EQUAL_UINT(3669, AEO_ELS_WORDS(80, 3));
+    TEST_ASSERT_EQUAL_UINT(30149, AEO_ELS_WORDS(240, 3));
 }
 
 static void schedule_follows_its_equation(void)

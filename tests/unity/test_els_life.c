@@ -1,6 +1,7 @@
 /* How extended least squares is used: its feedback, its starts, its saved form, what it refuses. */
 #include "els_bench.h"
 #include "samples.h"
+#include "saved.h"
 #include "unity.h"
 
 #include <math.h>
@@ -181,7 +182,7 @@ static void restore_names_what_is_wrong(void)
     const aeo_els_t before = els;
     static aeo_real_t memory_before[WORDS];
     memcpy(memory_before, memory, sizeof memory);
-    for (size_t i = 0; i < (size_t)RLS_AT + 22u; i++) {
+    for (size_t i = 0; i < (size_t)RLS_AT + AEO_RLS_SAVED_HEAD; i++) {
         const aeo_real_t wrong[2] = {AEO_REAL(-1.5), AEO_REAL(2.1e12)};
         for (int t = 0; t < 2; t++) {
             const aeo_status_t expected = i == 0 || i == RLS_AT            ? AEO_E_VERSION
@@ -193,6 +194,8 @@ static void restore_names_what_is_wrong(void)
             if (i == AEO_ELS_SAVED_HEAD && t == 0) { /* the one word, e fed back, that -1.5 does not damage */
                 saved[i] = AEO_REAL(-1.1e6);
             }
+            aeo_saved_seal(saved + RLS_AT, AEO_RLS_SAVED_WORDS(6, 1)); /* the seals are not the only judges */
+            aeo_saved_seal(saved, LENGTH);
             TEST_ASSERT_EQUAL_INT(expected, aeo_els_restore(&els, saved, LENGTH));
             saved[i] = good;
             TEST_ASSERT_EQUAL_MEMORY(&before, &els, sizeof els);
@@ -200,6 +203,8 @@ static void restore_names_what_is_wrong(void)
         }
     }
     saved[20] = AEO_REAL(7); /* the low half of backoff */
+    aeo_saved_seal(saved + RLS_AT, AEO_RLS_SAVED_WORDS(6, 1));
+    aeo_saved_seal(saved, LENGTH);
     TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_els_restore(&els, saved, LENGTH));
 }
 

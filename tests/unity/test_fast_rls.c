@@ -142,8 +142,8 @@ static double promised(void)
 
 static void words_are_known_at_compile_time(void)
 {
-    TEST_ASSERT_EQUAL_UINT(1522, AEO_FAST_RLS_WORDS(10, 5, 0, 3));
-    TEST_ASSERT_EQUAL_UINT(7122, AEO_FAST_RLS_WORDS(50, 5, 0, 3));
+    TEST_ASSERT_EQUAL_UINT(1530, AEO_FAST_RLS_WORDS(10, 5, 0, 3));
+    TEST_ASSERT_EQUAL_UINT(7130, AEO_FAST_RLS_WORDS(50, 5, 0, 3));
 }
 
 static void agrees_with_square_root_rls(void)
@@ -423,6 +423,28 @@ static void health_is_sticky_until_cleared(void)
     TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(NULL));
 }
 
+static void schedules_fit_their_numbers(void)
+{
+    /* the longer the memory the longer the warm-up, and never more than 32 bits hold, down to the last bit of lambda */
+    enum { LONG_WORDS = AEO_FAST_RLS_WORDS(10, 5, 0, 3) };
+    static aeo_real_t memory[LONG_WORDS];
+    aeo_fast_rls_t filter;
+    uint32_t before = 0;
+    for (double rate = 1.0 / 1024; rate >= (double)AEO_REAL_EPSILON / 2; rate /= 2) {
+        const aeo_fast_rls_config_t config = {.past = 10,
+                                              .block = 5,
+                                              .outputs = 3,
+                                              .forgetting = AEO_REAL(1) - (aeo_real_t)rate,
+                                              .regularisation = AEO_REAL(1),
+                                              .growth_max = AEO_REAL(100)};
+        const aeo_status_t status = aeo_fast_rls_init(&filter, &config, memory, LONG_WORDS);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, status);
+        TEST_ASSERT_TRUE(filter.warm >= before && filter.warm <= 2000000020u && filter.wait <= 200u);
+        before = filter.warm;
+    }
+    TEST_ASSERT_TRUE(before > 200000000u);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -440,5 +462,6 @@ int main(void)
     RUN_TEST(collinear_channels_stay_bounded_and_unbiased);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(health_is_sticky_until_cleared);
+    RUN_TEST(schedules_fit_their_numbers);
     return UNITY_END();
 }

@@ -1,6 +1,7 @@
 /* The fast filter's settings, its saved form, its read-out and its invariants; its behaviour is in test_fast_rls.c. */
 #include "aeolid/fast_rls.h"
 #include "samples.h"
+#include "saved.h"
 #include "unity.h"
 
 #include <string.h>
@@ -84,6 +85,13 @@ static void settings_out_of_range_are_refused(void)
     TEST_ASSERT_TRUE(fast.config.past == P && fast.count.updates == 0u && aeo_fast_rls_invariants_hold(&fast));
 }
 
+/* Restore an array that was tampered with, under a seal of its own: the seal is not the only judge. */
+static aeo_status_t restore_sealed(aeo_real_t *words)
+{
+    aeo_saved_seal(words, SAVED);
+    return aeo_fast_rls_restore(&fast, words, SAVED);
+}
+
 static void restore_names_what_is_wrong(void)
 {
     start_and_feed();
@@ -95,7 +103,7 @@ static void restore_names_what_is_wrong(void)
         for (int t = 0; t < 3; t++) {
             const aeo_real_t good = saved[i];
             saved[i] = wrong[t];
-            TEST_ASSERT_EQUAL_INT(status, aeo_fast_rls_restore(&fast, saved, SAVED));
+            TEST_ASSERT_EQUAL_INT(status, restore_sealed(saved));
             saved[i] = good;
             TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
         }
@@ -104,32 +112,37 @@ static void restore_names_what_is_wrong(void)
     const struct {
         size_t at;
         double value;
-    } damage[] = {{13, P + 2},                                 /* more samples than the window holds */
-                  {15, 2},                                     /* a third array */
-                  {factor, 0},                                 /* a diagonal entry of the factor */
-                  {factor + M * (M + 1) / 2 + M * M, 0.5},     /* 1 / gamma below 1 */
-                  {factor + M * (M + 1) / 2 + M * M, 1e21},    /* 1 / gamma that no array goes on with */
-                  {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30}, /* a gain that could move A out of bounds */
+    } damage[] = {{13, P + 2},                                  /* more samples than the window holds */
+                  {15, 2},                                      /* a third array */
+                  {factor, 1e7},                                /* a factor beyond any variance */
+                  {factor + M * (M + 1) / 2, 1e34},             /* an energy no data have */
+                  {factor + M * (M + 1) / 2 + M * M + 1, 1e21}, /* a disagreement no array goes on with */
+                  {factor, 0},                                  /* a diagonal entry of the factor */
+                  {factor + M * (M + 1) / 2 + M * M, 0.5},      /* 1 / gamma below 1 */
+                  {factor + M * (M + 1) / 2 + M * M, 1e21},     /* 1 / gamma that no array goes on with */
+                  {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30},  /* a gain that could move A out of bounds */
                   {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
                   {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}}; /* the window */
     for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
         const aeo_real_t good = saved[damage[t].at];
         saved[damage[t].at] = (aeo_real_t)damage[t].value;
-        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
         saved[damage[t].at] = good;
     }
     saved[10] = saved[11] = AEO_REAL(0); /* the random state, never 0 */
-    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&fast, saved, SAVED));
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
     TEST_ASSERT_EQUAL_MEMORY(&before, &fast, sizeof fast);
 }
 
 static void saved_head_is_counted_right(void)
 {
-    /* the formula, the writer and this test agree: the first array starts right after the head, residuals end it all */
+    /* the formula, the writer and this test agree: the first array starts right after the head, residuals end it but for watch
+     * and seal */
     start_and_feed();
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&fast, saved, SAVED));
     TEST_ASSERT_EQUAL_MEMORY(fast.array[0].forward, saved + AEO_FAST_RLS_SAVED_HEAD, 50 * sizeof *saved);
-    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_residual(&fast), saved + SAVED - L, L * sizeof *saved);
+    const size_t behind = AEO_WATCH_WORDS(L) + AEO_SAVED_SEAL;
+    TEST_ASSERT_EQUAL_MEMORY(aeo_fast_rls_residual(&fast), saved + SAVED - behind - L, L * sizeof *saved);
 }
 
 static void read_copies_theta(void)

@@ -1,6 +1,7 @@
 /* How the lattice is used: read-outs in slices, copies, its saved form, what it refuses, its health. */
 #include "lattice_bench.h"
 #include "samples.h"
+#include "saved.h"
 #include "unity.h"
 
 #include <math.h>
@@ -168,6 +169,13 @@ static void settings_out_of_range_are_refused(void)
     TEST_ASSERT_TRUE(lattice.config.past == P && lattice.count.updates == 0u && aeo_lattice_invariants_hold(&lattice));
 }
 
+/* Restore an array that was tampered with, under a seal of its own: the seal is not the only judge. */
+static aeo_status_t restore_sealed(aeo_real_t *words)
+{
+    aeo_saved_seal(words, SAVED);
+    return aeo_lattice_restore(&lattice, words, SAVED);
+}
+
 static void restore_names_what_is_wrong(void)
 {
     static aeo_real_t saved[SAVED];
@@ -185,7 +193,7 @@ static void restore_names_what_is_wrong(void)
             TEST_ASSERT_EQUAL_INT(i == 0   ? AEO_E_VERSION
                                   : i < 10 ? AEO_E_MISMATCH
                                            : AEO_E_DAMAGED,
-                                  aeo_lattice_restore(&lattice, saved, SAVED));
+                                  restore_sealed(saved));
             saved[i] = good;
             TEST_ASSERT_EQUAL_MEMORY(&before, &lattice, sizeof lattice);
         }
@@ -193,16 +201,32 @@ static void restore_names_what_is_wrong(void)
     static const struct {
         size_t word;
         double value;
-    } PLACES[] = {{25, P + 1}, {26, 1}, {29, P}, {31, (2 * P - 1) * M + D}, {33, 2}, {35, 2}};
+    } PLACES[] = {{27, P + 1}, {28, 1}, {31, P}, {33, (2 * P - 1) * M + D}, {35, 2}, {37, 2}, {45, 3}, {47, 2}};
     for (size_t t = 0; t < sizeof PLACES / sizeof PLACES[0]; t++) {
         const aeo_real_t good = saved[PLACES[t].word];
         saved[PLACES[t].word] = (aeo_real_t)PLACES[t].value;
-        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&lattice, saved, SAVED));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
         saved[PLACES[t].word] = good;
         TEST_ASSERT_EQUAL_MEMORY(&before, &lattice, sizeof lattice);
     }
+    const struct {
+        const aeo_real_t *word;
+        double value;
+    } WORDS_OUT[] = {{lattice.alpha, 4e35},          {lattice.alpha + P - 1, 0.4},   {lattice.step, 2.1},
+                     {lattice.step + 1, -1e-3},      {lattice.gain, 2e23},           {lattice.gain + P * M - 1, -1e6},
+                     {lattice.present_weight, 2e26}, {lattice.target_weight, -2e26}, {lattice.forward_weight, 1e27},
+                     {lattice.window - 1, 1e27},     {lattice.window, 1.1e6},        {lattice.error, 1.1e10},
+                     {lattice.watched, -1},          {lattice.watched + 2, 1.1},     {lattice.watched + 2 + L, 2e6}};
+    for (size_t t = 0; t < sizeof WORDS_OUT / sizeof WORDS_OUT[0]; t++) {
+        aeo_real_t *const word = saved + AEO_LATTICE_SAVED_HEAD + (WORDS_OUT[t].word - lattice.factor);
+        const aeo_real_t good = *word;
+        *word = (aeo_real_t)WORDS_OUT[t].value;
+        TEST_ASSERT_EQUAL_INT_MESSAGE(AEO_E_DAMAGED, restore_sealed(saved), "a word no lattice can hold");
+        *word = good;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, restore_sealed(saved));
+    }
     saved[AEO_LATTICE_SAVED_HEAD] = AEO_REAL(0); /* first diagonal entry */
-    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&lattice, saved, SAVED));
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
 }
 
 static void saved_head_is_counted_right(void)

@@ -43,9 +43,9 @@ static void description_is_repeated_and_hashed(void)
 static void health_tells_index_and_counters(void)
 {
     const aeo_stream_config_t config = make_config();
-    const uint32_t counters[AEO_STREAM_COUNTERS] = {100, 101, 102, 103, 104, 105, 106, 107};
+    const uint32_t counters[AEO_STREAM_COUNTERS] = {100, 101, 102, 103, 104, 105, 106, 107, 108};
     unsigned i, k, indices = 0;
-    uint32_t told[16] = {0};
+    uint32_t told[17] = {0};
     start_stream(&config);
     describe_first();
     for (k = 0; k < 300u; k++) {
@@ -57,7 +57,7 @@ static void health_tells_index_and_counters(void)
         if (is_health(i)) {
             const aeo_message_t m = message_at(i);
             TEST_ASSERT_EQUAL_HEX16(0x7FFFu, m.index); /* bit 15 belongs to the end of the stream */
-            TEST_ASSERT_TRUE(m.tag < 16u);
+            TEST_ASSERT_TRUE(m.tag < 17u);
             told[m.tag] = m.value[0];
             indices += m.tag == 0u;
         }

@@ -23,7 +23,7 @@ typedef struct {
     double forgetting, regularisation, excitation_min, growth_max;
     uint32_t varx_samples; double forgetting_start, forgetting_rate, guard_ratio;
     double *innovation; double *residual; int8_t *status; double *theta; double *theta_scaled;
-    uint32_t regressors; uint32_t health; uint32_t count[13];
+    uint32_t regressors; uint32_t health; uint32_t count[14];
 } aeo_replay_t;
 size_t aeo_replay_bytes(const aeo_replay_t *replay);
 int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes);

@@ -21,7 +21,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _HEALTH_ITEMS = ("Accepted", "NotFinite", "OutOfRange", "TimeFault", "Gaps", "", "", "Withheld", "Bounded",
-                 "Reinitialised")  # fmt: skip
+                 "Reinitialised", "Released")  # fmt: skip
 
 
 def build_records(node: Node, source: str) -> list[tuple[Record, int]]:

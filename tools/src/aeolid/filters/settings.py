@@ -25,7 +25,7 @@ VARIANCE_MAX = 1e10  # of growth_max / regularisation
 REMEMBERED = {"fast-rls": (1e-3, 0), "lattice": (1e-6, 1)}
 RESOLUTION = {"f32": 2.0**-23, "f64": 2.0**-52}  # of a number beside its size
 REGRESSOR_COUNTERS = ("samples", "rejected_not_finite", "rejected_range", "rejected_time", "gaps")
-RLS_COUNTERS = ("updates", "updates_rejected", "forgetting_withheld", "variances_bounded", "reinitialised")
+RLS_COUNTERS = ("updates", "updates_rejected", "forgetting_withheld", "variances_bounded", "reinitialised", "released")
 COUNTERS = REGRESSOR_COUNTERS + RLS_COUNTERS  # the order of aeo_replay_t.count, first those that every filter has
 OWN_COUNTERS = {"fell_back": ("els",), "feedback_limited": ("els",), "windows_restarted": ("fast-rls", "lattice")}
 HEALTH = {
@@ -36,7 +36,8 @@ HEALTH = {
     16: "window restarted",
     32: "feedback limited",
     64: "residual not fed back",
-}  # AEO_RLS_WITHHELD …, AEO_ELS_FELL_BACK …, AEO_LATTICE_RESTARTED
+    128: "covariance released after a fault",
+}  # AEO_RLS_WITHHELD …, AEO_ELS_FELL_BACK …, AEO_LATTICE_RESTARTED, AEO_RLS_RELEASED
 
 
 @dataclass(frozen=True)

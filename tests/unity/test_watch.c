@@ -1,0 +1,195 @@
+/* Faults that would stop a filter from learning for good, and calms that must not look like them. */
+#include "aeolid/watch.h"
+
+#include "aeolid/els.h"
+#include "aeolid/fast_rls.h"
+#include "aeolid/lattice.h"
+#include "aeolid/rls.h"
+#include "samples.h"
+#include "unity.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { R = 2, L = 2, P = 3, M = R + L, N = P * M, N_ELS = P * (M + L), PERIOD = 100000, MEMORY = 200 };
+
+static aeo_regressor_t x, x_els;
+static aeo_rls_t rls;
+static aeo_els_t els;
+static aeo_fast_rls_t fast;
+static aeo_lattice_t lattice;
+static aeo_real_t window[AEO_REGRESSOR_WORDS(R, L, P, 0)], window_els[AEO_REGRESSOR_WORDS(R, L, P, 1)];
+static aeo_real_t of_rls[AEO_RLS_WORDS(N, L)], of_els[AEO_ELS_WORDS(N_ELS, L)];
+static aeo_real_t of_fast[AEO_FAST_RLS_WORDS(P, M, 0, L)], of_lattice[AEO_LATTICE_WORDS(P, M, 0, L)];
+static aeo_real_t u[R], y[L];
+static uint64_t seed, now;
+
+static void start_filters(aeo_real_t gate)
+{
+    const aeo_real_t lambda = AEO_REAL(1) - AEO_REAL(1) / MEMORY, rho = AEO_REAL(0.1), growth = AEO_REAL(10);
+    aeo_regressor_config_t layout = {.inputs = R, .outputs = L, .past = P, .period_us = PERIOD};
+    const aeo_rls_config_t a = {N, L, lambda, rho, gate, growth};
+    const aeo_els_config_t b = {.regressors = N_ELS,
+                                .outputs = L,
+                                .past = P,
+                                .varx_samples = 100,
+                                .forgetting = lambda,
+                                .forgetting_start = lambda,
+                                .regularisation = rho,
+                                .excitation_min = gate,
+                                .growth_max = growth,
+                                .guard_ratio = AEO_REAL(4)};
+    const aeo_fast_rls_config_t c = {
+        .past = P, .block = M, .outputs = L, .forgetting = lambda, .regularisation = rho, .growth_max = growth};
+    const aeo_lattice_config_t d = {P, M, 0, L, lambda, rho, gate, growth};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&x, &layout, window, AEO_REGRESSOR_WORDS(R, L, P, 0)));
+    layout.model_set = AEO_VARMAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&x_els, &layout, window_els, AEO_REGRESSOR_WORDS(R, L, P, 1)));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &a, of_rls, AEO_RLS_WORDS(N, L)));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &b, of_els, AEO_ELS_WORDS(N_ELS, L)));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &c, of_fast, AEO_FAST_RLS_WORDS(P, M, 0, L)));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_init(&lattice, &d, of_lattice, AEO_LATTICE_WORDS(P, M, 0, L)));
+    memset(u, 0, sizeof u);
+    memset(y, 0, sizeof y);
+    seed = 20091130u;
+    now = 0;
+}
+
+/* One sample of a plant whose first input acts with `gain`; what the sensors say of it is `fault` times noise where that
+ * is not 0, else the truth, `size` times as large, plus an offset. */
+static void live(unsigned samples, double gain, double fault, double size, double offset)
+{
+    for (; samples > 0u; samples--) {
+        const double y0 = 0.7 * (double)y[0] + gain * (double)u[0] + 0.1 * draw(&seed);
+        y[1] = (aeo_real_t)(0.5 * (double)y[1] + 0.3 * (double)u[1] + 0.1 * draw(&seed));
+        y[0] = (aeo_real_t)y0;
+        fill(u, R, &seed);
+        aeo_real_t told[M];
+        for (size_t i = 0; i < M; i++) {
+            const double truth = (double)(i < R ? u[i] : y[i - R]);
+            told[i] = (aeo_real_t)(fault > 0.0 ? fault * draw(&seed) : size * truth + offset);
+        }
+        now += PERIOD;
+        if (aeo_regressor_push(&x, told, told + R, now) == AEO_OK) {
+            const aeo_real_t *const z = aeo_regressor_z(&x), *const of_now = aeo_regressor_y(&x);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, of_now));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, of_now));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&lattice, z, of_now));
+        }
+        (void)aeo_els_step(&els, &x_els, told, told + R, now);
+    }
+}
+
+static void assert_gain(double gain)
+{
+    aeo_real_t theta[N * L];
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, theta, N * L));
+    TEST_ASSERT_TRUE(fabs((double)theta[N - M] - gain) < 0.05);
+    TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[N - M] - gain) < 0.05);
+    TEST_ASSERT_TRUE(fabs((double)aeo_fast_rls_theta(&fast)[N - M] - gain) < 0.05);
+    TEST_ASSERT_TRUE(fabs((double)aeo_els_theta(&els)[N_ELS - M - L] - gain) < 0.05);
+}
+
+void setUp(void)
+{
+    start_filters(AEO_REAL(0.05));
+}
+
+void tearDown(void)
+{
+}
+
+static void a_fault_of_all_sensors_does_not_stop_learning(void)
+{
+    /* 100 samples a hundred times too large, no plausible ranges, the gate on; then the plant turns over */
+    live(10 * MEMORY, 0.5, 0, 1, 0);
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_rls_health(&rls) | aeo_lattice_health(&lattice) | aeo_fast_rls_health(&fast));
+    live(100, 0.5, 100, 1, 0);
+    live(20 * MEMORY, -0.5, 0, 1, 0);
+    assert_gain(-0.5);
+    TEST_ASSERT_EQUAL_UINT32(1, rls.count.released);
+    TEST_ASSERT_EQUAL_UINT32(1, lattice.count.released);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_RELEASED, aeo_rls_health(&rls) & AEO_RLS_RELEASED);
+    TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_RELEASED, aeo_lattice_health(&lattice) & AEO_LATTICE_RELEASED);
+    TEST_ASSERT_EQUAL_UINT32(AEO_RLS_RELEASED, aeo_els_health(&els) & AEO_RLS_RELEASED);
+    live(20 * MEMORY, 0.5, 0, 1, 0); /* and follows as ever */
+    assert_gain(0.5);
+    TEST_ASSERT_EQUAL_UINT32(1, rls.count.released);
+}
+
+static void without_a_gate_a_million_does_not_outlast_twenty_memories(void)
+{
+    start_filters(AEO_REAL(0));
+    live(10 * MEMORY, 0.5, 0, 1, 0);
+    live(100, 0.5, 0.9e6, 1, 0);
+    live(20 * MEMORY, -0.5, 0, 1, 0);
+    assert_gain(-0.5);
+    TEST_ASSERT_EQUAL_UINT32(1, rls.count.released);
+    TEST_ASSERT_EQUAL_UINT32(1, lattice.count.released);
+    TEST_ASSERT_TRUE(fast.count.released + fast.count.reinitialised >= 1u); /* arrays may lose their way first */
+}
+
+static void faults_that_come_back_are_survived_each_time(void)
+{
+    for (unsigned t = 0; t < 5u; t++) {
+        const double gain = t % 2u == 0u ? 0.5 : -0.5;
+        live(30, gain, 1000, 1, 0);
+        live(20 * MEMORY, gain, 0, 1, 0);
+        assert_gain(gain);
+    }
+}
+
+static void a_calm_releases_nothing(void)
+{
+    /* a hundredth, a millionth, nothing at all, around offsets that the filters know or do not know */
+    static const double SIZES[] = {1e-2, 1e-6, 0}, OFFSETS[] = {0, 3};
+    for (unsigned t = 0; t < 6u; t++) {
+        start_filters(AEO_REAL(0.05));
+        live(10 * MEMORY, 0.5, 0, 1, 0);
+        aeo_real_t before[N * L];
+        memcpy(before, aeo_rls_theta(&rls), sizeof before);
+        live(100 * MEMORY, -0.5, 0, SIZES[t % 3u], OFFSETS[t / 3u]);
+        TEST_ASSERT_EQUAL_UINT32(0, rls.count.released + els.rls.count.released + lattice.count.released);
+        TEST_ASSERT_TRUE(t >= 3u || lattice.count.withheld > 90u * MEMORY);
+        live(20 * MEMORY, -0.5, 0, 1, 0);
+        assert_gain(-0.5);
+    }
+}
+
+static void a_start_in_the_calm_releases_nothing(void)
+{
+    live(50 * MEMORY, 0.5, 0, 1e-4, 0);
+    TEST_ASSERT_EQUAL_UINT32(0, rls.count.released + els.rls.count.released + lattice.count.released);
+    live(20 * MEMORY, 0.5, 0, 1, 0);
+    assert_gain(0.5);
+}
+
+static void what_a_watch_cannot_be_is_noticed(void)
+{
+    TEST_ASSERT_TRUE(aeo_watch_holds(&rls.watch, rls.watched, L));
+    aeo_real_t words[AEO_WATCH_WORDS(L)];
+    for (size_t i = 0; i < AEO_WATCH_WORDS(L); i++) {
+        memcpy(words, rls.watched, sizeof words);
+        words[i] = i < 2u ? AEO_REAL(-1) : AEO_REAL(2e6);
+        TEST_ASSERT_FALSE(aeo_watch_holds(&rls.watch, words, L));
+    }
+    for (unsigned i = 0; i < 5u; i++) {
+        uint32_t numbers[5] = {0, 0, 0, 0, 0};
+        aeo_watch_t watch;
+        numbers[i] = UINT32_MAX;
+        memcpy(&watch, numbers, sizeof watch);
+        TEST_ASSERT_FALSE(aeo_watch_holds(&watch, rls.watched, L));
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(a_fault_of_all_sensors_does_not_stop_learning);
+    RUN_TEST(without_a_gate_a_million_does_not_outlast_twenty_memories);
+    RUN_TEST(faults_that_come_back_are_survived_each_time);
+    RUN_TEST(a_calm_releases_nothing);
+    RUN_TEST(a_start_in_the_calm_releases_nothing);
+    RUN_TEST(what_a_watch_cannot_be_is_noticed);
+    return UNITY_END();
+}
