@@ -37,7 +37,7 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
     ("name", "kind"),
     [
         asked_elsewhere("lag, first order", "equations"),  # test_diagnose_cli.py, test_diagnose_pairs.py
-        asked_elsewhere("dry friction", "equations"),  # test_diagnose_known.py
+        ("dry friction", "equations"),
         ("wire", "equations"),
         ("rectifier", "equations"),
         ("bracket", "equations"),

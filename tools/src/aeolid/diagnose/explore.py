@@ -133,9 +133,14 @@ def fit_fully(predictor: Predictor, start: Point, free: Free) -> Fit | None:
     return fit_quietly(predictor, start if found is None else found[1], free)
 
 
-def fit_quietly(predictor: Predictor, start: Point, free: Free, iterations: int = _FULL) -> Fit | None:
-    """Fit, and lower what process noise nobody would miss; None where the start diverges."""
-    fit = predictor.fit(start, free, iterations=iterations)
+def fit_quietly(
+    predictor: Predictor, start: Point, free: Free, iterations: int = _FULL, tolerance: float = 0.02
+) -> Fit | None:
+    """Fit, and lower what process noise nobody would miss; None where the start diverges.
+
+    tolerance: nats below which a fit stops.
+    """
+    fit = predictor.fit(start, free, iterations, tolerance)
     if fit is None or not free.noise or predictor.deadline.passed:
         return fit
     quiet = quieted(predictor, fit.point, free)
