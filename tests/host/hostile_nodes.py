@@ -107,13 +107,8 @@ def redescribing() -> Iterator[list[Row]]:
     """Describe 32 nodes anew again and again, each time with a window of 65,535 and the start of a snapshot."""
     for turn in count(1):
         for node in range(32):
-            end = (node, END, 1, 5, 1)
-            yield description(node, r=0, l=1, past=65535, salt=0.001 * turn) + [
-                (node, BEGIN, 1, 65534, 5),
-                end,
-                end,
-                end,
-            ]
+            begin, end = (node, BEGIN, 1, 65534, 5), (node, END, 1, 5, 1)
+            yield [*description(node, r=0, l=1, past=65535, salt=0.001 * turn), begin, end, end, end]
 
 
 def long_windows() -> Iterator[list[Row]]:
@@ -189,9 +184,8 @@ def half_snapshots() -> Iterator[list[Row]]:
     """Send the beginnings of all snapshot numbers in turn, of a large description, and end some of them."""
     yield description(1, r=0, l=1, past=65_535)
     for k in count():
-        yield [(1, BEGIN, k & 0xFF, 65_534, k), *((1, PARAMETER, k & 0xFF, i, k) for i in range(3))] + (
-            [(1, END, k & 0xFF, 0, 7)] * 3 if k % 2 else []
-        )
+        ends = [(1, END, k & 0xFF, 0, 7)] * 3 if k % 2 else []
+        yield [(1, BEGIN, k & 0xFF, 65_534, k), *((1, PARAMETER, k & 0xFF, i, k) for i in range(3)), *ends]
 
 
 def repairs() -> Iterator[list[Row]]:
@@ -260,8 +254,9 @@ def fd_frames() -> Iterator[Frames]:
 
 ATTACKS: dict[str, Callable[[], Iterator[list[Row]]]] = {
     "redescribing": redescribing, "long windows": long_windows, "forged innovations": forged_innovations,
-    "to and fro": to_and_fro, "to and fro, 40": lambda: to_and_fro(40), "to and fro, bare": lambda: to_and_fro(2, False),
-    "leaps": leaps, "bursts and leaps": bursts_and_leaps, "undescribed": undescribed, "twins": twins,
+    "to and fro": to_and_fro, "to and fro, 40": lambda: to_and_fro(40),
+    "to and fro, bare": lambda: to_and_fro(2, False), "leaps": leaps, "bursts and leaps": bursts_and_leaps,
+    "undescribed": undescribed, "twins": twins,
     "twins apart": lambda: twins(400), "twins, bare": lambda: twins(5, False), "all numbers": all_numbers,
     "half snapshots": half_snapshots, "repairs": repairs, "health": health, "strange names": strange_names,
     "endless parts": endless_parts, "noise": noise,
@@ -275,11 +270,33 @@ def batches(rows: Iterator[list[Row]], size: int) -> Iterator[Frames]:
         yield encode(batch)
 
 
+def apart(name: str, rows: list[Row], number: int) -> list[Row]:
+    """Give an attack numbers that no other uses, so that none is refused for what another does."""
+    if name in ("redescribing", "undescribed"):
+        return rows  # 0 … 31
+    if name == "noise":
+        return [(32 + row[0] % 64, *row[1:]) for row in rows]
+    if name == "all numbers":
+        return [row for row in rows if row[0] > HONEST]
+    return [(100 + 4 * number + row[0] % 4, *row[1:]) for row in rows]
+
+
 def mixed() -> Iterator[list[Row]]:
-    """Interleave all attacks, a few messages of each in turn; each acts under its own numbers as far as it has any."""
-    sources = [chain.from_iterable(attack()) for attack in ATTACKS.values()]
+    """Interleave all attacks, a few messages of each in turn, under numbers of their own."""
+    sources = [
+        chain.from_iterable(apart(name, rows, i) for rows in attack())
+        for i, (name, attack) in enumerate(ATTACKS.items())
+    ]
     for turn in count():
         yield list(islice(sources[turn % len(sources)], 8))
+
+
+def interleaved(share: float = 0.1) -> Iterator[list[Row]]:
+    """Let an honest node send beside all attacks, so that about this share of the frames is its own."""
+    good, bad = honest(), chain.from_iterable(mixed())
+    for rows in good:
+        yield rows
+        yield list(islice(bad, round(len(rows) * (1 / share - 1))))
 
 
 def dated(frames: Frames, first: int, rate: float = BUS_RATE, start: float = 1.79e9) -> Frames:

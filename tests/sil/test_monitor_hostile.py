@@ -11,7 +11,6 @@ from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 
-import pytest
 from harness import Process
 from test_listen import LINE, Adapter, slcan_text
 

@@ -1,4 +1,4 @@
-"""Hold batches that come one after the other in few pieces: a Python object a frame would cost fifty times the frame."""
+"""Hold batches that come one after the other in few pieces: an object a frame would cost fifty times the frame."""
 
 from __future__ import annotations
 

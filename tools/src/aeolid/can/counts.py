@@ -33,6 +33,8 @@ class Count:
     other_at: int = 0  # what the count believed had taken when this one began
     touched: int = 0  # when it was last heard
     fresh: int = 0  # values not yet collected
+    into: Count | None = None  # the count that it has turned out to go on with, and …
+    shift: int = 0  # … what is added to its indices there
 
     def joined(self) -> Part:
         """Return all messages in one piece."""
@@ -60,13 +62,13 @@ class Counts:
     those of counts that came to nothing.
     """
 
-    def __init__(self, channels: int, jump: int) -> None:
-        """Prepare. jump: samples that may be missing within a count."""
+    def __init__(self, channels: int, jump: int, every: int = 1) -> None:
+        """Prepare. jump: samples that may be missing within a count; every: the node sends every k-th one."""
         self.believed: list[Count] = []
         self.latest: Count | None = None
         self.contested = 0
         self.strays = 0
-        self._jump, self._least = jump, RUN_LEAST * channels
+        self._jump, self._near, self._least = jump, min(SHUFFLE * max(every, 1), jump), RUN_LEAST * channels
         self._rivals: list[Count] = []
         self._clock = 0
 
@@ -83,37 +85,45 @@ class Counts:
         """Yield the counts that messages (n ≥ 1) belong to, with theirs, their indices unwrapped."""
         step = np.zeros(len(part), np.int64)
         step[1:] = (np.diff(part.index) + 32768) % 65536 - 32768
-        breaks = np.flatnonzero((step > self._jump) | (step < -SHUFFLE))
+        breaks = np.flatnonzero((step > self._near) | (step < -SHUFFLE))
         step[breaks] = 0
         along = np.cumsum(step)
-        owners: dict[int, tuple[Count, list[int]]] = {}
-        shifts = []
         starts = [0, *breaks.tolist()]
         stops = [*starts[1:], len(part)]
         heads, begins, ends = (x.tolist() for x in (part.index[starts], along[starts], along[np.array(stops) - 1]))
+        owners, shifts = [], []
         for number, (low, begin, end) in enumerate(zip(heads, begins, ends, strict=True)):
             owner, start = self._find(low)
+            owners.append(owner)
             shifts.append(start - begin)
             self._note(owner, end + start - begin, stops[number] - starts[number])
-            owners.setdefault(id(owner), (owner, []))[1].append(number)
+        for number, owner in enumerate(owners):
+            if owner.into is not None:  # it has turned out to be the same count, after a hole
+                owners[number], shifts[number] = owner.into, shifts[number] + owner.shift
+        part = replace(part, index=along + np.repeat(shifts, np.diff([*starts, len(part)])))
         if len(starts) == 1:
-            yield owner, replace(part, index=along + shifts[0])
+            yield owners[0], part
             return
-        lengths = np.diff([*starts, len(part)])
-        index, stretch = along + np.repeat(shifts, lengths), np.repeat(np.arange(len(starts)), lengths)
-        for owner, mine in owners.values():
-            if owner in self._rivals or owner in self.believed:
-                chosen = np.isin(stretch, mine)
-                yield owner, replace(part, index=index).take(chosen)
+        stretch = np.repeat(np.arange(len(starts)), np.diff([*starts, len(part)]))
+        groups: dict[int, list[int]] = {}
+        for number, owner in enumerate(owners):
+            groups.setdefault(id(owner), []).append(number)
+        for numbers in groups.values():
+            owner = owners[numbers[0]]
+            if any(owner is other for other in (*self._rivals, *self.believed)):
+                yield owner, part.take(np.isin(stretch, numbers))
 
     def _find(self, low: int) -> tuple[Count, int]:
-        """Return the count that an index goes on with, and the index in its counting; a new one where none does."""
+        """Return the count that an index goes on with, and the index in its counting; a new one where none does.
+
+        After a hole a new one begins too: which of two nodes goes on is seen only when the other one has fallen silent.
+        """
         best, found = None, 0
         for count in (*self.believed[-1:], *self._rivals):
             step = (low - count.last + 32768) % 65536 - 32768
-            if -SHUFFLE <= step <= self._jump and (best is None or abs(step) < abs(found)):
+            if -SHUFFLE <= step <= self._near and (best is None or abs(step) < abs(found)):
                 best, found = count, step
-                if 0 < step <= SHUFFLE and count not in self._rivals:
+                if step > 0 and count is self.believed[-1]:
                     break  # the count believed goes first, whatever strays lie about
         if best is not None:
             return best, best.last + found
@@ -136,14 +146,30 @@ class Counts:
             return
         believed = self.believed[-1]
         if (believed.taken - count.other_at) * SILENT <= count.taken:
-            self._rivals = [rival for rival in self._rivals if rival is not count]
-            for rival in list(self._rivals):
-                self._drop(rival)
-            self.believed.append(count)
+            self._believe(count)
         else:
             self.contested += count.taken
             count.parts, count.taken, count.fresh = [], 0, 0
             count.first, count.other_at = last, believed.taken
+
+    def _believe(self, count: Count) -> None:
+        """Let a rival take the place of the count believed, or go on with it where only a hole lies between."""
+        self._rivals = [rival for rival in self._rivals if rival is not count]
+        for rival in list(self._rivals):
+            self._drop(rival)
+        before = self.believed[-1]
+        step = (count.first - before.last + 32768) % 65536 - 32768
+        if not 0 < step <= self._jump or before.ceiling is not None:
+            self.believed.append(count)
+            return
+        shift = before.last + step - count.first  # turns of 65536
+        before.parts += [replace(p, index=p.index + shift) for p in count.parts]
+        before.last, before.touched, self.latest = count.last + shift, count.touched, before
+        before.taken, before.fresh = before.taken + count.taken, before.fresh + count.fresh
+        for turn, (votes, place) in count.votes.items():
+            told, first = before.votes.get(turn - shift, (0, place))
+            before.votes[turn - shift] = (told + votes, first)
+        count.into, count.shift, count.parts = before, shift, []
 
     def _drop(self, rival: Count) -> None:
         self._rivals = [other for other in self._rivals if other is not rival]
@@ -176,8 +202,7 @@ class Counts:
         """Decide about what is pending: nothing more will come."""
         pending = self._pending()
         if pending is not None:
-            self.believed.append(pending)
-            self._rivals = [rival for rival in self._rivals if rival is not pending]
+            self._believe(pending)
         for rival in list(self._rivals):
             self._drop(rival)
 

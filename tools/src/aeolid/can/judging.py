@@ -116,8 +116,8 @@ def believe(rows: Rows, known: set[int], garbling: Garbling | None) -> tuple[Mas
     """Decide which rows are believed (k,); returns that, and the turn of each row (k,) with whether it is known (k,).
 
     A seal proves its sample with 16 bits by itself and with 32 when its turn is that of its neighbour, or in `known`;
-    without a neighbour a quiet bus must do. Other rows are believed on a quiet bus, when nothing contradicts them. Of two
-    different seals none is believed.
+    without a neighbour a quiet bus must do. Other rows are believed on a quiet bus, when nothing contradicts them. Of
+    two different seals none is believed.
     """
     quiet = np.ones(len(rows.index), bool)
     at = np.flatnonzero(rows.sealed)

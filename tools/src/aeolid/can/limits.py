@@ -22,7 +22,7 @@ PART_BYTES = 700  # of the Python objects that hold one batch
 
 # configurations of a node: each description that differs makes one; a node is set up anew now and then, not for ever
 CONFIGURATIONS_MAX = 64
-PREVIOUS_MAX = 8  # of them that are kept; their samples are on the disk
+PREVIOUS_KEPT = 4  # of them that are kept once their samples are on the disk
 
 # runs: one that another follows has at least so many samples, or it is left out; a node has at most so many, and all
 # nodes together so many files
@@ -47,7 +47,6 @@ INNOVATIONS_AHEAD = 4096  # samples by which innovations may be ahead of the sam
 MODES_REGRESSORS = 600
 MODES_QUEUE_BYTES = 32 << 20  # of samples and snapshots that wait for the modes
 MODES_FINISH_S = 3.0  # for which the end of a reception waits for modes that lag behind
-MODE_NUMBERS_MAX = 512  # places of modes that are remembered by number
 
 HELD_SPARE = 8 << 20  # bytes set free when memory ends, so that the files can be completed
 FLUSH_S = 1.0  # between two times that what has arrived goes to the disk

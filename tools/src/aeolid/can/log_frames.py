@@ -10,11 +10,10 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from aeolid.can.arrow import from_columns, read_spool
 from aeolid.can.damage import find_damage
 from aeolid.can.messages import pack_messages
-from aeolid.can.wire import GARBLED, Frames
+from aeolid.can.wire import Frames
 from aeolid.confined import Reply
 from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
@@ -30,7 +29,7 @@ def send_frames(path: str, source: str) -> Generator[Reply, None, None]:
 
     A log that cannot be read at all raises what its reader raises.
     """
-    batches = _parquet(path, source) if path.lower().endswith(".parquet") else _by_python_can(path, source)
+    batches = _batches_of(path, source)
     count, failed, most = 0, None, _FRAMES + _FRAMES_PER_BYTE * Path(path).stat().st_size
     while True:
         try:
@@ -61,6 +60,12 @@ def _damage(path: Path, count: int) -> str | None:
         return find_damage(path, count)
     except Exception as error:  # readers of a damaged file raise anything
         return reason_of(error)
+
+
+def _batches_of(path: str, source: str) -> Iterator[Frames]:
+    if path.lower().endswith(".arrows"):  # the spool of a log whose recorder was killed
+        return read_spool(Path(path))
+    return _parquet(path, source) if path.lower().endswith(".parquet") else _by_python_can(path, source)
 
 
 def _by_python_can(path: str, source: str) -> Iterator[Frames]:
@@ -117,24 +122,4 @@ def _parquet(path: str, source: str) -> Iterator[Frames]:
 def _rows(file: Any) -> Iterator[Frames]:
     with file:
         for batch in file.iter_batches(batch_size=16 * BATCH):
-            yield _unpack(*(batch.column(i) for i in range(len(FRAMES_COLUMNS))))
-
-
-def _unpack(stamps: Any, ids: Any, flags: Any, data: Any) -> Frames:
-    """Convert Arrow columns; data longer than a frame can be were none."""
-    from pyarrow import compute
-
-    length = np.asarray(compute.binary_length(data).fill_null(0)).astype(np.int64)
-    flag = np.asarray(flags.fill_null(GARBLED)).astype(np.uint8)
-    flag = np.where(length > 64, np.uint8(GARBLED), flag)
-    count, width = len(flag), 64 if (length > 8).any() else 8
-    table = np.zeros((count, width), np.uint8)
-    offsets = np.frombuffer(data.buffers()[1], np.int32)[data.offset : data.offset + count + 1].astype(np.int64)
-    flat = np.frombuffer(data.buffers()[2] or b"", np.uint8)
-    at = np.arange(width)[None, :]
-    inside = (at < length[:, None]) & (length <= 64)[:, None]
-    table[inside] = flat[(offsets[:-1, None] + at)[inside]]
-    seconds = np.asarray(stamps.cast("int64").fill_null(-1), dtype=np.float64) / 1e9
-    stamp = np.where(np.asarray(stamps.is_null()), np.nan, seconds)
-    length = np.where(length > 64, 0, length)
-    return Frames(np.asarray(ids.fill_null(0)).astype(np.uint32), flag, length.astype(np.uint8), table, stamp)
+            yield from_columns(*(batch.column(i) for i in range(len(FRAMES_COLUMNS))))

@@ -14,7 +14,7 @@ from aeolid.errors import DataError
 from aeolid.formats.bounds import log_limits
 from aeolid.inputs import regular_size
 
-LOG_SUFFIXES = (".blf", ".asc", ".log", ".mf4", ".parquet", ".trc", ".asc.gz", ".log.gz")
+LOG_SUFFIXES = (".blf", ".asc", ".log", ".mf4", ".parquet", ".trc", ".asc.gz", ".log.gz", ".arrows")
 _LAYOUT = {"id": ("u4", 1), "flags": ("u1", 1), "length": ("u1", 1), "data": ("u1", 2), "time_s": ("f8", 1)}
 
 

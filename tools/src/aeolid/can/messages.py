@@ -12,9 +12,12 @@ from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, GARBLED, REMOTE, Frames
 
 PASSIVE = 8  # further flag of a frame: its sender is error passive (ESI)
 DATED_MAX_S = float(1 << 33)  # a time before 1970 or from here on is none: files hold nanoseconds in 63 bits
-# Logs keep frames only, and none of their formats has another kind in which text that was no frame could stand without
-# being taken for something of the bus: a remote frame of the highest identifier marks its place.
+# Logs keep frames only, and none of their formats has another kind in which text that was no frame could stand. A
+# remote frame of the highest identifier marks its place, on a channel that no bus has. A true remote frame of this
+# identifier is written on the channel before it; on the first channel it is the mark of this tool's older logs.
 MARKER = 0x1FFFFFFF
+MARK_CHANNEL, TRUE_CHANNEL = 254, 253
+_MARKS = (MARK_CHANNEL, f"can{MARK_CHANNEL}", 0, "vcan0", None)  # as the formats bring the channels back
 _WIDTHS = (8, 64)
 
 
@@ -43,7 +46,8 @@ def _flags(m: Any) -> int:
         return ERROR
     flags: int = EXTENDED * m.is_extended_id
     if m.is_remote_frame:
-        return GARBLED if m.arbitration_id == MARKER else flags | REMOTE
+        is_mark = m.arbitration_id == MARKER and m.is_extended_id and m.channel in _MARKS
+        return GARBLED if is_mark else flags | REMOTE
     if len(m.data) != m.dlc:
         return GARBLED
     flags |= FD * m.is_fd | FAST * m.bitrate_switch | PASSIVE * m.error_state_indicator
@@ -60,9 +64,15 @@ def unpack_messages(frames: Frames) -> Iterator[Any]:
         if f & ERROR:
             yield Message(timestamp=t, is_error_frame=True)
         elif f & GARBLED:
-            yield Message(timestamp=t, arbitration_id=MARKER, is_extended_id=True, is_remote_frame=True)
+            yield Message(
+                timestamp=t, arbitration_id=MARKER, is_extended_id=True, is_remote_frame=True, channel=MARK_CHANNEL
+            )  # fmt: skip
         elif f & REMOTE:
-            yield Message(timestamp=t, arbitration_id=i, is_extended_id=bool(f & EXTENDED), is_remote_frame=True)
+            extended = bool(f & EXTENDED)
+            channel = TRUE_CHANNEL if i == MARKER and extended else None
+            yield Message(
+                timestamp=t, arbitration_id=i, is_extended_id=extended, is_remote_frame=True, channel=channel
+            )  # fmt: skip
         else:
             yield Message(
                 timestamp=t, arbitration_id=i, is_extended_id=bool(f & EXTENDED), is_fd=bool(f & FD),

@@ -22,7 +22,7 @@ from aeolid.can.limits import (
     NODE_BYTES,
     NODES_MAX,
     PART_BYTES,
-    PREVIOUS_MAX,
+    PREVIOUS_KEPT,
     TOTAL_BYTES,
 )
 from aeolid.can.samples import SampleStore
@@ -150,9 +150,6 @@ class Node:
     def add(self, m: Messages) -> None:
         """Take this node's messages in the order of arrival."""
         self.messages += int(np.count_nonzero(m.lane == 0))
-        if self.refused:
-            self.refused_out += len(m)
-            return
         heads = np.flatnonzero((m.kind == DESCRIPTION) & (m.tag == WIRE))
         start = 0
         for at in heads.tolist():
@@ -182,6 +179,9 @@ class Node:
                 self._use(self.now, messages)
 
     def _take(self, m: Messages) -> None:
+        if self.refused:
+            self.refused_out += len(m)
+            return
         parts = m.kind == DESCRIPTION
         waits = self.now is None or self._rumour is not None
         if waits and parts.any():
@@ -220,14 +220,14 @@ class Node:
         self._head = (d.wire_version, d.configuration_hash)
         self._rumour = None
         if self.now is None or not self.now.description.same_as(d):
-            if self.now is not None:
-                self._retire(self.now)
-            self.changes += 1
-            if self.changes > CONFIGURATIONS_MAX:
+            if self.changes >= CONFIGURATIONS_MAX:
                 self.refused = f"described itself anew more than {CONFIGURATIONS_MAX} times"
                 self.refused_out += self._kept
                 self._early, self._kept = [], 0
                 return
+            if self.now is not None:
+                self._retire(self.now)
+            self.changes += 1
             tags = (d.channels, d.outputs | SEAL_INNOVATION)
             heads = [self.number | tag << 8 for tag in tags]
             samples = SampleStore(d.channels, d.sample_every, self._garbling, heads[0])
@@ -240,9 +240,13 @@ class Node:
         now.snapshots.close(self._newest(now))
         now.snapshots.retire()
         self.previous.append(now)
-        for old in self.previous[:-PREVIOUS_MAX]:
-            self._gone += old.samples.left_out + old.innovations.left_out + old.samples.messages
-        self.previous = self.previous[-PREVIOUS_MAX:]
+
+    def tidy(self) -> None:
+        """Forget configurations that are over and written, the newest ones aside."""
+        for old in self.previous[:-PREVIOUS_KEPT]:
+            if old.samples.is_empty() and old.innovations.is_empty():
+                self._gone += old.samples.left_out + old.innovations.left_out
+                self.previous.remove(old)
 
     def _keep(self, m: Messages) -> None:
         if self._kept + len(m) <= EARLY_MAX:

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
 
-import numpy as np
-
+from aeolid.can.arrow import frames_schema, to_batch
 from aeolid.can.chunks import CHUNK, ChunkedLog
 from aeolid.can.messages import unpack_messages
 from aeolid.can.raw_mf4 import Mf4Log
 from aeolid.can.wire import Frames
 from aeolid.errors import UsageError
-from aeolid.formats.parquet import FRAMES_COLUMNS, FRAMES_MARK, WRITTEN
+from aeolid.formats.parquet import WRITTEN
 from aeolid.formats.spare import SpareFile
 
 RAW_SUFFIXES = (".mf4", ".blf", ".asc", ".log", ".parquet")
-_NOTE = "flags: 1 29-bit identifier, 2 CAN FD, 4 bit rate switched, 8 error passive, 16 remote, 32 error, 64 no frame"
 
 
 class RawLog(Protocol):
@@ -39,6 +36,9 @@ class RawLog(Protocol):
 
     def write(self, frames: Frames) -> None:
         """Add frames, in the order of arrival."""
+
+    def flush(self) -> None:
+        """Put what was added on the disk, so that it is there whatever becomes of this process."""
 
     def close(self) -> None:
         """Complete the file."""
@@ -89,6 +89,12 @@ class MessageLog:
         self.frames += len(frames)
         self._file.flush()
 
+    def flush(self) -> None:
+        """End the container of a BLF that is under way; text is on the disk already."""
+        if hasattr(self._writer, "_flush"):
+            self._writer._flush()
+            self._file.flush()
+
     def close(self) -> None:
         """Write what the format ends with and close."""
         self._writer.stop()
@@ -98,36 +104,19 @@ class MessageLog:
 class ParquetLog(ChunkedLog):
     """Write Parquet: timestamp (ns, UTC), id, flags, data."""
 
-    def __init__(self, path: Path) -> None:
-        import pyarrow as pa
+    def _open(self) -> None:
         from pyarrow import parquet
 
-        super().__init__(path)
-        types = (pa.timestamp("ns", tz="UTC"), pa.uint32(), pa.uint8(), pa.binary())
-        fields = [pa.field(name, kind) for name, kind in zip(FRAMES_COLUMNS, types, strict=True)]
-        self._schema = pa.schema(fields, metadata={FRAMES_MARK: json.dumps(1), b"note": _NOTE})
-        self._raw = SpareFile(path)
-        self._file = io.BufferedWriter(self._raw, 1 << 16)
-        self._writer = parquet.ParquetWriter(self._file, self._schema, compression="zstd", **WRITTEN)
+        self._schema = frames_schema()
+        self._target = io.BufferedWriter(SpareFile(self.path), 1 << 16)
+        self._writer = parquet.ParquetWriter(self._target, self._schema, compression="zstd", **WRITTEN)
 
     def _put(self, frames: Frames) -> None:
         import pyarrow as pa
 
-        stamps = np.rint(np.nan_to_num(frames.time_s) * 1e9).astype(np.int64)
-        inside = np.arange(frames.data.shape[1])[None, :] < frames.length[:, None]
-        offsets = np.concatenate([[0], np.cumsum(inside.sum(axis=1))]).astype(np.int32)
-        flat = np.ascontiguousarray(frames.data[inside])
-        data = pa.Array.from_buffers(pa.binary(), len(frames), [None, pa.py_buffer(offsets), pa.py_buffer(flat)])
-        columns = [
-            pa.array(stamps, pa.timestamp("ns", tz="UTC"), mask=np.isnan(frames.time_s)),
-            pa.array(frames.id),
-            pa.array(frames.flags),
-            data,
-        ]
-        self._writer.write_table(pa.Table.from_arrays(columns, schema=self._schema), row_group_size=CHUNK)
-        self._file.flush()
-        self.full = self._raw.full
+        table = pa.Table.from_batches([to_batch(frames)], schema=self._schema)
+        self._writer.write_table(table, row_group_size=CHUNK)
 
     def _finish(self) -> None:
         self._writer.close()
-        self._file.close()
+        self._target.close()

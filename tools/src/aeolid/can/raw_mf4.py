@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import os
-import shutil
 import tempfile
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.chunks import ChunkedLog
-from aeolid.can.messages import MARKER, PASSIVE
+from aeolid.can.messages import MARK_CHANNEL, MARKER, PASSIVE, TRUE_CHANNEL
 from aeolid.can.wire import ERROR, EXTENDED, FAST, FD, GARBLED, REMOTE, Frames
-from aeolid.formats.spare import SPARE
 from aeolid.output import create
 
 _KINDS = ("CAN_DataFrame", "CAN_ErrorFrame", "CAN_RemoteFrame")  # ASAM MDF bus logging 1.0
@@ -26,21 +23,18 @@ _DLC = np.array([_CODES.get(n, 0) for n in range(65)], np.uint8)
 
 
 class Mf4Log(ChunkedLog):
-    """Write MDF4 bus logging with asammdf.
+    """Write MDF4 bus logging with asammdf, from the spool, when the log is closed.
 
-    Frames wait, compressed, in a hidden folder beside the target, which is written on closing: so `full` turns true
-    while there is still room for it.
+    asammdf keeps what it is given, compressed, in a hidden folder beside the target meanwhile.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Create the file. Raises OSError."""
+    def _open(self) -> None:
         from asammdf import MDF, Signal
         from asammdf.blocks import v4_constants
         from asammdf.blocks.v4_blocks import SourceInformation
 
-        super().__init__(path)
-        os.close(create(path))  # a place that cannot be written to is told now
-        self._folder = tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.")
+        os.close(create(self.path))
+        self._folder = tempfile.TemporaryDirectory(dir=self.path.parent, prefix=f".{self.path.name}.")
         self._mdf: Any = MDF(version="4.10", temporary_folder=self._folder.name)
         self._begin: float | None = None
         self._latest = 0.0
@@ -63,8 +57,6 @@ class Mf4Log(ChunkedLog):
             if len(mine):
                 records = _records(_KINDS[group], frames.take(mine))
                 self._mdf.extend(group, [(stamps[mine] - self._begin, None), (records, None)])
-        waiting = sum(entry.stat().st_size for entry in os.scandir(self._folder.name))
-        self.full = shutil.disk_usage(self.path.parent).free < waiting + 2 * SPARE
 
     def _finish(self) -> None:
         try:
@@ -84,6 +76,8 @@ def _records(kind: str, frames: Frames) -> NDArray[Any]:
     records: NDArray[Any] = np.zeros(len(frames), _layout(kind))
     length = np.minimum(frames.length, 64)
     garbled = frames.flags & GARBLED > 0
+    alike = (frames.flags & REMOTE > 0) & (frames.flags & EXTENDED > 0) & (frames.id == MARKER)
+    records[f"{kind}.BusChannel"] = np.where(garbled, MARK_CHANNEL, np.where(alike, TRUE_CHANNEL, 0))
     records[f"{kind}.ID"] = np.where(garbled, MARKER, frames.id)
     records[f"{kind}.IDE"] = (frames.flags & EXTENDED > 0) | garbled
     records[f"{kind}.DLC"] = _DLC[length]

@@ -9,15 +9,37 @@ from collections.abc import Callable
 import numpy as np
 
 from aeolid.can.clock import ClockKeeper
+from aeolid.can.limits import FLUSH_S, GATHER_FRAMES, GATHER_S, HELD_SPARE, TOTAL_BYTES
 from aeolid.can.node import Assembly
 from aeolid.can.raw_log import RawLog
 from aeolid.can.runs import RunRecorder
 from aeolid.can.source import Source
-from aeolid.can.wire import BASE, ERROR, EXTENDED, FAST, FD, GARBLED, Frames
+from aeolid.can.wire import BASE, ERROR, EXTENDED, FAST, FD, GARBLED, Frames, join_frames
 from aeolid.errors import DataError
 
-LOOK_S = 5.0  # how often samples are taken out, however few have come
+LOOK_S = FLUSH_S  # how often samples are taken out, however few have come
 DRAIN_S = 1.0
+WEIGH_FRAMES = 8192  # after which memory is looked at, whatever the time
+
+
+class Memory:
+    """Hold how many bytes a reception holds of what has come, and the most so far."""
+
+    def __init__(self) -> None:
+        self.now = self.peak = self.given_up = 0
+        self._at = 0  # frames at the last look
+
+    def look(self, assembly: Assembly, clocks: ClockKeeper, frames: int, due: bool) -> None:
+        """Weigh what is held, and have nodes give up what waits where it is too much."""
+        if not due and frames - self._at < WEIGH_FRAMES:
+            return
+        self._at = frames
+        before = assembly.nbytes
+        left = assembly.keep_within(total=TOTAL_BYTES)
+        self.given_up += max(before - left, 0)
+        clocks.forget(assembly.nodes.keys())
+        self.now = left + clocks.nbytes
+        self.peak = max(self.peak, self.now)
 
 
 class Reception:
@@ -45,7 +67,10 @@ class Reception:
         self.errors = 0  # error frames: the bus is disturbed, or a controller has gone off it
         self.busy_s = 0.0  # what they took on the bus at most
         self.fault: str | None = None  # why nothing more could be written
+        self.memory = Memory()
+        self._spare: bytearray | None = bytearray(HELD_SPARE)  # set free when there is no memory left
         self.began = self.ended = time.monotonic()
+        self.gather_s = GATHER_S
         self._rates = bit_rate, data_bit_rate
         self._looked = self.began
 
@@ -57,29 +82,55 @@ class Reception:
     def run(self, stop: Callable[[], bool], seconds: float | None, until_end: bool) -> str:
         """Receive until something ends it; returns end, time, stopped, full, or the reason why the bus broke off.
 
-        stop: asked between batches. Whatever the source had delivered by then is decoded and logged.
+        stop: asked between batches. Whatever the source had delivered by then is decoded and logged. Where memory ends,
+        reception does, as with a full disk.
         """
         reason = self._loop(stop, seconds, until_end)
         with self.lock:
             self.ended = time.monotonic()
-            self.assembly.close()
-            if self.watch is not None:
-                self.watch(self.assembly, True)
-            if reason != "full":
-                try:
-                    self.recorder.finish(self.assembly)
-                except (DataError, OSError) as error:
-                    self.fault, reason = str(error), "full"
+            try:
+                self.assembly.close()
+                if self.watch is not None:
+                    self.watch(self.assembly, True)
+                self.recorder.finish(self.assembly)
+            except (DataError, OSError) as error:  # most of it is on the disk, shown, and stays as far as it went
+                self.fault, reason = self.fault or (str(error) if reason != "full" else None), "full"
+            except MemoryError:
+                reason = self._no_memory()
         return reason
+
+    def _no_memory(self) -> str:
+        """Set free what was kept for this case; what has been written is completed with it."""
+        self._spare = None
+        self.fault = self.fault or f"{self.source.name}: no memory is left on this machine"
+        self.assembly.keep_within(0, 0)
+        return "full"
+
+    def _gather(self) -> Frames:
+        """Read what comes within a moment: on a busy bus a batch of a few frames costs more than they do."""
+        frames = self.source.read(0.1)
+        if self.source.is_log or not 0 < len(frames) < GATHER_FRAMES or not self.gather_s:
+            return frames
+        parts, until = [frames], time.monotonic() + self.gather_s
+        count = len(frames)
+        while count < GATHER_FRAMES and self.source.ended is None and (left := until - time.monotonic()) > 0:
+            more = self.source.read(left)
+            if not len(more):
+                break
+            parts.append(more)
+            count += len(more)
+        return join_frames(parts)
 
     def _loop(self, stop: Callable[[], bool], seconds: float | None, until_end: bool) -> str:
         source, assembly = self.source, self.assembly
         while True:
             try:
-                self._take(source.read(0.1))
+                self._take(self._gather())
             except (DataError, OSError) as error:
                 self.fault = str(error)
                 return "full"
+            except MemoryError:
+                return self._no_memory()
             if self.recorder.full or (self.log is not None and self.log.full):
                 return "full"
             if source.ended is not None:
@@ -122,6 +173,9 @@ class Reception:
         if self.watch is not None:
             self.watch(self.assembly, False)
         self.recorder.poll(self.assembly, due)
+        if due and self.log is not None:
+            self.log.flush()
+        self.memory.look(self.assembly, self.clocks, self.frames, due)
 
 
 def time_on_bus(frames: Frames, bit_rate: float, data_bit_rate: float) -> float:

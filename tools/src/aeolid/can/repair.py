@@ -154,4 +154,5 @@ def _eliminate(rows: Mask, right: Words) -> tuple[Mask, Words]:
 def _weights(table: Words, width: int) -> NDArray[np.int64]:
     """Count the bits of the first words of each row."""
     left = np.ascontiguousarray(table[:, :width]).view(np.uint8)
-    return np.unpackbits(left, axis=1).sum(axis=1, dtype=np.int64)
+    counted: NDArray[np.int64] = np.unpackbits(left, axis=1).sum(axis=1, dtype=np.int64)
+    return counted

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from aeolid.can.compact import merge_tail
 from aeolid.can.counts import Count, Counts
 from aeolid.can.garbling import MARGIN, Garbling
-from aeolid.can.judging import SEAL, VALUE, Part, Rows, believe, drop_strays, gather, join_parts
+from aeolid.can.judging import SEAL, SHUFFLE, VALUE, Part, Rows, believe, drop_strays, gather, join_parts
 from aeolid.can.limits import TWIN_LEAST
 from aeolid.can.tables import SPARSE, Piece, SampleTable, cut_before, follows, tables_of
 
@@ -40,7 +40,7 @@ class SampleStore:
         self.refused_out = 0
         self._channels = channels
         self._garbling = garbling
-        self._counts = Counts(channels, min(max(JUMP, 8 * every), 30_000))
+        self._counts = Counts(channels, min(max(JUMP, 8 * every), 30_000), every)
         self._newest_place = 0
         self._sealing = 0  # 1 once a seal has come
         self._before: int | None = None  # newest index that has been released
@@ -148,13 +148,15 @@ class SampleStore:
         arrived, lost = self._gone
         return lost + max(0, expected * self._channels - (self.arrived - arrived))
 
-    def release(self, keep: int, every: int, *, patience: int = PATIENCE, share: int = SPARSE) -> list[SampleTable]:
+    def release(
+        self, keep: int, every: int, *, patience: int = PATIENCE, share: int = SPARSE, least: int = 0
+    ) -> list[SampleTable]:
         """Return the tables of all but about the newest `keep` samples, and forget them: memory stays bounded.
 
         The first table may go on with the run that an earlier release ended with (`follows` tells). Nothing is released
         before a full index has dated it, unless `patience` times `keep` has come without one; and, before the bus is
-        closed, nothing on which frames to come may throw doubt. share: rows a table may have for each with a value. With
-        keep 0 nothing more is expected.
+        closed, nothing on which frames to come may throw doubt. share: rows a table may have for each with a value;
+        least: messages for which it is worth while. With keep 0 nothing more is expected.
         """
         if keep == 0:
             self._counts.close()
@@ -162,7 +164,7 @@ class SampleStore:
         many, held = keep * (self._channels + self._sealing), self.messages
         rest = max(many, self._doubtful())
         undated = bool(self._segments) and self._segments[-1].guess() is None and not self._sealing
-        if held <= rest or (undated and held <= patience * many):
+        if held <= rest or (keep and held - rest < least) or (undated and held <= patience * many):
             return []
         head = SampleStore(self._channels, garbling=self._garbling, head=self._head)
         head._before = self._before
@@ -183,8 +185,9 @@ class SampleStore:
         lost = head.lost(every)
         tables, torn = head._tables(every, share)
         self.contradicted += len(torn)
-        if self.contradicted >= TWIN_LEAST:
-            tables = cut_before(tables, torn[0]) if len(torn) else tables
+        if self.contradicted >= TWIN_LEAST or (torn and self._counts.contested):
+            # a second node that is ahead by no more than frames may overtake each other has begun within so many samples
+            tables = cut_before(tables, torn[0] - 2 * (SHUFFLE + 1) * max(every, 1)) if torn else tables
             self.refused = True
             self.refused_out += sum(s.size() for s in self._segments)
             self._counts.clear()

@@ -79,10 +79,8 @@ class SnapshotStore:
         held = sum(gathering.nbytes for gathering in self._open.values())
         if isinstance(self._last, tuple):
             held += self._last[0].nbytes
-        whole = [s for s in (self.complete, self._last) if isinstance(s, MarkovSnapshot)]
-        return held + sum(
-            s.theta_scaled.nbytes + s.theta.nbytes + 32 * len(s.missing) for s in {id(w): w for w in whole}.values()
-        )
+        whole = {id(s): s for s in (self.complete, self._last) if isinstance(s, MarkovSnapshot)}
+        return held + sum(s.theta_scaled.nbytes + s.theta.nbytes + 32 * len(s.missing) for s in whole.values())
 
     def give_up(self) -> int:
         """Forget what is under way, to save memory; returns how many bytes that were."""

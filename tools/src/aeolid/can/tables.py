@@ -91,8 +91,7 @@ def cut_before(tables: list[SampleTable], index: int) -> list[SampleTable]:
     """Return what comes before a sample; nothing from there on."""
     result = []
     for table in tables:
-        at = np.flatnonzero(table.index >= index)
-        stop = int(at[0]) if len(at) and table.index[0] <= index <= table.index[-1] else len(table.index)
+        stop = int(np.searchsorted(table.index, index)) if index <= table.index[-1] else len(table.index)
         if stop:
             values = table.values[:stop]
             whole = stop == len(table.index)

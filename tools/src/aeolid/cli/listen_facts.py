@@ -35,13 +35,38 @@ def facts_of(
         "interruptions": source.interruptions,
         "seconds_without_bus": round(getattr(source, "away_s", 0.0), 3),
         "log": None if log is None else {"file": log.path, "frames": log.frames},
+        "limits": _limit_facts(reception),
         "nodes": [
             _node_facts(n)
+            | _left_out(n, reception)
             | _written_facts(written[n.number])
             | {"modes": None if follower is None else follower.facts(n.number)}
             for n in nodes
         ],
     }
+
+
+def _limit_facts(reception: Reception) -> dict[str, Any]:
+    """Tell what a reception held at most, and what met a limit of it."""
+    from aeolid.can.limits import TOTAL_BYTES
+
+    memory, assembly = reception.memory, reception.assembly
+    return {
+        "memory_bytes": memory.now, "memory_bytes_most": memory.peak, "memory_bytes_limit": TOTAL_BYTES,
+        "bytes_given_up": memory.given_up, "numbers_forgotten": assembly.forgotten,
+        "messages_forgotten": assembly.forgotten_messages,
+    }  # fmt: skip
+
+
+def _left_out(node: Node, reception: Reception) -> dict[str, Any]:
+    """Tell what was not taken of a node, and whether two seem to bear its number."""
+    recorder = reception.recorder
+    short, refused = (table.get(node.number, [0, 0]) for table in (recorder.short, recorder.refused))
+    left_out = {
+        "messages": node.left_out, "bytes_given_up": node.given_up, "short_runs": short[0], "samples_of_short_runs":
+        short[1], "runs_beyond_limit": refused[0], "samples_beyond_limit": refused[1],
+    }  # fmt: skip
+    return {"left_out": left_out, "contested": node.contested or None, "refused": node.refused or None}
 
 
 def _written_facts(written: dict[str, Any]) -> dict[str, Any]:
@@ -95,11 +120,32 @@ def summary(facts: dict[str, Any]) -> list[str]:
             text += f" (and {n['snapshots']['incomplete']} incomplete)"
         files = [str(r["file"]) for r in n["runs"] if r["file"]] + ([str(n["markov"])] if n["markov"] else [])
         lines.append(text + (f" → {', '.join(files)}" if files else ""))
+        lines += [f"  {line}" for line in _limit_lines(n)]
         clocks = [r["clock"] for r in n["runs"] if r["clock"]]
         if clocks:
             lines.append(f"  sample 0 at {clocks[-1]['utc_of_sample_0'][:23]} UTC; {drift_text(clocks[-1])}")
         lines += _mode_lines(n["modes"])
     return lines + ([f"modes over time → {facts['poles']}"] if facts.get("poles") else [])
+
+
+def _limit_lines(n: dict[str, Any]) -> list[str]:
+    """Say in words what was not taken of a node, and why."""
+    left, lines = n["left_out"], []
+    if n["contested"]:
+        lines.append(f"two nodes seem to bear this number: {n['contested']}")
+    if n["refused"]:
+        lines.append(f"not followed any more: it {n['refused']}")
+    if left["short_runs"]:
+        runs, samples = left["short_runs"], left["samples_of_short_runs"]
+        lines.append(f"{runs} runs too short to be a recording were left out ({samples} samples)")
+    if left["runs_beyond_limit"]:
+        runs, samples = left["runs_beyond_limit"], left["samples_beyond_limit"]
+        lines.append(f"{runs} runs were not recorded, it had begun too many ({samples} samples)")
+    if left["messages"]:
+        lines.append(f"{left['messages']} messages left out")
+    if left["bytes_given_up"]:
+        lines.append(f"{left['bytes_given_up']} bytes of what waited were given up to save memory")
+    return lines
 
 
 def _mode_lines(modes: dict[str, Any] | None) -> list[str]:

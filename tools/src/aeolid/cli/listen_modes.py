@@ -6,13 +6,14 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.can.limits import MODES_FINISH_S, MODES_QUEUE_BYTES, MODES_REGRESSORS
 from aeolid.errors import AeolidError
 from aeolid.formats.growing import GrowingTable
 
@@ -29,6 +30,9 @@ LOOK_VALUES = 8192  # values of a node after which they are, whatever the time
 SETTLE = 16  # samples that an incomplete one may be late
 QUEUED = 32_768  # samples that may wait
 BATCH = 256  # samples of one piece
+WORK_BYTES = 1000  # of a piece, its samples aside
+SHARE, SHARE_LEAST = 0.5, 0.02  # of a processor for the modes of all live nodes, each its part, but at least …
+CREDIT_S = 5.0  # of processor that a node may take ahead of its part
 COLUMNS = (
     ("time_s", "s"), ("node", ""), ("mode", ""), ("frequency_hz", "Hz"), ("frequency_std_hz", "Hz"), ("damping", ""),
     ("damping_std", ""), ("pole_real", ""), ("pole_imag", ""), ("order", ""), ("samples", ""),
@@ -63,6 +67,8 @@ class _Followed:
     dropped: int = 0  # samples that found no room in the queue
     shown: tuple[LiveMode, ...] = ()
     told: float = -np.inf  # controller's time of the last row of the table
+    spent_s: float = 0.0  # of processor
+    began: float = field(default_factory=time.monotonic)
 
 
 @dataclass
@@ -71,6 +77,7 @@ class _Work:
     followed: _Followed
     run: Callable[[LiveModes], None]
     samples: int = 0
+    nbytes: int = WORK_BYTES
 
 
 class ModeFollower:
@@ -93,6 +100,8 @@ class ModeFollower:
         self._lock = threading.Lock()
         self._room = threading.Condition()
         self._waiting = 0  # samples in the queue
+        self._bytes = 0  # of what is in the queue
+        self._until = np.inf  # when the thread leaves the rest undone
         self._looked = 0.0
         self._thread = threading.Thread(target=self._work, name="modes", daemon=True)
         self._thread.start()
@@ -147,7 +156,7 @@ class ModeFollower:
         snapshot = configuration.snapshots.complete
         if snapshot is not None and snapshot is not followed.snapshot:
             work = partial(self._take_snapshot, node.number, followed, snapshot)
-            if self._put(_Work(node.number, followed, work)):
+            if self._put(_Work(node.number, followed, work, 0, WORK_BYTES + snapshot.theta.nbytes)):
                 followed.snapshot = snapshot
 
     def _take_snapshot(self, number: int, followed: _Followed, snapshot: MarkovSnapshot, live: LiveModes) -> None:
@@ -170,7 +179,8 @@ class ModeFollower:
             def add(live: LiveModes, index: Any = index, values: Any = values, e: Any = e) -> None:
                 self._add(number, followed, live, index, (values[:, :r], values[:, r:m], e))
 
-            if not self._put(_Work(number, followed, add, len(part))):
+            size = WORK_BYTES + values.nbytes + index.nbytes
+            if not self._put(_Work(number, followed, add, len(part), size)):
                 followed.dropped += len(part)
         followed.used = int(table.index[rows[-1]])
 
@@ -190,11 +200,12 @@ class ModeFollower:
     def _put(self, work: _Work) -> bool:
         """Queue a piece of work; False where the thread is too far behind."""
         with self._room:
-            while self._waiting > QUEUED and self._thread.is_alive():
+            while (self._waiting > QUEUED or self._bytes > MODES_QUEUE_BYTES) and self._thread.is_alive():
                 if not self._patient:
                     return False
                 self._room.wait(1.0)
             self._waiting += work.samples
+            self._bytes += work.nbytes
         self._queue.put(work)
         return True
 
@@ -235,9 +246,14 @@ class ModeFollower:
             followed = work.followed
             with self._room:
                 self._waiting -= work.samples
+                self._bytes -= work.nbytes
                 self._room.notify()
             if followed.problem:
                 continue
+            if not self._may_work(followed):
+                followed.dropped += work.samples
+                continue
+            began = time.thread_time()
             try:
                 live = followed.live = followed.live or _live_of(followed.configuration, self._order)
                 work.run(live)
@@ -245,11 +261,20 @@ class ModeFollower:
             except Exception as error:
                 followed.problem = str(error) if isinstance(error, AeolidError) else f"{type(error).__name__}: {error}"
                 modes = ()
+            followed.spent_s += time.thread_time() - began
             with self._lock:
                 followed.shown = modes
 
+    def _may_work(self, followed: _Followed) -> bool:
+        """Tell whether a live node has some of its part of the processor left, and the reception is not over."""
+        if self._patient:
+            return True
+        now, share = time.monotonic(), max(SHARE / max(len(self._nodes), 1), SHARE_LEAST)
+        return now < self._until and followed.spent_s < CREDIT_S + share * (now - followed.began)
+
     def finish(self) -> None:
-        """Do what is queued and complete the table."""
+        """Do what is queued, as far as it takes no longer than a moment on a live bus, and complete the table."""
+        self._until = time.monotonic() + MODES_FINISH_S
         self._queue.put(None)
         self._thread.join()
         if self._table is not None:
@@ -302,6 +327,11 @@ def _find_problem(configuration: Configuration) -> str:
     if d.sample_every != 1:
         sent = f"one sample in {d.sample_every}" if d.sample_every else "no samples"
         return f"the node sends {sent}; modes need every one"
+    if d.regressors > MODES_REGRESSORS:
+        return (
+            f"the node's filter has {d.regressors} regressors (past window {d.past}); modes are followed up to"
+            f" {MODES_REGRESSORS}: record, and use aeolid identify"
+        )
     return "" if d.inputs else "the node describes no input; modes need one"
 
 

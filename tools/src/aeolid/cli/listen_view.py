@@ -110,7 +110,7 @@ class Progress:
         count = str(samples.arrived // node.now.description.channels)
         lost = str(samples.lost(node.now.description.sample_every))
         incomplete = f" (+{snapshots.incomplete} incomplete)" if snapshots.incomplete else ""
-        state = "ended" if node.stopped else "running"
+        state = "ended" if node.stopped else "two of this number" if node.contested else "running"
         return (str(number), count, lost, f"{snapshots.completed}{incomplete}", age, state, self._clock(number, now))
 
     def _clock(self, number: int, now: float) -> str:

@@ -298,6 +298,12 @@ def _judge(
     if reception.fault or reason == "full":
         why = reception.fault or "no room is left on the disk"
         raise DataError(f"{why}; reception has stopped, and what had arrived until then is kept as far as it went")
+    contested = next((n for n in facts["nodes"] if n["contested"]), None)
+    if contested is not None:
+        raise DataError(
+            f"{source.name}: two nodes seem to bear the number {contested['node']}: {contested['contested']}; give"
+            f" each a number of its own. What could not be told apart was left out, other nodes are recorded whole"
+        )
     usable = any(n["runs"] or n.get("snapshots", {}).get("complete") for n in facts["nodes"])
     if not usable:
         raise DataError(f"{source.name}: nothing usable arrived: {why_nothing(reception, nodes)}")

@@ -19,6 +19,7 @@ from aeolid.errors import UsageError
 from aeolid.formats.headings import heading_line
 from aeolid.formats.parquet import WRITTEN
 from aeolid.formats.spare import SPARE, SpareFile
+from aeolid.formats.spool import PART_SUFFIX, TextSpool, read_spool
 from aeolid.formats.table import Array
 from aeolid.output import create
 
@@ -36,13 +37,11 @@ def open_growing(path: Path, suffix: str, names: Sequence[str], units: Sequence[
 
     Raises UsageError for another suffix or a place that cannot be written to.
     """
-    kinds: dict[str, type[GrowingTable]] = {
-        ".csv": CsvTable, ".csv.gz": CsvTable, ".parquet": ParquetTable, ".mf4": Mf4Table
-    }  # fmt: skip
-    if suffix not in kinds:
+    if suffix not in GROWING_SUFFIXES:
         raise UsageError(f"{path}: the suffix is none of {', '.join(GROWING_SUFFIXES)}")
     try:
-        return kinds[suffix](path, suffix, tuple(names), tuple(units))
+        kind = CsvTable if suffix == ".csv" else SpooledTable
+        return kind(path, suffix, tuple(names), tuple(units))
     except OSError as error:
         raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
 
@@ -66,6 +65,14 @@ class GrowingTable(ABC):
         self._rows += len(rows)
         if self._rows >= self.part:
             self._flush()
+
+    def show(self, rows: Array) -> None:
+        """Put rows (n, columns) on the disk that may still change, instead of those shown before. Raises OSError."""
+        raise NotImplementedError
+
+    def drop(self) -> None:
+        """Give the table up and remove its file."""
+        raise NotImplementedError
 
     def close(self, start: datetime | None = None, notes: Mapping[str, str] | None = None) -> None:
         """Complete the file. start: when time 0 was; notes: facts about the table, where the format has room."""
@@ -93,25 +100,70 @@ class CsvTable(GrowingTable):
 
     def __init__(self, path: Path, suffix: str, names: tuple[str, ...], units: tuple[str, ...]) -> None:
         super().__init__(path, suffix, names, units)
-        self._raw = SpareFile(path)
-        self._file: Any = io.BufferedWriter(self._raw, 1 << 16)
-        if suffix.endswith(".gz"):
-            self._file = gzip.GzipFile(filename="", mode="wb", fileobj=self._file, compresslevel=6)
-        self._file.write(heading_line(names).encode())
+        self._spool = TextSpool(path, heading_line(names).encode())
+
+    def show(self, rows: Array) -> None:
+        """Put rows on the disk that may still change."""
+        self._spool.show(rows)
+        self.full = self._spool.full
+
+    def drop(self) -> None:
+        """Give the table up and remove its file."""
+        self._spool.close()
+        self.path.unlink(missing_ok=True)
 
     def _put(self, rows: Array) -> None:
-        from pyarrow import csv
-
-        csv.write_csv(_arrow(rows, self.names), self._file, csv.WriteOptions(include_header=False))
-        self._file.flush()
-        self.full = self._raw.full
+        self._spool.append(rows)
+        self.full = self._spool.full
 
     def _finish(self, start: datetime | None, notes: Mapping[str, str]) -> None:
-        below = getattr(self._file, "fileobj", None)
-        self._file.close()
-        if below is not None:  # gzip leaves what it writes to open
-            below.close()
-        self._raw.close()
+        self._spool.close()
+
+
+class SpooledTable(GrowingTable):
+    """Hold rows as text in NAME.part.csv until the end, then write them in a format whose directory comes last."""
+
+    part = 1
+
+    def __init__(self, path: Path, suffix: str, names: tuple[str, ...], units: tuple[str, ...]) -> None:
+        super().__init__(path, suffix, names, units)
+        stem = path.name[: len(path.name) - len(suffix)].removesuffix(".part")
+        self._spool = TextSpool(path.with_name(stem + PART_SUFFIX), heading_line(names).encode())
+
+    def show(self, rows: Array) -> None:
+        """Put rows on the disk that may still change."""
+        self._spool.show(rows)
+        self._look()
+
+    def drop(self) -> None:
+        """Give the table up and remove its file."""
+        self._spool.close()
+        self._spool.path.unlink(missing_ok=True)
+
+    def _put(self, rows: Array) -> None:
+        self._spool.append(rows)
+        self._look()
+
+    def _look(self) -> None:
+        """See whether there is room for the file that is written at the end."""
+        self.full = self._spool.full or shutil.disk_usage(self.path.parent).free < self._spool.size + 2 * SPARE
+
+    def _finish(self, start: datetime | None, notes: Mapping[str, str]) -> None:
+        self._spool.close()
+        if self.suffix == ".csv.gz":
+            with (
+                open(self._spool.path, "rb") as text,
+                SpareFile(self.path) as raw,
+                gzip.GzipFile(filename="", mode="wb", fileobj=raw, compresslevel=6) as packed,
+            ):
+                shutil.copyfileobj(text, packed, 1 << 20)
+        else:
+            kind = ParquetTable if self.suffix == ".parquet" else Mf4Table
+            table = kind(self.path, self.suffix, self.names, self.units)
+            for rows in read_spool(self._spool.path, self.names):
+                table.write(rows)
+            table.close(start, notes)
+        self._spool.path.unlink()
 
 
 class ParquetTable(GrowingTable):
@@ -143,7 +195,7 @@ class ParquetTable(GrowingTable):
 class Mf4Table(GrowingTable):
     """Write MDF4 with asammdf: one group, binary32 values, units; its start is when time 0 was.
 
-    Rows wait, compressed, in a hidden folder beside the target, which is written on closing.
+    Rows wait, compressed, in a hidden folder beside the target while it is written.
     """
 
     def __init__(self, path: Path, suffix: str, names: tuple[str, ...], units: tuple[str, ...]) -> None:

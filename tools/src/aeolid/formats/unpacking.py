@@ -11,6 +11,7 @@ from typing import BinaryIO, cast
 
 from aeolid.errors import DataError
 from aeolid.formats.bounds import FACTOR, FLOOR, MIB, MOST_LINE, content_limit
+from aeolid.formats.spool import PART_SUFFIX, whole_lines
 from aeolid.inputs import open_regular
 
 GZIP = b"\x1f\x8b"  # how packed data begin
@@ -22,6 +23,9 @@ def open_text(path: Path) -> BinaryIO:
     Reading raises DataError where the packed data are damaged or unpack beyond `content_limit`.
     """
     handle = open_regular(path)
+    if path.name.endswith(PART_SUFFIX):  # of a recording that is under way, or whose recorder was killed
+        handle.close()
+        return whole_lines(path)
     if handle.peek(2)[:2] != GZIP:  # type: ignore[attr-defined] # buffered, by fdopen
         return handle
     return cast(BinaryIO, io.BufferedReader(_Unpacked(path, handle), 1 << 16))

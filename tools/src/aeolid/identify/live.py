@@ -35,6 +35,7 @@ FARTHEST = 0.25  # relative distance of two continuous-time poles beyond which t
 ENOUGH = 4  # windows a parameter before an order is chosen
 FADED = 0.1  # weight, of the newest sample a snapshot holds, below which the sums have become those of later samples
 MOST_ENDS = LONGEST_MEMORY + 2 * BATCH  # as many windows as the tracker keeps
+PLACES_MAX = 512  # numbers that are given to modes; data without any may bring new poles for ever
 BUSY = 20  # deviations are worked out again after so many times what they took
 
 
@@ -95,6 +96,7 @@ class LiveModes:
         self._quiet_until = 0.0
         self._spread: tuple[NDArray[np.complex128], Array] | None = None  # poles and their covariances
         self._places: list[complex] = []  # of each number, where it was last
+        self._next_place = 0
 
     def add(self, index: Integers, u: Array, y: Array, e: Array | None = None) -> None:
         """Take samples u (N, r), y (N, l), index rising by one; NaN where lost. A hole before them is bridged.
@@ -289,8 +291,9 @@ class LiveModes:
             for i, j in zip(rows.tolist(), columns.tolist(), strict=True):
                 given[i] = j if cost[i, j] <= FARTHEST else -1
         for i, place in enumerate(poles):
-            if given[i] < 0:
-                given[i] = len(self._places)
-                self._places.append(place)
+            if given[i] < 0:  # a new number; of very many the first is given again
+                given[i] = len(self._places) if len(self._places) < PLACES_MAX else self._next_place
+                self._next_place = (given[i] + 1) % PLACES_MAX
+                self._places[given[i] : given[i] + 1] = [place]
             self._places[given[i]] = place
         return [number + 1 for number in given]
