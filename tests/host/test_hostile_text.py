@@ -7,9 +7,12 @@ import copy
 import json
 import os
 import random
+import struct
 import tomllib
 import tracemalloc
+import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +22,7 @@ from aeolid.diagnose.case import load_case
 from aeolid.errors import AeolidError, DataError
 from aeolid.models import equations_file
 from aeolid.models.equations_size import MOST_OPERATIONS, MOST_STATES
+from aeolid.models.exchange import matlab
 from aeolid.models.integrate import compile_equations
 from aeolid.models.load import load_model
 from aeolid.plants.examples import write_examples
@@ -236,3 +240,18 @@ def test_no_text_takes_longer_than_its_length(shape: str, tmp_path: Path) -> Non
     path.write_text((shape * MOST_TOML)[: MOST_TOML - 1])
     with contextlib.suppress(DataError):
         load_toml(path)
+
+
+def test_a_matlab_model_that_unpacks_to_far_more_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A matrix of 300 MB, all zeros, in 1.4 MB; the reader may have 200 MB here."""
+    rows = 300 << 17
+    body = struct.pack("<IIIIIIiiHH4sII", 6, 8, 6, 0, 5, 8, rows, 1, 1, 1, b"A", 9, 8 * rows)
+    packer = zlib.compressobj(1)
+    packed = packer.compress(struct.pack("<II", 14, len(body) + 8 * rows) + body)
+    packed += b"".join(packer.compress(bytes(1 << 20)) for _ in range(300)) + packer.flush()
+    head = b"MATLAB 5.0 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0100) + b"IM"
+    path = tmp_path / "model.mat"
+    path.write_bytes(head + struct.pack("<II", 15, len(packed)) + packed)
+    monkeypatch.setattr(matlab, "_LIMITS", replace(matlab._LIMITS, memory=200 << 20))
+    with pytest.raises(DataError, match="unpacks to more than a model may take"):
+        load_model(path)

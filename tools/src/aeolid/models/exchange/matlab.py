@@ -6,30 +6,28 @@ structure. Properties that would make another system of the same matrices (E, de
 In MATLAB: m = load('model.mat'); s = ss(m.A, m.B, m.C, m.D, m.Ts, 'InputName', m.InputName). Objects of
 classes are opaque outside MATLAB and are refused.
 
-The reader of scipy can crash the process on a damaged file, so it runs in a process of its own.
+The reader of scipy can crash the process on a damaged file, so it runs confined.
 """
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aeolid import output
-from aeolid.children import python_command
+from aeolid.confined import Failure, Limits, call
+from aeolid.confined.limits import MIB
 from aeolid.errors import DataError, UsageError
+from aeolid.inputs import open_regular, regular_size
 from aeolid.models import state_space
+from aeolid.models.exchange.matlab_child import DELAYS
 from aeolid.models.state_space import StateSpace
 
-_READ = "import sys; from aeolid.models.exchange.matlab import print_content; print_content(sys.argv[1])"
-_PATIENCE_S = 120
-_NUMBERS = ("A", "B", "C", "D", "K", "Ts", "X0", "NoiseVariance", "InputOffset", "OutputOffset")
-_DELAYS = ("InputDelay", "OutputDelay", "InternalDelay")
-_TEXTS = ("InputName", "InputUnit", "OutputName", "OutputUnit", "StateName", "StateUnit", "TimeUnit")
+_CHILD = "aeolid.models.exchange.matlab_child:read"
+_MOST_BYTES = 64 << 20  # MOST_STATES states and as many inputs and outputs, not compressed, take half
+_LIMITS = Limits(memory=512 * MIB, cpu_s=60, patience_s=120.0, result=128 * MIB)
 
 
 def write_mat(path: str | Path, model: StateSpace) -> None:
@@ -74,57 +72,21 @@ def read_mat_model(path: str | Path, sample_time_s: float | None = None) -> Stat
     return state_space.from_json(data, str(path))
 
 
-def print_content(source: str) -> None:
-    """Print what a model needs of a MATLAB file as JSON; ends the process with code 3 and the cause."""
-    from scipy.io import loadmat
-
-    try:
-        content = loadmat(source, squeeze_me=False, struct_as_record=True)
-    except Exception as error:  # the reader raises whatever its parser meets in a damaged file
-        print(str(error) or type(error).__name__, file=sys.stderr)
-        raise SystemExit(3) from None
-    found = {k: v for k, v in content.items() if not k.startswith("__") and isinstance(v, np.ndarray)}
-    structures = [v for v in found.values() if v.dtype.names and v.size == 1]
-    if "A" not in found and len(structures) == 1:
-        names = structures[0].dtype.names or ()
-        found = {name: structures[0].reshape(-1)[0][name] for name in names}
-    result: dict[str, Any] = {}
-    for name, value in found.items():
-        wanted = name in (*_NUMBERS, *_DELAYS, "E")
-        if wanted and value.dtype.kind in "biuf" and value.ndim == 2:
-            result[name] = {"shape": value.shape, "values": value.astype(float).ravel().tolist()}
-        elif wanted:
-            result[name] = None
-        elif name in _TEXTS:
-            result[name] = [_text(v) for v in (value.ravel() if value.dtype.kind == "O" else value)]
-    json.dump(result, sys.stdout)
-
-
 def _content(path: str | Path) -> dict[str, Any]:
-    try:
-        with open(path, "rb") as handle:
-            head = handle.read(10)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
+    with open_regular(path) as handle:
+        head = handle.read(10)
     if head == b"MATLAB 7.3":
         raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
-    command = python_command("-c", _READ, str(path))
+    size = regular_size(path)
+    if size > _MOST_BYTES:
+        raise DataError(f"{path}: {size} bytes, more than the {_MOST_BYTES} that a model may have")
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=_PATIENCE_S, check=False)
-    except subprocess.TimeoutExpired:
-        raise DataError(f"{path}: not a readable MATLAB file: reading it did not come to an end") from None
-    if done.returncode != 0:
-        cause = done.stderr.strip().splitlines()[-1:] if done.returncode == 3 else []
-        raise DataError(f"{path}: not a readable MATLAB file: {cause[0] if cause else 'damaged'}")
-    raw = json.loads(done.stdout)
-    for name in (*_NUMBERS, *_DELAYS, "E"):
-        if name in raw:
-            if raw[name] is None:
-                raise DataError(f"{path}: {name} is not a matrix of real numbers")
-            raw[name] = np.reshape(raw[name]["values"], raw[name]["shape"])
-    return dict(raw)
+        facts, matrices = call(_CHILD, {"path": str(Path(path).resolve())}, _LIMITS)
+    except (Failure, DataError) as error:
+        raise DataError(f"{path}: not a readable MATLAB file: {error}") from None
+    for name in facts["strange"]:
+        raise DataError(f"{path}: {name} is not a matrix of real numbers")
+    return {**facts["texts"], **matrices}
 
 
 def _refuse_other_systems(path: str | Path, content: dict[str, Any]) -> None:
@@ -132,7 +94,7 @@ def _refuse_other_systems(path: str | Path, content: dict[str, Any]) -> None:
     E = content.get("E", np.zeros((0, 0)))
     if E.size and (E.shape[0] != E.shape[1] or (np.eye(len(E)) != E).any()):
         raise DataError(f"{path}: a descriptor model, E is not the unit matrix; take ss(sys, 'explicit') of it")
-    late = next((name for name in _DELAYS if np.any(content.get(name, 0.0))), None)
+    late = next((name for name in DELAYS if np.any(content.get(name, 0.0))), None)
     if late is not None:
         raise DataError(f"{path}: {late} is not zero; put delays into the states: absorbDelay, or pade for continuous")
     units = [text for text in content.get("TimeUnit", []) if text]
@@ -168,8 +130,3 @@ def _cells(texts: list[str]) -> Any:
     cells = np.empty((len(texts), 1), dtype=object)
     cells[:, 0] = texts
     return cells
-
-
-def _text(value: Any) -> str:
-    """Return the text of a cell or of a row of a character array."""
-    return str(np.ravel(value)[0]).strip() if np.size(value) else ""

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
+from aeolid.inputs import read_bounded
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 
@@ -40,6 +41,7 @@ _MATRIX = re.compile(r"\s*([A-Za-z_]+):\s*(\d+)\s*x\s*(\d+)\s*$")
 _COUNTS = ("continuous states", "discrete states", "constraint states", "inputs", "outputs")
 _ENOUGH = 7  # digits of a matrix below which its eigenvalues may be those of the rounding
 _MOST = 20_000  # states, inputs or outputs; a count above it is damage
+_MOST_BYTES = 64 << 20  # of a file: four matrices of 1,000 rows and columns, 16 characters a number
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +79,7 @@ class Linearisation:
 
 def read_lin(path: str | Path) -> Linearisation:
     """Read a .lin file; raises DataError that names file and line."""
-    try:
-        lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except OSError as error:
-        raise DataError(f"{path}: {error.strerror}") from None
+    lines = read_bounded(path, _MOST_BYTES).decode("utf-8", errors="replace").splitlines()
     return _File(str(path), lines).read()
 
 
@@ -204,6 +201,8 @@ class _File:
             raise self._fault(
                 start, f"matrix {name} is {match[2]} x {match[3]}, the counts say {shape[0]} x {shape[1]}"
             )
+        if 2 * shape[0] * shape[1] > _MOST_BYTES:  # a number and a space each
+            raise self._fault(start, f"matrix {name} is larger than a file of {_MOST_BYTES} bytes can hold")
         rows = np.empty(shape)
         for i in range(shape[0]):
             line = start + 1 + i
