@@ -2,6 +2,7 @@
 
 #include <aeolid/status.h>
 
+#include "budget.h"
 #include "describe.h"
 #include "spread.h"
 #include "stream_send.h"
@@ -9,7 +10,8 @@
 #include <string.h>
 
 #define FAREWELLS        6u /* at 10 % loss fewer than two of them arrive once in 18,000 ends */
-#define DESCRIPTION_TURN 4u /* one frame in so many is description while one is due */
+#define DESCRIPTION_TURN 4u /* one frame in so many is description while one is due and a snapshot under way */
+#define HEALTH_TURN      2u /* the same of health: due more often than it can leave, it takes no more than its turn */
 #define STREAM_ITEMS     5u /* own counters in health, before those of the filter */
 
 typedef enum { PHASE_IDLE, PHASE_BEGIN, PHASE_BLOCKS, PHASE_END, PHASE_REPAIR, PHASE_CLOSE } phase_t;
@@ -44,20 +46,6 @@ static int config_is_valid(const aeo_stream_config_t *config)
            (config->bits_per_s == 0u || config->bits_per_s >= find_least_budget(config));
 }
 
-/* Time on the bus of `values` values of one sample; at most 65 frames of a second. */
-static uint32_t cost_values_us(const aeo_stream_config_t *config, unsigned values)
-{
-    const unsigned rest = values % AEO_FRAME_VALUES_MAX;
-    if (values == 0u) {
-        return 0;
-    }
-    if (config->fd == 0u) {
-        return (values + (config->seal != 0u ? 1u : 0u)) * aeo_stream_cost_us(config, 8);
-    }
-    return values / AEO_FRAME_VALUES_MAX * aeo_stream_cost_us(config, 64) +
-           (rest > 0u ? aeo_stream_cost_us(config, AEO_FRAME_FD_LENGTH(rest)) : 0u);
-}
-
 /* Pack an empty message, which succeeds where node and base fit the identifiers. */
 static int address_is_valid(const aeo_address_t *address)
 {
@@ -69,7 +57,8 @@ static int address_is_valid(const aeo_address_t *address)
 int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
                     uint32_t words)
 {
-    uint32_t period_us, sample_us;
+    uint32_t steps;
+    aeo_spread_t spread;
     if (self == NULL || config == NULL || port == NULL || memory == NULL || port->send == NULL ||
         (port->lock == NULL) != (port->unlock == NULL) || !config_is_valid(config) ||
         !address_is_valid(&config->address)) {
@@ -78,10 +67,9 @@ int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const
     if (words < AEO_STREAM_WORDS(config->parameters)) {
         return AEO_E_MEMORY;
     }
-    period_us = (uint32_t)(config->sample_time_s * AEO_REAL(1e6) + AEO_REAL(0.5)); /* at most 10^9 */
-    sample_us = cost_values_us(config, aeo_describe_channels(config)) +
-                cost_values_us(config, config->innovations != 0u ? config->outputs : 0u); /* at most 1.3e8 */
-    if (config->sample_every > 0u && sample_us / config->sample_every > period_us / 10u * 9u) {
+    aeo_spread_choose(&spread, count_blocks(config), config->repair_percent);
+    steps = aeo_budget_find_steps(config, &spread);
+    if (steps == 0u || (config->snapshot_every > 0u && steps > config->snapshot_every)) {
         return AEO_E_BUDGET;
     }
     memset(self, 0, sizeof *self);
@@ -89,11 +77,11 @@ int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const
     self->port = *port;
     self->theta = memory;
     self->frame_us = aeo_stream_cost_us(config, 8);
-    self->longest_us = config->fd != 0u ? aeo_stream_cost_us(config, 64) : self->frame_us;
-    self->longest_us = self->longest_us > self->frame_us ? self->longest_us : self->frame_us;
-    self->period_us = period_us;
+    self->longest_us = aeo_budget_longest_us(config);
+    self->period_us = aeo_budget_period_us(config);
+    self->spread = spread;
+    self->snapshot_steps = steps;
     self->hash = aeo_describe_hash(config);
-    aeo_spread_choose(&self->spread, count_blocks(config), config->repair_percent);
     aeo_stream_reset(self);
     return AEO_OK;
 }
@@ -110,6 +98,7 @@ void aeo_stream_reset(aeo_stream_t *self)
     self->described = 0;
     self->describing = 1;
     self->turn = 0;
+    self->health_turn = HEALTH_TURN;
     self->describe_in = self->config.describe_every;
     self->health_in = self->config.health_every;
     self->health_item = 0;
@@ -259,7 +248,11 @@ static origin_t choose(aeo_stream_t *self)
     const int due = self->describing != 0u && (self->phase == PHASE_IDLE || self->turn >= DESCRIPTION_TURN - 1u);
     memset(message, 0, sizeof *message);
     message->count = 1;
-    if (self->described != 0u && self->health_in == 0u) {
+    if (self->finishing != 0u && self->farewells == 0u && self->phase == PHASE_IDLE) {
+        return FROM_NOTHING; /* it has said that it stopped */
+    }
+    if (self->described != 0u && self->health_in == 0u &&
+        (self->phase == PHASE_IDLE || self->health_turn >= HEALTH_TURN - 1u)) {
         choose_health(self);
         return FROM_HEALTH;
     }
@@ -333,10 +326,12 @@ static void commit(aeo_stream_t *self, origin_t origin)
         break;
     case FROM_HEALTH:
         self->health_in = self->config.health_every;
+        self->health_turn = 0;
         self->health_item = (uint8_t)((self->health_item + 1u) % (2u * (STREAM_ITEMS + self->counters_used)));
         break;
     case FROM_SNAPSHOT:
         self->turn = (uint8_t)(self->turn < 255u ? self->turn + 1u : 255u);
+        self->health_turn = HEALTH_TURN;
         commit_snapshot(self);
         break;
     case FROM_FAREWELL:
@@ -430,6 +425,11 @@ void aeo_stream_finish(aeo_stream_t *self)
         self->farewells = FAREWELLS;
     }
     aeo_stream_unlock(self);
+}
+
+uint32_t aeo_stream_snapshot_steps(const aeo_stream_t *self)
+{
+    return self != NULL ? self->snapshot_steps : 0u;
 }
 
 int aeo_stream_pending(const aeo_stream_t *self)

@@ -21,7 +21,8 @@
  *   Pacing: time earns credit, a frame costs its longest time on the bus at bits_per_s, and nothing but samples leaves
  *   without credit for the longest frame in use. Samples are time-critical: they go at once and leave a debt that the
  *   rest waits for. Share of the bus = bits_per_s / bit rate; AEO_STREAM_SHARE(500000, 50) is 5 % of 500 kbit/s.
- *   Order in a step: first description, health when due, description when due (every fourth frame), snapshot.
+ *   Order in a step: first description; then health when due and description when due have their turns, at most every
+ *   second and every fourth frame while a snapshot is under way; else the snapshot. After the closing frames: nothing.
  *
  * CONTRACT
  *   Memory: AEO_STREAM_WORDS(parameters) words of 32 bits from the caller: 456 for l = 3, n = 152; 176 for l = 4,
@@ -119,7 +120,7 @@ extern "C" {
 
 enum {
     AEO_E_BUSY = -32,   /* the snapshot before this one is still being sent; it stays what it was */
-    AEO_E_BUDGET = -33, /* the samples alone need more than nine tenths of the budget */
+    AEO_E_BUDGET = -33, /* what is to be sent needs more than nine tenths of the budget, or snapshots do not fit in */
     AEO_E_REFUSED = -34 /* at least one frame of this sample or its seal was dropped; counters.dropped tells how many */
 };
 
@@ -158,6 +159,8 @@ typedef struct {
     uint8_t burst;           /* frames in one step at most, 1 ...; many make a step long. Start: 16 */
     uint32_t bits_per_s;     /* budget in bits of the nominal rate, 160 ..., on CAN FD 1000 ...; 0: no limit (virtual
                                 buses). Start: AEO_STREAM_SHARE(500000, 50) */
+    uint32_t snapshot_every; /* steps between two snapshots that are to be sent whole; init refuses what cannot be. 0:
+                                no promise, as many as there is room for. Start: 10 s */
 } aeo_stream_config_t;
 
 /* Order of the parameters within a snapshot, in blocks. */
@@ -190,8 +193,9 @@ typedef struct {
     uint32_t frame_us;   /* cost of a classic frame; 0 without a limit */
     uint32_t longest_us; /* cost of the longest frame in use */
     uint32_t period_us;  /* sample time */
-    uint32_t clock_us;   /* last reading of port.time_us */
-    int32_t credit_us;   /* -134 frame_us ... burst longest_us */
+    uint32_t snapshot_steps; /* steps within which a snapshot leaves */
+    uint32_t clock_us;       /* last reading of port.time_us */
+    int32_t credit_us;       /* -134 frame_us ... burst longest_us */
     aeo_spread_t spread;
     uint32_t cursor;      /* position within the phase */
     uint32_t taken_index; /* sample index of the snapshot */
@@ -206,29 +210,32 @@ typedef struct {
     uint8_t number;       /* of the snapshot */
     uint8_t health_item;  /* half-steps through the items, round and round */
     uint8_t counters_used;
-    uint8_t described;  /* 1 once a whole description has left */
-    uint8_t describing; /* 1 while a description is under way */
-    uint8_t turn;       /* frames since the description had its turn */
-    uint8_t farewells;  /* closing health frames still to send */
-    uint8_t finishing;  /* 1 after aeo_stream_finish */
+    uint8_t described;   /* 1 once a whole description has left */
+    uint8_t describing;  /* 1 while a description is under way */
+    uint8_t turn;        /* frames of a snapshot since the description had its turn */
+    uint8_t health_turn; /* 0: health had its turn, and a snapshot under way has the next */
+    uint8_t farewells;   /* closing health frames still to send */
+    uint8_t finishing;   /* 1 after aeo_stream_finish */
 } aeo_stream_t;
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_stream_init       aeo_stream_init_f64
-#define aeo_stream_sample     aeo_stream_sample_f64
-#define aeo_stream_innovation aeo_stream_innovation_f64
-#define aeo_stream_snapshot   aeo_stream_snapshot_f64
-#define aeo_stream_health     aeo_stream_health_f64
-#define aeo_stream_step       aeo_stream_step_f64
-#define aeo_stream_finish     aeo_stream_finish_f64
-#define aeo_stream_pending    aeo_stream_pending_f64
-#define aeo_stream_reset      aeo_stream_reset_f64
+#define aeo_stream_init           aeo_stream_init_f64
+#define aeo_stream_sample         aeo_stream_sample_f64
+#define aeo_stream_innovation     aeo_stream_innovation_f64
+#define aeo_stream_snapshot       aeo_stream_snapshot_f64
+#define aeo_stream_health         aeo_stream_health_f64
+#define aeo_stream_step           aeo_stream_step_f64
+#define aeo_stream_finish         aeo_stream_finish_f64
+#define aeo_stream_pending        aeo_stream_pending_f64
+#define aeo_stream_snapshot_steps aeo_stream_snapshot_steps_f64
+#define aeo_stream_reset          aeo_stream_reset_f64
 #endif
 
 /* Start a stream; nothing is sent yet. config and port are copied, memory (words >= AEO_STREAM_WORDS(parameters)) is
  * used until the end. AEO_E_ARG: null pointer, setting out of its range, port without send, lock without unlock.
- * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples alone exceed nine tenths of bits_per_s; raise sample_every. On
- * failure self is unchanged. */
+ * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples, seals, innovations, health and description together leave less than
+ * a tenth of bits_per_s or of `burst` frames a step, or a snapshot takes more than snapshot_every steps; raise
+ * sample_every, health_every or describe_every, or bits_per_s and burst. On failure self is unchanged. */
 int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
                     uint32_t words);
 
@@ -253,6 +260,10 @@ int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counte
 /* Send what credit and port allow; call once a sample time, or more often with port.time_us. Returns the frames sent,
  * or AEO_E_ARG for a null pointer. */
 int aeo_stream_step(aeo_stream_t *self);
+
+/* Return the steps within which a snapshot leaves whole, as long as the port refuses nothing, samples come no faster than
+ * declared and step is called once a sample time: the formula is in budget.h of the sources. 0 for a null pointer. */
+uint32_t aeo_stream_snapshot_steps(const aeo_stream_t *self);
 
 /* Announce the end: after the snapshot under way, closing health frames say that the node stops on purpose. */
 void aeo_stream_finish(aeo_stream_t *self);

@@ -130,6 +130,8 @@ static void can_fd_settings_out_of_range(void)
     config.bits_per_s = 999;
     refuse(&config, AEO_E_ARG);
     config.bits_per_s = 1000; /* a sample of five channels is 59 + 22 bits, sixteen times as fast in the data phase */
+    config.health_every = 10000;
+    config.describe_every = 60000;
     config.sample_time_s = AEO_REAL(0.09);
     refuse(&config, AEO_E_BUDGET);
     config.sample_time_s = AEO_REAL(0.1);

@@ -122,7 +122,7 @@ static void frames_are_as_many_as_the_formula_says(void)
     for (s = 0; s < sizeof sizes / sizeof *sizes; s++) {
         for (variant = 0; variant < 8u; variant++) {
             aeo_stream_config_t config = make_config();
-            config.describe_every = (variant & 4u) != 0u ? 1 : config.describe_every;
+            config.describe_every = (variant & 4u) != 0u ? 4 : config.describe_every;
             config.parameters = sizes[s];
             config.fd = variant & 1u;
             config.fd_ratio = 2;
