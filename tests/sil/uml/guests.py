@@ -26,7 +26,9 @@ USER_MODE = ROOT / "build/uml/usr/bin/linux.uml"
 USER_MODE_MODULES = ROOT / "build/uml/usr/lib/uml/modules"
 EMULATED = ROOT / "build/can-guest"  # Debian's kernel and some of its modules
 MODULES = ("virtio_pci", "9pnet_virtio", "9p", "can_raw", "vcan", "slcan")
-PATIENCE_S = 1200.0  # for a guest that says nothing: what takes ten seconds may take minutes on a loaded machine
+# A guest hangs that says nothing for so long and hardly computes meanwhile, or computes without an end; the slower one
+# takes 70 s of processor, which on a loaded machine may be half an hour.
+PATIENCE_S, LEAST_PROCESSOR_S, MOST_PROCESSOR_S = 600.0, 5.0, 1200.0
 PR_SET_PDEATHSIG = 1
 INSTALL = "sh tools/setup tests"
 
@@ -142,16 +144,12 @@ def end_with_us() -> None:
 
 def boot(guest: Guest, out: Path, clock: Callable[[], float] = time.monotonic) -> None:
     """Run the script in a guest to its end, as long as it goes on; raises NoResult where the guest came to none."""
-    begun = heard = clock()
-    said = 0
+    begun = clock()
     with (out / "console.log").open("wb") as console:
         process = subprocess.Popen(guest.command(out), stdin=subprocess.DEVNULL, stdout=console, preexec_fn=end_with_us,
                                    stderr=subprocess.STDOUT, start_new_session=True)  # fmt: skip
     try:
-        while process.poll() is None and clock() - heard < PATIENCE_S:
-            if (now := sum(len(text) for text in read_logs(out))) != said:
-                said, heard = now, clock()
-            time.sleep(0.05)
+        wait_while_it_goes_on(process, out, clock)
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -159,6 +157,30 @@ def boot(guest: Guest, out: Path, clock: Callable[[], float] = time.monotonic) -
     if not (out / "code").exists():
         told = "".join(text[-600:].decode(errors="replace") for text in read_logs(out))
         raise NoResult(f"{guest.name} ended after {clock() - begun:.0f} s without a result: {told}")
+
+
+def wait_while_it_goes_on(process: subprocess.Popen[bytes], out: Path, clock: Callable[[], float]) -> None:
+    """Wait for a guest's end, or until it hangs."""
+    heard, said, spent = clock(), 0, 0.0
+    while process.poll() is None:
+        if (now := sum(len(text) for text in read_logs(out))) != said:
+            said, heard = now, clock()
+        if clock() - heard >= PATIENCE_S:
+            before, spent = spent, processor_s(process.pid)
+            if spent - before < LEAST_PROCESSOR_S or spent > MOST_PROCESSOR_S:
+                return
+            heard = clock()
+        time.sleep(0.05)
+
+
+def processor_s(session: int) -> float:
+    """Return the processor time of a session's processes, those that have ended included, in seconds."""
+    ticks = 0
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = path.read_text().rpartition(")")[2].split()
+            ticks += sum(map(int, fields[11:15])) if int(fields[3]) == session else 0
+    return ticks / os.sysconf("SC_CLK_TCK")
 
 
 def read_logs(out: Path) -> list[bytes]:

@@ -11,7 +11,18 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import guests
-from guests import GUESTS, PATIENCE_S, Guest, NoResult, allowed, boot, pack_file, run_first
+from guests import (
+    GUESTS,
+    LEAST_PROCESSOR_S,
+    MOST_PROCESSOR_S,
+    PATIENCE_S,
+    Guest,
+    NoResult,
+    allowed,
+    boot,
+    pack_file,
+    run_first,
+)
 
 PANIC = "echo 'Kernel panic - not syncing: put_fp_registers failed'; exit 6"
 
@@ -61,20 +72,45 @@ def test_a_guest_that_hangs_is_ended_with_its_children(tmp_path: Path) -> None:
             subprocess.run(["sleep", "0.01"], check=True)
 
 
-def test_a_guest_that_goes_on_is_left_alone(tmp_path: Path) -> None:
-    """However long it takes: on this clock each look is most of the patience after the last, and each finds a word."""
-    log, looks = tmp_path / "guest.log", 0
+@pytest.mark.parametrize("says", [True, False])
+def test_a_guest_that_goes_on_is_left_alone(says: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However long it takes: on this clock each look is a patience after the last, and finds a word or work done."""
+    looks = 0
 
     def clock() -> float:
         nonlocal looks
         looks += 1
-        with log.open("a") as file:
-            file.write("step\n")
-        return looks * PATIENCE_S * 0.4
+        with (tmp_path / "guest.log").open("a") as file:
+            file.write("step\n" * says)
+        (tmp_path / "looks").write_text(str(looks))
+        return looks * PATIENCE_S
 
-    boot(imitate("slow", 'until [ "$(wc -l <"$1/guest.log")" -gt 20 ]; do sleep 0.01; done; echo 0 >"$1/code"'),
-         tmp_path, clock=clock)  # fmt: skip
+    monkeypatch.setattr(guests, "processor_s", lambda _: LEAST_PROCESSOR_S * looks)
+    waits = 'until [ "$(cat "$1/looks")" -gt 20 ]; do sleep 0.01; done; echo 0 >"$1/code"'
+    boot(imitate("slow", waits), tmp_path, clock=clock)
     assert looks > 20
+
+
+def test_a_guest_that_computes_without_an_end_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work done is no excuse for ever."""
+    spent = iter(range(0, 10**6, int(MOST_PROCESSOR_S / 3)))
+    monkeypatch.setattr(guests, "processor_s", lambda _: next(spent) + LEAST_PROCESSOR_S)
+    looks = iter(range(10**6))
+    with pytest.raises(NoResult):
+        boot(imitate("spins", "while :; do sleep 1; done"), tmp_path, clock=lambda: next(looks) * PATIENCE_S)
+    assert next(spent) > MOST_PROCESSOR_S
+
+
+def test_processor_time_counts_a_session() -> None:
+    """With the children that have ended; none of ours."""
+    work = "i=0; while [ $i -lt 60000 ]; do i=$((i+1)); done"
+    words = ["sh", "-c", f"sh -c '{work}'; {work}; echo done; read line"]
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdin is not None and process.stdout is not None
+        process.stdout.readline()
+        both = guests.processor_s(process.pid)
+        process.stdin.write(b"\n")
+    assert 0.02 < both < 60 and guests.processor_s(process.pid) == 0
 
 
 def test_none_is_there(tmp_path: Path) -> None:
