@@ -25,7 +25,7 @@ from aeolid.can.raw_log import RAW_SUFFIXES, open_raw_log
 from aeolid.can.reception import Reception
 from aeolid.can.runs import RunRecorder
 from aeolid.can.wire import ERROR, EXTENDED, GARBLED, REMOTE, Frames, join_frames, no_frames, pack_frames
-from aeolid.cli import listen_modes
+from aeolid.cli import listen_rules
 from aeolid.cli.main import main
 from aeolid.formats.spool import TextSpool, read_spool, whole_lines
 
@@ -257,7 +257,7 @@ def test_modes_of_long_windows_are_refused(monkeypatch: pytest.MonkeyPatch) -> N
     for number in (1, 2, 3):
         now = assembly.nodes[number].now
         assert isinstance(now, Configuration)
-        problems.append(listen_modes._find_problem(now))
+        problems.append(listen_rules.find_problem(now))
     assert "16000 regressors" in problems[0] and problems[1] and not problems[2]
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from can_frames import describe, receive, row, samples
 
+from aeolid.can import run as run_module
 from aeolid.can import runs as runs_module
 from aeolid.can import wire
 from aeolid.can.clock import ClockKeeper
@@ -136,7 +137,7 @@ def test_a_node_that_starts_again_and_again_uses_up_no_handles(
 
 def test_a_run_that_can_get_no_file_ends_in_good_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folder goes read-only during the reception: what came before has its file and name."""
-    true, opened = runs_module.open_growing, []
+    true, opened = run_module.open_growing, []
 
     def once(path: Path, *rest: object) -> object:
         opened.append(path)
@@ -144,7 +145,7 @@ def test_a_run_that_can_get_no_file_ends_in_good_order(tmp_path: Path, monkeypat
             raise UsageError(f"{path}: cannot be written (read-only)")
         return true(path, *rest)
 
-    monkeypatch.setattr(runs_module, "open_growing", once)
+    monkeypatch.setattr(run_module, "open_growing", once)
     reception, _ = restarts(4, tmp_path / "r.csv", monkeypatch)
     assert reception.fault is not None and "read-only" in reception.fault
     reception.recorder.name(1, "")

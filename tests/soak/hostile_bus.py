@@ -137,7 +137,7 @@ def main() -> int:
         child.send_signal(signal.SIGTERM)
     failed = False
     for name, child in children.items():
-        code = child.wait(timeout=120)
+        code = child.wait()
         facts = json.loads((folder / f"{name}.json").read_text())
         sizes = np.array(history[name]) / 2**20
         wrong = check(folder, name, device.samples)

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.can.compact import merge_tail
-from aeolid.can.description import WIRE, Description, DescriptionCollector
+from aeolid.can.configuration import Configuration
+from aeolid.can.description import WIRE, DescriptionCollector
 from aeolid.can.garbling import Garbling
 from aeolid.can.health import Health
-from aeolid.can.judging import SEAL as SEALED
-from aeolid.can.judging import SURE, VALUE
 from aeolid.can.limits import (
-    ANCHORS_FREE,
-    ANCHORS_SHARE,
     CONFIGURATIONS_MAX,
     EARLY_MAX,
     MUTE_LEAST,
@@ -35,16 +30,11 @@ from aeolid.can.wire import (
     ERROR,
     GARBLED,
     HEALTH,
-    INNOVATION,
-    INNOVATION_FD,
     KINDS,
     PARAMETER,
     PARAMETER_FD,
     REPAIR,
     REPAIR_FD,
-    SAMPLE,
-    SAMPLE_FD,
-    SEAL,
     SEAL_INNOVATION,
     Frames,
     Messages,
@@ -52,22 +42,8 @@ from aeolid.can.wire import (
     join_messages,
 )
 
+__all__ = ["Assembly", "Configuration", "Node"]
 SNAPSHOT_KINDS = np.isin(np.arange(KINDS), (BEGIN, PARAMETER, REPAIR, END, PARAMETER_FD, REPAIR_FD))
-
-
-@dataclass(eq=False)
-class Configuration:
-    """Hold what one node sent under one description."""
-
-    description: Description
-    samples: SampleStore
-    innovations: SampleStore
-    snapshots: SnapshotStore
-
-    @property
-    def nbytes(self) -> int:
-        """Return the bytes that are held."""
-        return self.samples.nbytes + self.innovations.nbytes + self.snapshots.nbytes
 
 
 class Node:
@@ -112,10 +88,8 @@ class Node:
             samples = configuration.samples
             if samples.refused:
                 told.append(f"{samples.contradicted} samples came in two versions that contradict each other")
-            if samples.rival_messages:
-                told.append(
-                    f"a second count of samples went on beside the one recorded ({samples.rival_messages} messages)"
-                )
+            if (rest := samples.rival_messages) > 0:
+                told.append(f"a second count of samples went on beside the one recorded ({rest} messages)")
         if self._health.is_double:
             told.append("the sample indices told go to and fro")
         return "; ".join(dict.fromkeys(told))
@@ -269,19 +243,8 @@ class Node:
         return freed
 
     def _use(self, now: Configuration, m: Messages) -> None:
-        seal, of_innovation = m.kind == SEAL, m.tag >= SEAL_INNOVATION
-        samples = (m.kind == SAMPLE) | (m.kind == SAMPLE_FD) | (seal & ~of_innovation)
-        innovations = (m.kind == INNOVATION) | (m.kind == INNOVATION_FD) | (seal & of_innovation)
-        start = 0
-        for stop in [*_anchors(m), len(m)]:  # a full index holds for the samples before it
-            for store, mine in ((now.samples, samples), (now.innovations, innovations)):
-                at = np.flatnonzero(mine[start:stop])
-                if len(at):
-                    _add_values(store, m.take(at + start))
-                if stop < len(m):
-                    store.anchor(int(m.value[stop]), int(m.place[stop]))
-            start = stop
-        self._take_health(m, samples | innovations | (m.kind == BEGIN))
+        data = now.take(m)
+        self._take_health(m, data | (m.kind == BEGIN))
         snapshot = SNAPSHOT_KINDS[m.kind]
         if snapshot.any():
             now.snapshots.add(m.take(snapshot), self._newest(now))
@@ -302,25 +265,6 @@ class Node:
             self._health.go_on()
 
 
-def _anchors(m: Messages) -> list[int]:
-    """Return where full indices are told; of more than an honest node tells only some: each costs its turn."""
-    at = np.flatnonzero(((m.kind == HEALTH) & (m.tag == 0)) | (m.kind == BEGIN))
-    most = ANCHORS_FREE + len(m) // ANCHORS_SHARE
-    if len(at) > most:
-        at = at[np.linspace(0, len(at) - 1, most).astype(np.int64)]
-    told: list[int] = at.tolist()
-    return told
-
-
-def _add_values(store: SampleStore, m: Messages) -> None:
-    if not len(m):
-        return
-    seal = m.kind == SEAL
-    channel = np.where(seal, m.tag & np.uint8(SEAL_INNOVATION - 1), m.tag + m.lane).astype(np.uint8)
-    what = np.where(seal, SEALED, np.where(m.kind >= SAMPLE_FD, SURE, VALUE)).astype(np.uint8)
-    store.add(channel, m.index, m.value, m.place, what)
-
-
 class Assembly:
     """Decode batches of frames and hand them to their nodes."""
 
@@ -330,8 +274,7 @@ class Assembly:
         self.foreign = 0
         self.damaged = 0
         self.garbled = 0
-        self.forgotten = 0  # numbers that never described themselves and had to make room
-        self.forgotten_messages = 0
+        self.forgotten = self.forgotten_messages = 0  # numbers that had to make room undescribed, their messages
         self._base = base
         self._garbling = Garbling()
 
@@ -369,16 +312,15 @@ class Assembly:
     def _forget_one(self) -> bool:
         """Give up the number with the fewest messages that never described itself: garbled ones must bar no node."""
         mute = [node for node in self.nodes.values() if not node.changes]
-        if mute:
-            least = min(mute, key=lambda node: node.messages)
-            self.forgotten += 1
-            self.forgotten_messages += least.messages
-            del self.nodes[least.number]
-        return bool(mute)
+        if not mute:
+            return False
+        least = self.nodes.pop(min(mute, key=lambda node: node.messages).number)
+        self.forgotten, self.forgotten_messages = self.forgotten + 1, self.forgotten_messages + least.messages
+        return True
 
     @property
     def nbytes(self) -> int:
-        """Return the bytes that are held of all nodes."""
+        """Return the bytes that are held."""
         return sum(node.nbytes for node in self.nodes.values())
 
     def keep_within(self, each: int = NODE_BYTES, total: int = TOTAL_BYTES) -> int:

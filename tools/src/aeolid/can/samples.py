@@ -186,7 +186,7 @@ class SampleStore:
         tables, torn = head._tables(every, share)
         self.contradicted += len(torn)
         if self.contradicted >= TWIN_LEAST or (torn and self._counts.contested):
-            # a second node, ahead by no more than frames may overtake each other, has begun within so many samples
+            # a second node that is ahead by what frames may overtake each other has begun within so many samples
             tables = cut_before(tables, torn[0] - 2 * (SHUFFLE + 1) * max(every, 1)) if torn else tables
             self.refused = True
             self.refused_out += sum(s.size() for s in self._segments)

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.can.limits import MODES_FINISH_S, MODES_QUEUE_BYTES, MODES_REGRESSORS
+from aeolid.can.limits import MODES_FINISH_S, MODES_QUEUE_BYTES
+from aeolid.cli.listen_rules import find_problem, fresh, live_of, starts_again
 from aeolid.errors import AeolidError
 from aeolid.formats.growing import GrowingTable
 
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 LOOK_S = 0.25  # how often new samples are looked for
 LOOK_VALUES = 8192  # values of a node after which they are, whatever the time
-SETTLE = 16  # samples that an incomplete one may be late
 QUEUED = 32_768  # samples that may wait
 BATCH = 256  # samples of one piece
 WORK_BYTES = 1000  # of a piece, its samples aside
@@ -134,7 +134,7 @@ class ModeFollower:
     def _start(self, node: Node, restarts: int) -> _Followed:
         """Begin anew: a node's first description, another one, or samples that count from the start again."""
         assert node.now is not None
-        followed = _Followed(node.now, restarts=restarts, problem=_find_problem(node.now))
+        followed = _Followed(node.now, restarts=restarts, problem=find_problem(node.now))
         with self._lock:
             self._nodes[node.number] = followed
         return followed
@@ -145,7 +145,7 @@ class ModeFollower:
             return
         tables = configuration.samples.newest(followed.used, configuration.description.sample_every)
         if tables:
-            if _starts_again(tables, followed):
+            if starts_again(tables, followed.used, followed.tables):
                 if len(tables) > 1:
                     self._put_samples(node.number, followed, tables[-2], last=True)
                 before = followed.snapshot  # of the run that is over
@@ -165,7 +165,7 @@ class ModeFollower:
             self._observer.snapshot(number, followed.restarts, followed.configuration, snapshot)
 
     def _put_samples(self, number: int, followed: _Followed, table: SampleTable, last: bool) -> None:
-        rows = _fresh(table, followed.used, last)
+        rows = fresh(table, followed.used, last)
         if not len(rows):
             return
         d = followed.configuration.description
@@ -255,7 +255,7 @@ class ModeFollower:
                 continue
             began = time.thread_time()
             try:
-                live = followed.live = followed.live or _live_of(followed.configuration, self._order)
+                live = followed.live = followed.live or live_of(followed.configuration, self._order)
                 work.run(live)
                 modes = live.modes()
             except Exception as error:
@@ -319,50 +319,3 @@ def _why_no_deviations(live: LiveModes, dropped: int) -> str | None:
 
 def _or(value: float | None, other: float) -> float:
     return other if value is None else value
-
-
-def _find_problem(configuration: Configuration) -> str:
-    """Say why a node cannot have live modes, empty where it can."""
-    d = configuration.description
-    if d.sample_every != 1:
-        sent = f"one sample in {d.sample_every}" if d.sample_every else "no samples"
-        return f"the node sends {sent}; modes need every one"
-    if d.regressors > MODES_REGRESSORS:
-        return (
-            f"the node's filter has {d.regressors} regressors (past window {d.past}); modes are followed up to"
-            f" {MODES_REGRESSORS}: record, and use aeolid identify"
-        )
-    return "" if d.inputs else "the node describes no input; modes need one"
-
-
-def _live_of(configuration: Configuration, order: int | None) -> LiveModes:
-    """Return live modes for what a node described; raises AeolidError where it cannot be."""
-    from aeolid.identify.live import LiveModes, LiveSettings
-
-    d = configuration.description
-    m = d.inputs + d.outputs
-    return LiveModes(
-        LiveSettings(
-            d.names[: d.inputs], d.names[d.inputs : m], d.past, d.sample_time_s, d.forgetting, d.regularisation,
-            d.feedthrough, d.model_set, np.asarray(d.offset[:m]), np.asarray(d.scale[:m]), order,
-        )
-    )  # fmt: skip
-
-
-def _starts_again(tables: list[SampleTable], followed: _Followed) -> bool:
-    """Tell whether the newest run is not the one that was followed: its index went back."""
-    newest, used = tables[-1].index, followed.used
-    if used is None:
-        return False
-    return int(newest[-1]) < used or (len(tables) > followed.tables and int(newest[0]) <= used)
-
-
-def _fresh(table: SampleTable, used: int | None, last: bool) -> NDArray[np.int64]:
-    """Return the rows of a table that are new and settled: complete, or older than a sample may come late."""
-    rows = np.flatnonzero(table.index > (-1 if used is None else used))
-    if last or not len(rows):
-        return rows
-    whole = np.isfinite(table.values[rows]).all(axis=1)
-    late = table.index[rows] > table.index[-1] - SETTLE
-    open_ones = np.flatnonzero(late & ~whole)
-    return rows[: open_ones[0]] if len(open_ones) else rows

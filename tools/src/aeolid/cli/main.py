@@ -17,7 +17,9 @@ from aeolid import output
 from aeolid.children import guard_imports
 from aeolid.cli import guard
 
-PLUMBING = {"main", "common", "guard", "listen_facts", "listen_modes", "listen_view", "receiving", "reference"}
+PLUMBING = {
+    "main", "common", "guard", "listen_facts", "listen_modes", "listen_rules", "listen_view", "receiving", "reference"
+}  # fmt: skip
 HELP = """Identify and diagnose wind-turbine models from controller recordings.
 
 No recording at hand? aeolid example writes some. Each command says more: aeolid identify --help."""

@@ -67,12 +67,15 @@ class GrowingTable(ABC):
             self._flush()
 
     def show(self, rows: Array) -> None:
-        """Put rows (n, columns) on the disk that may still change, instead of those shown before. Raises OSError."""
-        raise NotImplementedError
+        """Put rows (n, columns) on the disk that may still change, instead of those shown before. Raises OSError.
+
+        A table that is written at once has no place for them.
+        """
+        del rows
 
     def drop(self) -> None:
         """Give the table up and remove its file."""
-        raise NotImplementedError
+        self.path.unlink(missing_ok=True)
 
     def close(self, start: datetime | None = None, notes: Mapping[str, str] | None = None) -> None:
         """Complete the file. start: when time 0 was; notes: facts about the table, where the format has room."""
