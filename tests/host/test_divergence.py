@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from aeolid.cli.main import main
 from aeolid.diagnose import export
 from aeolid.diagnose.correction import Correction
+from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.divergent import diverging
 from aeolid.models import equations_file
 from aeolid.models.divergence import FAR, divergence_of, growing
@@ -145,7 +147,7 @@ def test_a_corrected_model_that_diverges_says_so_in_every_file(tmp_path: Path, m
     monkeypatch.setattr(export, "correct", lambda _: Correction(model, None, wild))
     monkeypatch.setattr(export, "evidence", lambda _: {"title": "bench"})
     diagnosis: dict[str, Any] = {"schema": 1, "verdict": "unnamed", "statement": "something"}
-    export.write_all(None, diagnosis, tmp_path / "out")  # type: ignore[arg-type]
+    export.write_all(SimpleNamespace(deadline=Deadline()), diagnosis, tmp_path / "out")  # type: ignore[arg-type]
     written = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert written["model"]["divergence"]["outputs"][0]["output"] == "speed"
     assert written["warnings"] == [wild.text()]

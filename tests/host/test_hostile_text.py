@@ -94,7 +94,7 @@ def test_only_regular_files_are_read(read: Callable[[Path], object], kind: str, 
         path.symlink_to("/dev/zero")
     elif kind == "no text":
         path.write_bytes(b"a = '\xff'")
-    with pytest.raises(DataError, match=str(path)):
+    with pytest.raises(DataError, match=path.name):
         read(tmp_path if read is load_case else path)
 
 
