@@ -48,7 +48,7 @@ static uint32_t cost_sample_us(const aeo_stream_config_t *config)
     return cost_values_us(config, aeo_describe_channels(config)) + cost_values_us(config, outputs);
 }
 
-static aeo_real_t count_description(const aeo_stream_config_t *config)
+uint32_t aeo_budget_count_description(const aeo_stream_config_t *config)
 {
     const uint32_t slots = aeo_describe_slots(config);
     uint32_t slot, frames = 0;
@@ -56,7 +56,7 @@ static aeo_real_t count_description(const aeo_stream_config_t *config)
     for (slot = 0; slot < slots; slot++) {
         frames += aeo_describe(config, 0, slot, &message) ? 1u : 0u;
     }
-    return (aeo_real_t)frames;
+    return frames;
 }
 
 static load_t cost_snapshot(const aeo_stream_config_t *config, const aeo_spread_t *spread)
@@ -103,7 +103,7 @@ static aeo_real_t find_rest_us(const aeo_stream_config_t *config, uint32_t sampl
     return paying < every ? cut(config, period) * (aeo_real_t)(every - paying) / (aeo_real_t)every : AEO_REAL(0);
 }
 
-uint32_t aeo_budget_find_steps(const aeo_stream_config_t *config, const aeo_spread_t *spread)
+uint32_t aeo_budget_find_steps(const aeo_stream_config_t *config, const aeo_spread_t *spread, uint32_t slots)
 {
     const uint32_t sample = cost_sample_us(config), period = aeo_budget_period_us(config);
     const aeo_real_t longest = (aeo_real_t)aeo_budget_longest_us(config), burst = (aeo_real_t)config->burst;
@@ -111,7 +111,7 @@ uint32_t aeo_budget_find_steps(const aeo_stream_config_t *config, const aeo_spre
     const aeo_real_t each = is_cut(config) ? longest : (aeo_real_t)aeo_stream_cost_us(config, 8);
     const aeo_real_t usable = is_cut(config) ? cut(config, period) : (aeo_real_t)period;
     const load_t snapshot = cost_snapshot(config, spread);
-    const aeo_real_t description = count_description(config);
+    const aeo_real_t description = (aeo_real_t)slots;
     const aeo_real_t frames =
         AEO_REAL(1) / (aeo_real_t)config->health_every + description / (aeo_real_t)config->describe_every;
     const aeo_real_t left = find_rest_us(config, sample) - frames * each;

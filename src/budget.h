@@ -17,18 +17,23 @@
 #include <aeolid/stream.h>
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_budget_find_steps aeo_budget_find_steps_f64
-#define aeo_budget_longest_us aeo_budget_longest_us_f64
-#define aeo_budget_period_us  aeo_budget_period_us_f64
+#define aeo_budget_find_steps        aeo_budget_find_steps_f64
+#define aeo_budget_count_description aeo_budget_count_description_f64
+#define aeo_budget_longest_us        aeo_budget_longest_us_f64
+#define aeo_budget_period_us         aeo_budget_period_us_f64
 #endif
 
 /* Return the sample time in microseconds, 20 ... 10^9, and the cost of the longest frame in use, 0 without a limit. */
 uint32_t aeo_budget_period_us(const aeo_stream_config_t *config);
 uint32_t aeo_budget_longest_us(const aeo_stream_config_t *config);
 
+/* Return the frames of a description. */
+uint32_t aeo_budget_count_description(const aeo_stream_config_t *config);
+
 /* Return the steps within which a snapshot leaves, at most 4e9; 0 when samples and all else leave less than a tenth of
- * the budget or of the frames a step. config is valid, spread that of its blocks. */
-uint32_t aeo_budget_find_steps(const aeo_stream_config_t *config, const aeo_spread_t *spread);
+ * the budget or of the frames a step. config is valid, spread that of its blocks, slots the frames
+ * of its description. */
+uint32_t aeo_budget_find_steps(const aeo_stream_config_t *config, const aeo_spread_t *spread, uint32_t slots);
 
 #endif
 /* SPDX-License-Identifier: MIT */

@@ -365,11 +365,12 @@ static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
     feed_follower(self);
 }
 
-/* Let both arrays start afresh when they hold too much for the data of late; theta waits until their window is whole. */
-static void watch(aeo_fast_rls_t *self, const aeo_real_t *y)
+/* Let both arrays start afresh when they hold too much for the data of late; theta waits until their window is whole.
+ * Before the sample is absorbed, so that nobody needs y any more further down. */
+static void watch(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     const size_t m = self->config.block;
-    const aeo_real_t *const newest = self->window + self->length;
+    const aeo_real_t *const newest = z + (self->length - m);
     if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, aeo_linalg_dot(newest, newest, m),
                        self->config.forgetting, 0)) {
         self->hold = find_hold(self, self->array[self->active].age);
@@ -396,10 +397,10 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_FAST_RLS_REINITIALISED;
     }
-    absorb(self, z);
     if (self->config.forgetting < AEO_REAL(1)) {
-        watch(self, y);
+        watch(self, z, y);
     }
+    absorb(self, z);
     aeo_count_up(&self->count.updates);
     return AEO_OK;
 }

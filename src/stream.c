@@ -68,7 +68,7 @@ int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const
         return AEO_E_MEMORY;
     }
     aeo_spread_choose(&spread, count_blocks(config), config->repair_percent);
-    steps = aeo_budget_find_steps(config, &spread);
+    steps = aeo_budget_find_steps(config, &spread, aeo_budget_count_description(config));
     if (steps == 0u || (config->snapshot_every > 0u && steps > config->snapshot_every)) {
         return AEO_E_BUDGET;
     }

@@ -72,6 +72,21 @@ static uint16_t choose_steps(double steps)
     return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
 }
 
+/* Calls between two health frames: 10 samples, or as many calls of so many bits as leave them a twentieth of the share. */
+static uint16_t choose_health_every(const settings_t *s, double bits)
+{
+    const double samples = HEALTH_EVERY * s->decimation, calls = bits > 0 ? 20.0 * FRAME_BITS / bits + 1.0 : 0.0;
+    return choose_steps(samples > calls ? samples : calls);
+}
+
+/* Calls between two descriptions, which take a fifth of the share at most. */
+static uint16_t choose_describe_every(const settings_t *s, double step_s)
+{
+    const double bits = (double)s->bit_rate * s->share / 100.0 * step_s, usual = DESCRIBE_S / step_s;
+    const double narrow = bits > 0 ? 5.0 * FRAME_BITS * AEO_STREAM_DESCRIPTION_MAX(settings_taps(s)) / bits : 0.0;
+    return choose_steps(usual > narrow ? usual : narrow);
+}
+
 /* Frames in one call: those that its time pays for and one more, so that credit saved up leaves over several calls. */
 static uint8_t choose_burst(double bits)
 {
@@ -104,8 +119,8 @@ static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters,
     config.rho = s->rho;
     config.channels = self->channel;
     config.sample_every = (uint16_t)s->sample_every;
-    config.health_every = choose_steps(HEALTH_EVERY * s->decimation);
-    config.describe_every = choose_steps(DESCRIBE_S / self->clock.step_s);
+    config.health_every = choose_health_every(s, (double)s->bit_rate * s->share / 100.0 * self->clock.step_s);
+    config.describe_every = choose_describe_every(s, self->clock.step_s);
     config.repair_percent = (uint8_t)s->repair;
     config.burst = choose_burst((double)s->bit_rate * s->share / 100.0 * self->clock.step_s);
     config.bits_per_s = (uint32_t)((double)s->bit_rate * s->share / 100.0);
@@ -153,8 +168,8 @@ static int start_filter(observer_t *self, unsigned turbine, char *why, size_t ro
     }
     result = start_stream(self, turbine, (uint32_t)parameters, (uint32_t *)(void *)(memory + window + words));
     if (result == AEO_E_BUDGET) {
-        return fail(self, "share: the samples alone need more than nine tenths of it; raise share or sample_every", why,
-                    room);
+        return fail(self, "share: samples, health and description need more than nine tenths; raise it or sample_every",
+                    why, room);
     }
     return result == AEO_OK ? 0 : fail(self, "stream: a setting is out of range (stream.h)", why, room);
 }

@@ -120,6 +120,17 @@ static void insert(settings_t *self, const tap_t *tap)
     self->taps[tap->role]++;
 }
 
+/* Where no range is given: beyond a hundred standard deviations a number is a sensor's fault and not a sample. */
+static void set_range(tap_t *tap, const given_t *given)
+{
+    if (given->has_scale && !given->has_minimum) {
+        tap->minimum = tap->offset - 100.0F * tap->scale; /* offset and scale are at most LARGEST: no overflow */
+    }
+    if (given->has_scale && !given->has_maximum) {
+        tap->maximum = tap->offset + 100.0F * tap->scale;
+    }
+}
+
 static tap_t make_tap(tap_role_t role)
 {
     tap_t tap;
@@ -152,6 +163,7 @@ int channel_add(settings_t *self, const text_t *text, tap_role_t role, const cha
     if (check(self, text, key, &tap, &given) != 0) {
         return -1;
     }
+    set_range(&tap, &given);
     insert(self, &tap);
     return 0;
 }

@@ -99,6 +99,17 @@ static uint32_t count_time(void *context)
     return ticks * TURBINE_PERIOD_US;
 }
 
+/* Beyond a hundred standard deviations a number is a sensor's fault and not a sample. */
+static aeo_real_t minimum[TURBINE_INPUTS + TURBINE_OUTPUTS], maximum[TURBINE_INPUTS + TURBINE_OUTPUTS];
+
+static void fill_ranges(void)
+{
+    for (unsigned i = 0; i < TURBINE_INPUTS + TURBINE_OUTPUTS; i++) {
+        minimum[i] = turbine_offset[i] - AEO_REAL(100) * turbine_scale[i];
+        maximum[i] = turbine_offset[i] + AEO_REAL(100) * turbine_scale[i];
+    }
+}
+
 static int start(uint32_t period_us)
 {
     const aeo_regressor_config_t layout = {.inputs = TURBINE_INPUTS,
@@ -106,7 +117,9 @@ static int start(uint32_t period_us)
                                            .past = TURBINE_PAST,
                                            .period_us = TURBINE_PERIOD_US,
                                            .offset = turbine_offset,
-                                           .scale = turbine_scale};
+                                           .scale = turbine_scale,
+                                           .minimum = minimum,
+                                           .maximum = maximum};
     const aeo_rls_config_t settings = {.regressors = N,
                                        .outputs = TURBINE_OUTPUTS,
                                        .forgetting = 1.0f,
@@ -134,6 +147,7 @@ static int start(uint32_t period_us)
     if (period_us != TURBINE_PERIOD_US) {
         port.time_us = count_time;
     }
+    fill_ranges();
     return aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window) == AEO_OK &&
            aeo_rls_init(&filter, &settings, words, sizeof words / sizeof *words) == AEO_OK &&
            aeo_stream_init(&stream, &config, &port, snapshot, PARAMETERS) == AEO_OK;

@@ -62,16 +62,25 @@ static int fail(const char *what, const char *why)
 
 /* ---- set-up ------------------------------------------------------------------------------------------------------ */
 
+/* Beyond so many standard deviations a number is a sensor's fault and not a sample. A channel that is not scaled, offset
+ * 0 and scale 1, has no such range. */
+#define PLAUSIBLE 100.0
+
 static int init_regressor(node_t *self)
 {
     const node_options_t *o = &self->options;
     aeo_real_t offset[AEO_STREAM_CHANNELS_MAX], scale[AEO_STREAM_CHANNELS_MAX];
+    aeo_real_t minimum[AEO_STREAM_CHANNELS_MAX], maximum[AEO_STREAM_CHANNELS_MAX];
     aeo_regressor_config_t layout;
     const size_t words = AEO_REGRESSOR_WORDS(o->inputs, o->outputs, o->past, o->varmax);
     unsigned i;
     for (i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
         offset[i] = o->channel[i].offset;
         scale[i] = o->channel[i].scale;
+        const double low = (double)offset[i], wide = (double)scale[i];
+        const double reach = low < 0 || low > 0 || wide < 1 || wide > 1 ? PLAUSIBLE * wide : 3e38;
+        minimum[i] = (aeo_real_t)(low - reach);
+        maximum[i] = (aeo_real_t)(low + reach);
     }
     memset(&layout, 0, sizeof layout);
     layout.inputs = o->inputs;
@@ -82,6 +91,8 @@ static int init_regressor(node_t *self)
     layout.period_us = (uint32_t)(o->sample_time_s * 1e6 + 0.5);
     layout.offset = offset;
     layout.scale = scale;
+    layout.minimum = minimum;
+    layout.maximum = maximum;
     if (aeo_regressor_init(&self->regressor, &layout, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
         return fail("regressor", "inputs, outputs, past window or feedthrough mask out of range (regressor.h)");
     }
@@ -116,11 +127,23 @@ static int init_filter(node_t *self, uint32_t *parameters)
     return 0;
 }
 
-/* Steps in DESCRIBE_S, within what the stream takes. */
-static uint16_t choose_describe_every(double sample_time_s)
+/* Steps in DESCRIBE_S, or more where the share is narrow, within what the stream takes. */
+static uint16_t choose_describe_every(const node_options_t *o)
 {
-    const double steps = DESCRIBE_S / sample_time_s;
+    const double bits =
+        (double)o->bits_per_s * o->sample_time_s; /* a step; a description takes a fifth of them at most */
+    const double all = 5.0 * AEO_FRAME_BITS_EXTENDED * AEO_STREAM_DESCRIPTION_MAX((uint32_t)o->inputs + o->outputs);
+    const double usual = DESCRIBE_S / o->sample_time_s, narrow = bits > 0 ? all / bits : 0.0;
+    const double steps = usual > narrow ? usual : narrow;
     return (uint16_t)(steps < 1.0 ? 1.0 : steps > 65535.0 ? 65535.0 : steps);
+}
+
+/* Steps between two health frames: 10, or as many as leave them a twentieth of a narrow share. */
+static uint16_t choose_health_every(const node_options_t *o)
+{
+    const double bits = (double)o->bits_per_s * o->sample_time_s; /* a step */
+    const double steps = bits > 0 ? 20.0 * AEO_FRAME_BITS_EXTENDED / bits + 1.0 : 0.0;
+    return (uint16_t)(steps < 10.0 ? 10.0 : steps > 65535.0 ? 65535.0 : steps);
 }
 
 /* Samples between two snapshots, 0 none: at least one where any are asked for, at most what 32 bits hold. */
@@ -158,15 +181,15 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.rho = o->rho;
     config.channels = o->channel;
     config.sample_every = o->sample_every;
-    config.health_every = 10;
-    config.describe_every = choose_describe_every(o->sample_time_s);
+    config.health_every = choose_health_every(o);
+    config.describe_every = choose_describe_every(o);
     config.repair_percent = o->repair_percent;
     config.burst = BURST;
     config.bits_per_s = o->bits_per_s;
     node_bus_port(&self->bus, &port);
     result = aeo_stream_init(&self->stream, &config, &port, calloc(parameters, sizeof(uint32_t)), parameters);
     if (result == AEO_E_BUDGET) {
-        return fail("stream", "the samples alone need more than nine tenths of the share of the bus; "
+        return fail("stream", "samples, health and description need more than nine tenths of the share of the bus; "
                               "raise --share or --sample-every");
     }
     return result == AEO_OK ? 0 : fail("stream", "a setting is out of range (stream.h)");

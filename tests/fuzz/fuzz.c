@@ -4,6 +4,7 @@
  * The first byte chooses the filter, the second what is fuzzed, the third the size; the rest are numbers. Built with
  * clang -fsanitize=fuzzer,address,undefined by tests/gates/fuzz.py. */
 #include "family.h"
+#include "saved.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -103,6 +104,9 @@ static void fuzz_restore(subject_t *subject, input_t *input)
             const size_t at = (take_byte(input) + 256u * take_byte(input)) % length;
             take(input, &saved[at], sizeof *saved);
         }
+    }
+    if (take_byte(input) % 8u != 0u) {
+        aeo_saved_seal(saved, length); /* else hardly anything would get past the seal */
     }
     const family_object_t before = subject->object;
     memcpy(copy, subject->memory, subject->words * sizeof *copy);

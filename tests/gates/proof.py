@@ -17,7 +17,7 @@ TESTS = Path(__file__).resolve().parents[1]
 QUICK = [(name, step) for name in ("rls", "els", "fast_rls", "lattice") for step in ("update", "restore")]
 SLOW = [("fast_rls", "update"), ("lattice", "update")]  # a minute and more of processor: `sh tests/run nightly`
 CHECKS = ["bounds", "pointer", "pointer-overflow", "signed-overflow", "div-by-zero", "conversion", "undefined-shift"]
-STREAMING = ("describe", "frame", "spread", "stream", "status", "markov")
+STREAMING = ("budget", "crc", "describe", "frame", "spread", "stream", "status", "markov")
 
 
 def find_cbmc() -> str:
