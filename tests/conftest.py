@@ -48,7 +48,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def slow_tests() -> set[str]:
-    """Return the tests that tests/slow.txt lists, without their parameters."""
+    """Return the tests, without their parameters, and the files that tests/slow.txt lists."""
     lines = (Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines()
     return {line.split()[0] for line in lines if line and not line.startswith("#")}
 
@@ -58,7 +58,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what is known to be slow and put the longest tests first; nothing else changes its place."""
     slow = slow_tests()
     for item in items:
-        if item.nodeid.split("[")[0] in slow:
+        if slow & {item.nodeid.split("[")[0], item.nodeid.split("::")[0]}:
             item.add_marker("slow")
     items.sort(key=lambda item: next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS)))
 
