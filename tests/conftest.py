@@ -47,8 +47,19 @@ def pytest_configure(config: pytest.Config) -> None:
         verdict.diagnose = heard  # before any test imports it
 
 
+def slow_tests() -> set[str]:
+    """Return the tests, without their parameters, and the files that tests/slow.txt lists."""
+    lines = (Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines()
+    return {line.split()[0] for line in lines if line and not line.startswith("#")}
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m chooses by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest tests first; nothing else changes its place."""
+    """Mark what is known to be slow and put the longest tests first; nothing else changes its place."""
+    slow = slow_tests()
+    for item in items:
+        if slow & {item.nodeid.split("[")[0], item.nodeid.split("::")[0]}:
+            item.add_marker("slow")
     items.sort(key=lambda item: next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS)))
 
 

@@ -1,9 +1,12 @@
-"""The tests' own limit: processor time ends what hangs, waiting does not."""
+"""The tests' own command: what hangs is ended by processor time, and the list of slow tests names tests."""
 
 from __future__ import annotations
 
+import re
 import signal
+import subprocess
 import time
+from pathlib import Path
 
 import pytest
 from processor_limit import processor_limit
@@ -20,3 +23,21 @@ def test_waiting_is_no_processor_time() -> None:
     """As a test waits whose machine is busy with others."""
     with processor_limit(0.2):
         time.sleep(0.5)
+
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def test_the_list_of_slow_tests_names_tests() -> None:
+    lines = (ROOT / "tests" / "slow.txt").read_text().splitlines()
+    names = [line.split()[0].split("::") for line in lines if not line.startswith("#")]
+    assert len(names) > 50
+    for file, *functions in names:
+        assert (ROOT / file).is_file()
+        for function in functions:
+            assert re.search(rf"^def {function}\(", (ROOT / file).read_text(), re.M), f"{file} has no {function}"
+
+
+def test_a_word_that_is_no_mode_is_wrong_usage() -> None:
+    done = subprocess.run(["sh", "tests/run", "fast"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2 and done.stderr == "usage: sh tests/run [quick|nightly]\n"
