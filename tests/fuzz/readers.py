@@ -5,13 +5,14 @@
 
 At fault is every exception but those of this package, a crash, a hang of more than 20 s of processor time, and memory
 beyond 1 GiB. Crashes and hangs within a confined reader end as refusals, and are counted. The same number gives the
-same file on every machine.
+same file wherever the libraries that write the sound ones are the same.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import faulthandler
 import json
 import logging
 import os
@@ -203,6 +204,7 @@ def serve(name: str, numbers: range, answer: int) -> None:
     from aeolid.errors import AeolidError
 
     logging.disable()
+    faulthandler.disable()  # a crash is told by its signal
     signal.signal(signal.SIGPROF, signal.SIG_DFL)  # ends the process: a fault
     for user in forked.USERS:
         __import__(user)
