@@ -92,7 +92,7 @@ def archive(content: bytes, random: np.random.Generator) -> bytes:
         members[name] = changed + members[name][128:]
         for key, value in members.items():
             method = zipfile.ZIP_DEFLATED if random.random() < 0.3 else zipfile.ZIP_STORED
-            result.writestr(key, value, method)
+            result.writestr(zipfile.ZipInfo(key), value, method)  # its date does not depend on the clock
     return target.getvalue()
 
 

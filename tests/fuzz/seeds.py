@@ -6,6 +6,7 @@ import io
 import json
 import struct
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +72,8 @@ def table(suffix: str) -> bytes:
             path.write_text("\n" * 6 + "Time pitch speed\n(s) (deg) (rpm)\n" + rows)
         elif suffix == ".outb":
             path.write_bytes(_outb())
-        return path.read_bytes()
+        content = path.read_bytes()
+        return content if suffix != ".mat" else b"MATLAB 5.0 MAT-file".ljust(116) + content[116:]  # without the date
 
 
 def _mf4(path: Path) -> None:
@@ -94,6 +96,7 @@ def _mf4(path: Path) -> None:
             base.append(Signal((TIME * 10).astype("<i4"), TIME, name=f"c{i}", unit="V", conversion=conversion))
         file.append(base, comment="first", common_timebase=True)
         file.append([Signal(PITCH, TIME + 0.05, name="late", unit="deg")], comment="second")
+        file.header.start_time = datetime.fromtimestamp(1.7e9, UTC)
         file.save(path, overwrite=True, compression=2)
 
 

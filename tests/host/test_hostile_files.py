@@ -9,6 +9,7 @@ import socket
 import struct
 import zipfile
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -317,3 +318,44 @@ def test_long_headings_take_no_time() -> None:
     with pytest.raises(DataError, match="no channel"):
         find_heading("a" * 4000, names, "a.csv")
     assert find_heading(names[-1], names, "a.csv") == names[-1]
+
+
+SENT = {
+    "names": {"asks": "wanted", "names": [1], "units": {}, "shapes": {"pitch": [-1]}},
+    "units": {"asks": "wanted", "names": ["pitch"], "units": {"pitch": 1}, "shapes": {"pitch": "a"}},
+    "nothing": {"asks": "wanted"},
+    "lengths": {"asks": "wanted", "names": ["pitch"], "units": {}, "shapes": {"pitch": [3]}},
+}
+
+
+@pytest.mark.parametrize("case", SENT)
+@pytest.mark.parametrize("suffix", [".mat", ".parquet", ".mf4", ".blf"])
+def test_what_a_reader_that_was_taken_over_sends_is_not_believed(
+    suffix: str, case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Names that are none, columns that do not fit: a refusal like that of a damaged file."""
+
+    class Running:
+        def __enter__(self) -> Running:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def __iter__(self) -> Iterator[tuple[dict[str, object], dict[str, np.ndarray]]]:
+            yield SENT[case], {}
+            yield {"units": {}}, {"0": np.zeros((2, 2)), "1": np.zeros(3)}
+
+        def answer(self, _: object) -> None:
+            pass
+
+        def close(self) -> None:
+            pass
+
+    for user in ("matlab", "parquet", "mdf"):
+        monkeypatch.setattr(f"aeolid.formats.{user}.start", lambda *_: Running())
+    monkeypatch.setattr("aeolid.can.logs.start", lambda *_: Running())
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(b"MDF     4.10    " + bytes(100))
+    with pytest.raises(DataError, match=rf"a\{suffix}: .*nonsense"):
+        read_table(path)

@@ -17,6 +17,7 @@ from aeolid.confined import Failure, Reply, start
 from aeolid.errors import DataError
 from aeolid.formats.arrays import table_of_arrays
 from aeolid.formats.bounds import MOST_CHANNELS, reading_limits
+from aeolid.formats.sent import NONSENSE, shapes_of
 from aeolid.formats.table import Choose, Table, unreadable
 from aeolid.inputs import open_regular
 
@@ -33,11 +34,13 @@ def read_mat(path: Path, choose: Choose) -> Table:
 
             def load(names: list[str]) -> dict[str, NDArray[Any]]:
                 running.answer({"wanted": names})
-                _, arrays = next(replies)
+                _, arrays = next(replies, ({}, {}))
+                if any(arrays[str(i)].shape != shapes[n] if str(i) in arrays else True for i, n in enumerate(names)):
+                    raise Failure(NONSENSE)
                 return {name: arrays[str(i)] for i, name in enumerate(names)}
 
-            shapes, _ = next(replies)
-            return table_of_arrays(path, shapes["shapes"], load, choose)
+            shapes = shapes_of(next(replies, ({}, {}))[0])
+            return table_of_arrays(path, shapes, load, choose)
     except Failure as error:
         raise unreadable(path, "MATLAB", error) from None
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from aeolid.confined import Failure, start
 from aeolid.errors import DataError
 from aeolid.formats.bounds import content_limit, guard_names, reading_limits
+from aeolid.formats.sent import columns_of, names_of, units_of
 from aeolid.formats.table import Array, Choose, Table, unreadable
 from aeolid.inputs import open_regular
 
@@ -23,18 +24,21 @@ def read_mdf(path: Path, choose: Choose) -> Table:
     require_mdf(path)
     asked = {"path": str(path.absolute()), "source": str(path), "most": content_limit(path)}
     names: tuple[str, ...] = ()
+    wanted: tuple[str, ...] = ()
+    measured: list[str] = []
     units: dict[str, str] = {}
     columns: dict[str, Array] = {}
     try:
         with start("aeolid.formats.mdf_blocks:send_channels", asked, reading_limits(path)) as running:
             for facts, arrays in running:
                 if "asks" in facts:
-                    names = guard_names(path, (CLOCK, *map(str, facts["names"])))
+                    names = guard_names(path, (CLOCK, *names_of(facts)))
                     wanted = choose(names, CLOCK)
-                    running.answer({"wanted": [name for name in dict.fromkeys(wanted) if name != CLOCK]})
+                    measured = [name for name in dict.fromkeys(wanted) if name != CLOCK]
+                    running.answer({"wanted": measured})
                     continue
-                units = {CLOCK: "s"} | facts["units"]
-                found = {CLOCK: arrays["time"]} | {n: arrays[str(i)] for i, n in enumerate(facts["channels"])}
+                units = {CLOCK: "s"} | units_of(facts)
+                found = columns_of(arrays, [CLOCK, *measured])
                 columns = {name: found[name] for name in dict.fromkeys(wanted)}
     except Failure as error:
         raise unreadable(path, "MDF", error) from None
@@ -59,7 +63,7 @@ def holds_frames(path: Path) -> bool:
         return False
     try:
         with start("aeolid.formats.mdf_blocks:say_kind", {"path": str(path.absolute())}, reading_limits(path)) as child:
-            return any(facts["frames"] for facts, _ in child)
+            return any(facts.get("frames") is True for facts, _ in child)
     except (Failure, DataError):
         return False  # a damaged file is named by read_mdf
 

@@ -77,10 +77,7 @@ def send_channels(path: str, source: str, most: int) -> Generator[Reply, dict[st
         _require_one_clock(source, (first, time), (name, stamps))
         columns[name] = values
         units |= {name: unit} if unit else {}
-    yield (
-        {"channels": list(columns), "units": units},
-        {"time": time} | {str(i): values for i, values in enumerate(columns.values())},
-    )
+    yield {"units": units}, {str(i): values for i, values in enumerate([time, *columns.values()])}
 
 
 def _announced(group: Any) -> int:

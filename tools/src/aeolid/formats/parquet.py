@@ -11,6 +11,7 @@ import numpy as np
 from aeolid.confined import Failure, Reply, start
 from aeolid.errors import DataError
 from aeolid.formats.bounds import content_limit, guard_names, guard_size, reading_limits
+from aeolid.formats.sent import columns_of, names_of, units_of
 from aeolid.formats.table import Array, Choose, Table, to_numbers, unreadable
 
 FRAMES_COLUMNS = ("timestamp", "id", "flags", "data")  # of a raw CAN log kept as Parquet
@@ -29,20 +30,20 @@ def read_parquet(path: Path, choose: Choose) -> Table:
     """
     asked = {"path": str(path.absolute()), "source": str(path), "most": content_limit(path)}
     names: tuple[str, ...] = ()
-    wanted: tuple[str, ...] = ()
+    wanted: list[str] = []
     units: dict[str, str] = {}
     columns: dict[str, Array] = {}
     try:
         with start("aeolid.formats.parquet:send_columns", asked, reading_limits(path)) as running:
             for facts, arrays in running:
                 if "asks" not in facts:
-                    columns = {name: arrays[str(i)] for i, name in enumerate(dict.fromkeys(wanted))}
+                    columns = columns_of(arrays, wanted)
                     break
-                if facts["frames"]:
+                if facts.get("frames") is True:
                     raise HoldsFrames
-                names, units = guard_names(path, tuple(map(str, facts["names"]))), dict(facts["units"])
-                wanted = choose(names, None)
-                running.answer({"wanted": list(dict.fromkeys(wanted))})
+                names, units = guard_names(path, names_of(facts)), units_of(facts)
+                wanted = list(dict.fromkeys(choose(names, None)))
+                running.answer({"wanted": wanted})
     except Failure as error:
         raise unreadable(path, "Parquet", error) from None
     return Table(str(path), names, columns, units)
