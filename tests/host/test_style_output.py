@@ -15,7 +15,7 @@ NEVER = {"write_text", "savefig", "write_bytes", "tofile", "savetxt", "to_csv", 
          "print_figure", "print_png", "print_pdf"}  # fmt: skip
 TO_A_HANDLE = {"savez": 0, "savez_compressed": 0, "save": 0, "savemat": 0, "write_table": 1, "ParquetWriter": 0}
 SUSPECT = {*NEVER, *TO_A_HANDLE, "open", "dump", "replace", "link", "symlink", "move", "copy"}
-HANDLES = {"handle", "target", "packed", "self._file"}  # what `replacing` gives, or a SpareFile
+HANDLES = {"handle", "target", "packed", "self._file", "self._target"}  # what `replacing` gives, or a SpareFile
 OURS = ("output.", "formats.")
 # (module, call): why it may stand there
 ALLOWED = {
@@ -23,7 +23,7 @@ ALLOWED = {
     ("can/raw_mf4.py", "os.replace"): "out of a private folder over a file that `create` has made",
     ("formats/growing.py", "self._mdf.save"): "into a private folder",
     ("can/raw_mf4.py", "self._mdf.save"): "into a private folder",
-    ("models/exchange/matlab.py", "json.dump"): "to the standard output of a child",
+    ("formats/archive.py", "self._zip.open"): "reads",
     ("compiled.py", "path.mkdir"): "the cache of machine code, a private folder",
     ("confined/probe.py", "open"): "what a confined process must not be able to do",
     ("confined/probe.py", "os.rename"): "the same",
