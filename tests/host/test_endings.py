@@ -137,6 +137,24 @@ def test_interrupts_end_in_good_order(signals: list[int], code: int, tmp_path: P
     assert [p.name for p in tmp_path.iterdir()] == []
 
 
+LOST = """
+import ctypes, os, signal, sys, time
+import aeolid.cli.catalogue as module
+from aeolid.cli.main import main
+def work(*_):
+    ctypes.CFUNCTYPE(None)(lambda: os.kill(os.getpid(), signal.SIGINT))()
+    time.sleep(60)
+module.emit_json = work
+sys.exit(main(["catalogue"]))
+"""
+
+
+def test_an_interrupt_within_foreign_code_is_not_lost(tmp_path: Path) -> None:
+    """A compiler's callback swallows it, with a traceback."""
+    done = subprocess.run([sys.executable, "-c", LOST], cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=250)
+    assert (done.returncode, done.stderr) == (130, "aeolid: stopped\n")
+
+
 def case_in(made: Path, folder: Path, change: str = "") -> Path:
     """Copy the positioning stage, in its case.toml one text replaced by another: "old=>new"."""
     case = folder / "case"

@@ -103,6 +103,12 @@ def test_the_same_command_may_write_again(name: str, folder: Path, capsys: pytes
     assert not target.read_bytes().endswith(b"# my remark")
 
 
+def test_an_empty_file_may_go(folder: Path) -> None:
+    """As mktemp makes it for a script; it holds nothing."""
+    (folder / "m.json").touch()
+    assert main(["convert", "my_case/model.json", "m.json"]) == 0 and (folder / "m.json").stat().st_size
+
+
 def test_another_command_does_not_replace_what_one_wrote(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["convert", "my_case/model.json", "m.json"]) == 0
     for words in (["catalogue", "--json", "m.json"], [*IDENTIFY, "--out", "m.json"]):
@@ -343,8 +349,11 @@ def test_receptions_from_a_bus_are_numbered(tmp_path: Path) -> None:
     """What came over a bus does not come again: all files of a reception get the first number that is free."""
     wanted = [tmp_path / "r.csv", tmp_path / "m.npz", None]
     assert output.free_number(wanted) == 1
+    (tmp_path / "r.csv").touch()
+    assert output.free_number(wanted) == 1
+    (tmp_path / "r.csv").unlink()
     for k, taken in enumerate(["m.npz", "r-2-run1.csv", "r-3.node1.run1.part.csv", "r-4.roles.toml"], 2):
-        (tmp_path / taken).write_text("")
+        (tmp_path / taken).write_text("a")
         assert output.free_number(wanted) == k
         assert output.numbered(tmp_path / "r.csv", k) == tmp_path / f"r-{k}.csv"
     (tmp_path / "r-5-other.csv").write_text("")  # nothing a reception would write

@@ -20,6 +20,7 @@ from aeolid.display import sentence
 from aeolid.errors import AeolidError, DataError, UsageError
 
 TRACEBACK = "AEOLID_TRACEBACK"  # set to anything: show where an unexpected error came from
+AGAIN_S = 0.02
 STOPPED, DEFECT = 130, 70  # as shells say it of Ctrl-C, and sysexits.h of an error in the program itself
 _CANNOT_WRITE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS)
 
@@ -182,10 +183,20 @@ def interrupts() -> Iterator[None]:
         signal.signal(number, signal.SIG_DFL)
         os.kill(os.getpid(), number)
 
+    def repeat(lost: Any) -> None:
+        """Ask again where the first request came in the middle of foreign code, which cannot pass it on."""
+        if lost.exc_type is KeyboardInterrupt and len(asked) == 1:
+            asked.clear()
+            threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()
+        else:
+            hook(lost)
+
+    hook, sys.unraisablehook = sys.unraisablehook, repeat
     kinds = [k for k in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(k) not in (signal.SIG_IGN, None)]
     before = {kind: signal.signal(kind, stop) for kind in kinds}
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         for kind, handler in before.items():
             signal.signal(kind, stop if asked and kind == signal.SIGINT else handler)  # while the interpreter ends

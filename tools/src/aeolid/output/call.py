@@ -79,6 +79,8 @@ class Call:
             read = self.inputs[facts.st_dev, facts.st_ino]
             which = "is" if Path(read).absolute() == path.absolute() else f"is the same file as {read},"
             raise UsageError(f"{path}: {which} an input of this command; name another output, or give {FORCE}")
+        if facts.st_size == 0:  # as mktemp leaves it: nothing to lose
+            return
         output = self.output_of(path)
         name, label = str(path.absolute().relative_to(output.home)), self.label(output)
         told = [e for e in ledger.entries(output.home) if e.file == name]
@@ -189,9 +191,13 @@ def numbered(path: Path, k: int) -> Path:
 def _is_taken(path: Path) -> bool:
     output = Output("", path, several=True)
     try:
-        return os.path.lexists(path) or any(output.is_of(name) for name in os.listdir(path.parent))
+        others = (name for name in os.listdir(path.parent) if name != path.name)
+        if any(output.is_of(name) for name in others):
+            return True
+        facts = path.lstat()
+        return not stat.S_ISREG(facts.st_mode) or facts.st_size > 0
     except OSError:
-        return False  # a missing folder is told where the file is opened
+        return False  # nothing there; a missing folder is told where the file is opened
 
 
 def note_input(path: str | Path) -> None:
