@@ -13,7 +13,6 @@ import gate
 import linked
 
 
-
 def measure(name: str, command: list[str], level: str) -> tuple[dict[str, int], list[str], list[Path]]:
     """Return the text of each object compiled at an optimisation level, which have data or bss, and the objects."""
     directory, findings, text = gate.scratch(), [], {}
