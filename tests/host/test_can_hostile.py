@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import random
 import sys
-import tracemalloc
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,7 +29,7 @@ from aeolid.cli.main import main
 from aeolid.formats.spool import TextSpool, read_spool, whole_lines
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "soak"))
-COUNT, BATCH = 4000, 250
+COUNT, BATCH = 2500, 250
 
 
 class Given:
@@ -89,14 +88,11 @@ def test_each_attack_stays_within_the_limits(attack: str, tmp_path: Path, monkey
 
 def test_an_honest_node_among_all_attacks_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every sample and every snapshot of it is there, bit for bit, and memory stays small."""
-    tracemalloc.start()
-    reception = receive(first(hostile.interleaved(0.2), 12_000), tmp_path / "r.csv", monkeypatch)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert peak < 120_000_000
+    reception = receive(first(hostile.interleaved(0.2), 6000), tmp_path / "r.csv", monkeypatch)
+    assert reception.memory.peak < 40_000_000
     table = np.loadtxt(tmp_path / f"r-node{hostile.HONEST}.csv", delimiter=",", skiprows=1)
     index = np.round(table[:, 0] / 0.1).astype(int)
-    assert index.tolist() == list(range(len(index))) and len(index) > 150
+    assert index.tolist() == list(range(len(index))) and len(index) > 100
     np.testing.assert_array_equal(table[:, 1:], index[:, None] + np.arange(hostile.CHANNELS) / 8)
     node = reception.assembly.nodes[hostile.HONEST]
     assert node.now is not None and node.now.snapshots.completed == (len(index) - 1) // 100
@@ -151,14 +147,15 @@ def test_forged_innovations_fill_no_disk(tmp_path: Path, monkeypatch: pytest.Mon
 def test_runs_are_limited(attack: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A node begins so many runs; what comes after is counted, and costs no file."""
     monkeypatch.setattr(runs_module, "RUNS_MAX", 3)
-    reception = receive(first(hostile.ATTACKS[attack](), 6 * COUNT), tmp_path / "r.csv", monkeypatch)
+    reception = receive(first(hostile.ATTACKS[attack](), 4 * COUNT), tmp_path / "r.csv", monkeypatch)
     assert len(list(tmp_path.glob("*.csv"))) <= 3
     refused, short = reception.recorder.refused.get(1, [0, 0]), reception.recorder.short.get(1, [0, 0])
     assert refused[0] + short[0] > 3
 
 
-@pytest.mark.parametrize("seal", [True, False])
-@pytest.mark.parametrize("offset", [0, 1, 5, 16, 17, 400, 30_000])
+@pytest.mark.parametrize(
+    ("offset", "seal"), [(0, True), (5, True), (17, True), (400, True), (16, False), (30_000, False)]
+)
 def test_two_nodes_with_one_number_are_told_and_never_mixed(
     offset: int, seal: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
