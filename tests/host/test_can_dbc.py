@@ -63,7 +63,7 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
     if compiler is None:
         pytest.skip("no C compiler")
     target = tmp_path_factory.mktemp("frame") / "frame.so"
-    sources = [ROOT / "src" / name for name in ("frame.c", "spread.c")]
+    sources = [ROOT / "src" / name for name in ("crc.c", "frame.c", "spread.c")]
     command = [compiler, "-std=c99", "-O1", "-shared", "-fPIC", f"-I{ROOT}/include", "-o", target, *sources]
     subprocess.run([str(c) for c in command], check=True)
     loaded = ctypes.CDLL(str(target))
