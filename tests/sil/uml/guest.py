@@ -11,6 +11,7 @@ import fcntl
 import importlib
 import json
 import os
+import pkgutil
 import select
 import signal
 import socket
@@ -411,6 +412,15 @@ def program() -> dict[str, Any]:
     return {"code": done.returncode, "said": (done.stdout + done.stderr).splitlines()}
 
 
+def import_all() -> None:
+    """Import what the commands need, which takes seconds here: the forks inherit it."""
+    importlib.import_module("aeolid.cli.main").build_app()
+    for name in ("aeolid.can", "aeolid.identify", "aeolid.cli"):
+        for found in pkgutil.iter_modules(importlib.import_module(name).__path__):
+            with suppress(ImportError):  # an extra that is not installed
+                importlib.import_module(f"{name}.{found.name}")
+
+
 def main() -> None:
     """Run every step; one that fails leaves its traceback and the others go on."""
     begun = time.monotonic()
@@ -424,12 +434,8 @@ def main() -> None:
     ip("link set vcan1 mtu 72")
     for interface in ("vcan0", "vcan1", "vcan2"):
         ip(f"link set {interface} up")
-    from aeolid.cli.main import main as command
-
     os.environ["AEOLID_NATIVE"] = str(Path(plan["node"]).parent)
-    # all imports, which take seconds here: the forks inherit them
-    command(["listen", "--bus", plan["log"], "--record", f"{out}/log.csv", "--markov", f"{out}/log.npz"])
-    importlib.import_module("aeolid.can.socketcan")
+    import_all()
     print(f"imports: {time.monotonic() - begun:.1f} s", flush=True)
 
     steps: list[Callable[[], dict[str, Any]]] = [classic, slcan, two_nodes, down_and_up, full_queue, refusals]
