@@ -11,6 +11,7 @@ import fcntl
 import importlib
 import json
 import os
+import pkgutil
 import select
 import signal
 import socket
@@ -30,7 +31,7 @@ PATIENCE_S = 1000.0  # for what has gone wrong; an emulated processor on a loade
 LOOKS, LOOK_S = 3, 0.05  # nothing happened in so many looks, so long apart
 MODULES = ("net/can/can", "net/can/can-raw", "drivers/net/can/dev/can-dev", "drivers/net/can/vcan",
            "drivers/net/can/slcan/slcan")  # fmt: skip
-FINIT_MODULE = 313  # x86-64; a machine without kmod has no insmod
+FINIT_MODULE, PIDFD_GETFD = 313, 438  # x86-64; a machine without kmod has no insmod
 TIOCSETD, N_SLCAN, SIOCGIFNAME = 0x5423, 17, 0x8910  # set the line discipline of a terminal; ask its interface
 REFUSED, BACK = "refused until it is back", "the interface is back"
 SO_RCVBUFFORCE = 33
@@ -252,16 +253,30 @@ def attach_terminal(terminal: int) -> None:
     ip("link set slcan0 txqueuelen 100 up")
 
 
+def hold_terminal(node: Node) -> int:
+    """Duplicate the node's end of its terminal: what the driver has not yet read does not go when the node ends."""
+    pid = node.process.pid
+    number = next(int(p.name) for p in Path(f"/proc/{pid}/fd").iterdir() if os.readlink(p).endswith("/ptmx"))
+    process = os.pidfd_open(pid)
+    held_end = int(ctypes.CDLL(None, use_errno=True).syscall(PIDFD_GETFD, process, number, 0))
+    os.close(process)
+    if held_end < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return held_end
+
+
 def slcan() -> dict[str, Any]:
     """Stream as text to the kernel's slcan driver, which makes frames of it."""
     node = Node("slcan", "pty", "--speed", "40", feed=False)
     terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
+    master = hold_terminal(node)
     attach_terminal(terminal)
     listener = Listener("slcan", "socketcan:slcan0", "--until-end")
     listener.wait_until_open("slcan0")
     node.feed()
     facts = {"address": node.address, "node": node.finish(), "listener": listener.finish()}
     os.close(terminal)
+    os.close(master)
     return facts
 
 
@@ -397,6 +412,15 @@ def program() -> dict[str, Any]:
     return {"code": done.returncode, "said": (done.stdout + done.stderr).splitlines()}
 
 
+def import_all() -> None:
+    """Import what the commands need, which takes seconds here: the forks inherit it."""
+    importlib.import_module("aeolid.cli.main").build_app()
+    for name in ("aeolid.can", "aeolid.identify", "aeolid.cli"):
+        for found in pkgutil.iter_modules(importlib.import_module(name).__path__):
+            with suppress(ImportError):  # an extra that is not installed
+                importlib.import_module(f"{name}.{found.name}")
+
+
 def main() -> None:
     """Run every step; one that fails leaves its traceback and the others go on."""
     begun = time.monotonic()
@@ -410,12 +434,8 @@ def main() -> None:
     ip("link set vcan1 mtu 72")
     for interface in ("vcan0", "vcan1", "vcan2"):
         ip(f"link set {interface} up")
-    from aeolid.cli.main import main as command
-
     os.environ["AEOLID_NATIVE"] = str(Path(plan["node"]).parent)
-    # all imports, which take seconds here: the forks inherit them
-    command(["listen", "--bus", plan["log"], "--record", f"{out}/log.csv", "--markov", f"{out}/log.npz"])
-    importlib.import_module("aeolid.can.socketcan")
+    import_all()
     print(f"imports: {time.monotonic() - begun:.1f} s", flush=True)
 
     steps: list[Callable[[], dict[str, Any]]] = [classic, slcan, two_nodes, down_and_up, full_queue, refusals]

@@ -57,7 +57,6 @@ def write_plan(out: Path, record: Record, modules: str) -> None:
         "width": len(channels),
         "sample_bytes": 8 * (2 + len(channels)),
         "modules": modules,
-        "log": str(ROOT / "tests/vectors/wire_v1/stream.log"),
         "program": str(out / "threads"),
         "wiring": str(build(README.read_text(encoding="utf-8"), "socketcan", out)),
         "offers_fd": "--fd" not in usage,  # an unknown option is named; a known one leaves the channels to be asked for
