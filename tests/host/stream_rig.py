@@ -41,7 +41,7 @@ def library() -> Any:
     if compiler is None:
         pytest.skip("no C compiler")
     target = Path(tempfile.mkdtemp(prefix="aeolid-rig-")) / "rig.so"
-    names = ("frame", "spread", "describe", "stream", "stream_send", "stream_values")
+    names = ("budget", "crc", "frame", "spread", "describe", "stream", "stream_send", "stream_values")
     sources = [ROOT / "src" / f"{name}.c" for name in names] + [ROOT / "tests/host/stream_rig.c"]
     include = [f"-I{ROOT}/include", f"-I{ROOT}/src"]
     subprocess.run([compiler, "-std=c99", "-O2", "-shared", "-fPIC", *include, "-o", target, *sources], check=True)
