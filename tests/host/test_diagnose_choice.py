@@ -90,23 +90,29 @@ def test_a_fit_that_stopped_short_is_taken_up_from_a_better_baseline(tmp_path: P
     assert renewed(prepared, found, select_density(prepared)).fit.log_likelihood >= found.fit.log_likelihood
 
 
-@pytest.mark.nightly  # a minute; the challenge hides two at once
-def test_three_effects_are_all_found(tmp_path: Path) -> None:
-    """A drive that lags, dry friction and a stretched wire at once: each value within 10 %."""
-    study = load_study("diagnosis")
-    hidden = study.Hidden(
-        "three", "equations", {"lag": 0.08, "bristle_N": 1.2, "wire_N_per_m": 900.0}, noise=(0.3, 0.05, 0.005)
+ALL = {"lag": 0.08, "wire_N_per_m": 900.0, "bristle_N": 1.2}
+TRUE = {
+    "lag": ("actuator_lag", "tau_s", 0.08), "wire_N_per_m": ("cubic_stiffness", "k3", 900.0),
+    "bristle_N": ("coulomb_friction", "force_N", 1.2),
+}  # fmt: skip
+
+
+@pytest.mark.diagnosis
+@pytest.mark.parametrize(
+    ("count", "samples"), [(2, 1500), pytest.param(3, 2500, marks=pytest.mark.nightly)]  # three take a minute
+)  # fmt: skip
+def test_several_effects_are_all_found(count: int, samples: int, tmp_path: Path) -> None:
+    """A drive that lags and a stretched wire at once, and dry friction beside both: each value within 10 %."""
+    study, effects = load_study("diagnosis"), dict(list(ALL.items())[:count])
+    case = study.write_case(
+        tmp_path / "case", study.Hidden("several", "equations", effects, noise=(0.3, 0.05, 0.005)), samples, 3
     )
-    case = study.write_case(tmp_path / "case", hidden, 2500, 3)
     assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "0"]) == 0
     d = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     found = {e["id"]: {k: v["value"] for k, v in e["parameters"].items()} for e in d["effects"]}
     assert d["verdict"] == "multiple" and d["sealed"]["interval"][0] > 0
-    assert found == {
-        "actuator_lag": {"tau_s": pytest.approx(0.08, rel=0.1)},
-        "coulomb_friction": {"force_N": pytest.approx(1.2, rel=0.1)},
-        "cubic_stiffness": {"k3": pytest.approx(900.0, rel=0.1)},
-    }
+    expected = (TRUE[name] for name in effects)
+    assert found == {name: {label: pytest.approx(value, rel=0.1)} for name, label, value in expected}
 
 
 def test_an_effect_that_a_later_one_makes_needless_is_left_out(tmp_path: Path) -> None:
