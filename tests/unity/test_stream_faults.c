@@ -117,7 +117,7 @@ static void settings_out_of_range(void)
     REFUSE_WITH(address.node, 254);
     REFUSE_WITH(address.base, 1);
     REFUSE_WITH(address.base, UINT32_C(0x18FEE000)); /* of others, and not forced */
-    REFUSE_WITH(fd, 1); /* without a ratio */
+    REFUSE_WITH(fd, 1);                              /* without a ratio */
 }
 
 static void can_fd_settings_out_of_range(void)
