@@ -22,8 +22,9 @@ MOST_NAME = 1 << 12  # characters of one heading
 MOST_LINE = 1 << 20  # bytes of one line of text
 LIBRARIES = 384 * MIB  # of memory that a confined reader takes before it opens a file
 # Processor seconds of a confined reader, to begin with and for a MiB of the file. Imports take up to 3 s, blocks of
-# samples 0.1 s a MiB; the frames of logs become one Python object each, a MiB of packed BLF holds 200,000 of them.
-_SAMPLES_S, _FRAMES_S = (15, 4), (6, 10)
+# samples 0.1 s a MiB; the frames of logs become one Python object each, a MiB of packed BLF holds 200,000 of them (3 s).
+# Small computers and emulated ones take some ten times as long.
+_SAMPLES_S, _FRAMES_S = (45, 8), (20, 30)
 
 
 def memory_limit() -> int:
@@ -43,13 +44,13 @@ def reading_limits(path: str | Path) -> Limits:
     """Return what a confined reader of a table may use.
 
     Memory: LIBRARIES and twice what the file may unpack into (it is read, then handed over), at most half the
-    machine's; processor time: 15 s, and 4 s for each MiB of the file.
+    machine's; processor time: 45 s, and 8 s for each MiB of the file.
     """
     return _limits(path, *_SAMPLES_S)
 
 
 def log_limits(path: str | Path) -> Limits:
-    """Return what a confined reader of a CAN log may use: as for a table, but 6 s, and 10 s for each MiB."""
+    """Return what a confined reader of a CAN log may use: as for a table, but 20 s, and 30 s for each MiB."""
     return _limits(path, *_FRAMES_S)
 
 
