@@ -201,8 +201,9 @@ def calm(**changes: Any) -> dict[str, Any]:
     bus = {"status": "", "frames": 10, "seconds": 60.0, "silent_s": 0.0, "overrun": 0, "damaged": 0, "garbled": 0,
            "errors": 0, "load": 0.1}  # fmt: skip
     node: dict[str, Any] = {
-        "node": 1, "problem": "", "described": True, "lost_share": 0.0, "left_out": 0, "state": "running", "flags": 0,
-        "snapshots": {"complete": 50, "incomplete": 0, "age_s": 3.0, "every_s": 10.0}, "modes": [1], "modes_note": "",
+        "node": 1, "problem": "", "contested": "", "refused": "", "described": True, "lost_share": 0.0, "left_out": 0,
+        "state": "running", "flags": 0, "modes": [1], "modes_note": "",
+        "snapshots": {"complete": 50, "incomplete": 0, "age_s": 3.0, "every_s": 10.0},
         "modes_waiting": "", "health": {str(1 << i): "flag" for i in range(7)},
         "innovations": {"waiting": "", "caution": "", "blocks": 20, "rows": [{"output": "y", "outside": [1, 1]}]},
     }  # fmt: skip
@@ -228,6 +229,8 @@ def calm(**changes: Any) -> dict[str, Any]:
         ({"bus_errors": 3}, "3 error frames", "note"),
         ({"bus_load": 0.8}, "80% full", "alarm"),
         ({"problem": "speaks wire version 9"}, "wire version 9", "alarm"),
+        ({"contested": "the sample indices told go to and fro"}, "Two nodes seem to bear this number", "alarm"),
+        ({"refused": "described itself anew more than 64 times"}, "Not followed any more: it described", "alarm"),
         ({"described": False}, "Waiting for its description", "note"),
         ({"lost_share": 0.02}, "2.0% of the samples", "alarm"),
         ({"left_out": 5}, "without 5 samples", "alarm"),
@@ -392,3 +395,10 @@ def test_another_run_is_put_behind_the_one_before() -> None:
     track.take_modes(0.5, (mode_of(1, 1.0),))
     times = [row[0] for row in track.modes.rows()]
     assert times == pytest.approx([0.9, 1.0 + 0.5]) and track.starts == pytest.approx([0.0, 1.0])
+
+
+def test_every_flag_of_a_filter_has_a_remedy() -> None:
+    from aeolid.filters.settings import HEALTH as FLAGS
+    from aeolid.monitor.remedies import HEALTH as REMEDIES
+
+    assert REMEDIES.keys() == FLAGS.keys()

@@ -32,7 +32,7 @@ class NodeView:
         facts: dict[str, Any] = {
             "node": node.number, "problem": node.problem or "", "described": node.now is not None,
             "flags": node.flags, "health": {str(k): v for k, v in HEALTH.items()}, "counters": node.counters,
-            "messages": node.messages,
+            "messages": node.messages, "contested": node.contested, "refused": node.refused,
         }  # fmt: skip
         facts["state"] = (
             "problem" if node.problem else "waiting" if node.now is None else "ended" if node.stopped else "running"

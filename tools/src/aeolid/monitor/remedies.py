@@ -20,6 +20,7 @@ HEALTH = {
     16: "the window was cut and began anew: the control task skipped samples or sent some that are no numbers",
     32: "a residual was cut before it was fed back: check the sensors for outliers",
     64: "the residual is not fed back: push aeo_els_residual into the regressor after each update",
+    128: "P held far more than the data bring, as after a sensor's fault, and started anew: check sensors and ranges",
 }
 
 
@@ -74,6 +75,15 @@ def _of_node(n: Facts) -> Iterator[Facts]:
     if n["problem"]:
         yield _alarm(n["problem"], "Bring node and host to the same version; until then none of its frames is read.")
         return
+    if n["contested"]:
+        yield _alarm(
+            f"Two nodes seem to bear this number: {n['contested']}.",
+            "Give one of them another number; until then no more is recorded than what one of them alone has sent.",
+        )
+    if n["refused"]:
+        yield _alarm(
+            f"Not followed any more: it {n['refused']}.", "Look for a device that imitates it, then start anew."
+        )
     if not n["described"]:
         yield _note("Waiting for its description.", "It comes within some ten seconds; a node that never sends it is"
                     " configured with describe_every = 0.")  # fmt: skip
