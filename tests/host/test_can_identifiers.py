@@ -56,7 +56,7 @@ def compiler() -> str:
 def library(tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Compile the streamer and what counts its frames."""
     target = tmp_path_factory.mktemp("day") / "day.so"
-    names = ("frame", "spread", "describe", "stream", "stream_send", "stream_values")
+    names = ("budget", "crc", "frame", "spread", "describe", "stream", "stream_send", "stream_values")
     sources = [ROOT / f"src/{name}.c" for name in names] + [ROOT / "tests/host/stream_day.c"]
     command = [
         compiler(),

@@ -178,7 +178,7 @@ def test_bad_input_ends_in_one_sentence(
     (tmp_path / "odd" / SEAL).write_text("[]")
     cases = [
         (["make", "copy"], 2, "copy: is not empty; name a new folder"),
-        (["make", "file/below"], 2, "is below a file"),
+        (["make", "file/below"], 2, "file/below: cannot be written (Not a directory)"),
         (["make", "new", "--cases", "0"], 2, "greater than or equal to 1"),
         (["make", "new", "--samples", "10"], 2, "1000"),
         (["draw", "new"], 2, "no step 'draw'; make, run and score follow each other"),

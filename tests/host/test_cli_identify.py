@@ -163,7 +163,7 @@ def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, cod
         (["--future", "40"], 2, "future window 40"),
         (["--decimate", "0"], 2, "decimation factor 0"),
         (["--markov", "nowhere.npz"], 3, "nowhere.npz: no such file"),
-        (["--markov", "ROLES"], 3, "not a readable .npz of Markov parameters; filter and listen"),
+        (["--markov", "ROLES"], 3, "not readable as NumPy archive (File is not a zip file)"),
         (["--method", "lattice"], 2, "lattice is a filter: aeolid filter --method lattice"),
         (["--passes", "5"], 2, "belong to --method varmax"),
         (["--method", "varmax", "--passes", "-1"], 2, "passes -1 is not within 0 … 1000"),

@@ -24,6 +24,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Slot, location
 from aeolid.diagnose.catalogue.places import Follows, places
 from aeolid.diagnose.catalogue.shapes import shapes
 from aeolid.diagnose.correction import corrected_model
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.noise import filter_var
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import Prepared, prepare
@@ -236,7 +237,7 @@ def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeyp
 def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A damping that drifted beside a wrong stiffness, which the sealed data did not bear out, kept a form away."""
     one, two, seen = object(), object(), []
-    stage: Any = None
+    stage: Any = SimpleNamespace(deadline=unlimited())
     chain: Any = [one, two]
 
     def asked(_stage: Any, _candidates: Any, named: Any, _proof: Any, _seed: int) -> tuple[None, list[Any]]:

@@ -19,6 +19,7 @@ from aeolid.diagnose import refit as refit_module
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue import sensor_scale
 from aeolid.diagnose.catalogue.base import Slot
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.explore import quieted
 from aeolid.diagnose.first_effect import against, kin
 from aeolid.diagnose.prepare import Prepared, prepare
@@ -134,12 +135,12 @@ def test_with_what_is_needless_the_sets_that_have_it_go(monkeypatch: pytest.Monk
     """2 % of slow lift stood before a sensor's lag, for which it had stood; of three effects one may go."""
 
     def of(*keys: str) -> Any:
-        return SimpleNamespace(attachments=tuple(SimpleNamespace(key=k) for k in keys))
+        return SimpleNamespace(key=keys, attachments=tuple(SimpleNamespace(key=k) for k in keys))
 
     a, ab, abc, b, bc = of("a"), of("a", "b"), of("a", "b", "c"), of("b"), of("b", "c")
     smaller = {id(ab): b, id(abc): bc}
     monkeypatch.setattr(several, "without_the_needless", lambda _, full: smaller.get(id(full), full))
-    stage, on_run = (SimpleNamespace(surrogate=s) for s in (None, object()))
+    stage, on_run = (SimpleNamespace(surrogate=s, deadline=unlimited()) for s in (None, object()))
     kept: Any = several._needed
     assert kept(stage, [a]) == [a] and kept(stage, [b, bc]) == [b, bc]
     assert kept(stage, [a, ab]) == [b] and kept(stage, [a, ab, abc]) == [bc]

@@ -108,8 +108,8 @@ from aeolid.cli.main import main
 def work(*_):
     with output.replacing("x.json") as handle:
         handle.write(b"half")
-        print("ready", file=sys.stderr, flush=True)
         try:
+            print("ready", file=sys.stderr, flush=True)
             time.sleep(60)
         finally:
             if len(sys.argv) > 1:
