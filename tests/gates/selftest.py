@@ -45,7 +45,7 @@ GATE_DEFECTS = [
         "no aeo_",
     ),
     Defect("symbols", "include/aeolid/rls.h", "#define aeo_rls_theta ", "#define aeo_rls_beta ", "keeps its name"),
-    Defect("headers rls.h", "include/aeolid/rls.h", '#include "aeolid/config.h"\n', "", "rls.h, gcc"),
+    Defect("headers watch.h", "include/aeolid/watch.h", '#include "aeolid/config.h"\n', "", "watch.h, gcc"),
     Defect("headers rls.h", "include/aeolid/rls.h", "    uint32_t health;", "    uint32_t class;", "c++"),
     Defect("headers markov.h", "include/aeolid/markov.h", " * CONTRACT", " * TERMS", "no CONTRACT"),
     Defect("headers status.h", "include/aeolid/status.h", "#ifndef AEOLID_STATUS_H", "#ifndef STATUS_H", "no guard"),

@@ -117,6 +117,16 @@ static void a_fault_of_all_sensors_does_not_stop_learning(void)
     TEST_ASSERT_EQUAL_UINT32(1, rls.count.released);
 }
 
+static void a_fault_ten_times_too_large_does_not_stop_learning(void)
+{
+    /* too small for P to hold a hundred times what the data bring: only the gate, shut in good data, tells of it */
+    live(10 * MEMORY, 0.5, 0, 1, 0);
+    live(100, 0.5, 10, 1, 0);
+    live(20 * MEMORY, -0.5, 0, 1, 0);
+    assert_gain(-0.5);
+    TEST_ASSERT_EQUAL_UINT32(1, rls.count.released);
+}
+
 static void without_a_gate_a_million_does_not_outlast_twenty_memories(void)
 {
     start_filters(AEO_REAL(0));
@@ -186,6 +196,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(a_fault_of_all_sensors_does_not_stop_learning);
+    RUN_TEST(a_fault_ten_times_too_large_does_not_stop_learning);
     RUN_TEST(without_a_gate_a_million_does_not_outlast_twenty_memories);
     RUN_TEST(faults_that_come_back_are_survived_each_time);
     RUN_TEST(a_calm_releases_nothing);
