@@ -366,13 +366,12 @@ static void absorb(aeo_fast_rls_t *self, const aeo_real_t *z)
 }
 
 /* Let both arrays start afresh when they hold too much for the data of late; theta waits until their window is whole.
- * Before the sample is absorbed, so that nobody needs y any more further down. */
+ * The whole window counts: after a gap blocks enter it that were the newest of no sample absorbed. Before the sample is
+ * absorbed, so that nobody needs y any more further down. */
 static void watch(aeo_fast_rls_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
-    const size_t m = self->config.block;
-    const aeo_real_t *const newest = z + (self->length - m);
-    if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, aeo_linalg_dot(newest, newest, m),
-                       self->config.forgetting, 0)) {
+    const aeo_real_t power = aeo_linalg_dot(z, z, self->length);
+    if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, power, self->config.forgetting, 0)) {
         self->hold = find_hold(self, self->array[self->active].age);
         self->regularisation = self->config.regularisation;
         start_arrays(self);
