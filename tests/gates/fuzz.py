@@ -16,7 +16,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 import gate
 
 TESTS = Path(__file__).resolve().parents[1]
-RUNS = 40_000  # inputs a precision: with a quarter of them a seeded defect went unseen; `sh tests/run nightly` has minutes
+RUNS = (
+    40_000  # inputs a precision: with a quarter of them a seeded defect went unseen; `sh tests/run nightly` has minutes
+)
 FUZZERS = {
     "filters": [TESTS / "fuzz/fuzz.c", TESTS / "family/family.c"],
     "wire": [TESTS / "fuzz/fuzz_wire.c"],

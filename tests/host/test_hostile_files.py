@@ -59,19 +59,25 @@ def test_a_formula_of_a_file_is_never_code(formula: str, tmp_path: Path) -> None
     assert len(read_table(path, ["speed"]).columns["speed"]) == 50
 
 
-def test_formulas_run_nothing_in_the_true_child_either(tmp_path: Path) -> None:
+def test_formulas_run_nothing_in_the_true_child_either(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A recording with a formula on its clock, and a bus log with one on the identifiers."""
     mark = tmp_path / "mark"
     text = f"""("'", (lambda: __import__("os").system("id > {mark}"))(), "'")"""
     path = mf4(tmp_path / "a.mf4", {"pitch": {"formula": text}})
     with pytest.raises(DataError, match="formula of its conversion"):
         read_table(path)
-    log = Mf4Log(tmp_path / "bus.mf4")
-    for group in log._mdf.groups:
-        for channel in group.channels:
+    finish, spoiled = Mf4Log._finish, []
+
+    def spoil(log: Mf4Log) -> None:
+        for channel in [c for group in log._mdf.groups for c in group.channels]:
             if channel.name.endswith((".ID", "t", "time", "timestamps")):
                 channel.conversion = from_dict({"formula": text})
-    log.close()
+                spoiled.append(channel.name)
+        finish(log)
+
+    monkeypatch.setattr(Mf4Log, "_finish", spoil)
+    Mf4Log(tmp_path / "bus.mf4").close()
+    assert spoiled
     with pytest.raises(DataError, match="computed by a formula"):
         read_log(tmp_path / "bus.mf4")
     assert not mark.exists()

@@ -234,13 +234,14 @@ def test_a_bus_that_breaks_off_is_opened_again(adapter: Adapter, start: Start, t
 def test_without_reconnection_the_first_break_ends_it(adapter: Adapter, start: Start, tmp_path: Path) -> None:
     """--no-reconnect, and --until-end by itself: code 3 and one sentence."""
     for option in ("--no-reconnect", "--until-end"):
-        listener = start("listen", "--bus", adapter.address, option, "--record", tmp_path / "r.csv")
+        target = tmp_path / f"r{option}.csv"
+        listener = start("listen", "--bus", adapter.address, option, "--record", target)
         adapter.plug()
         adapter.send(slcan_text()[: 600 * LINE])
         adapter.unplug()
         ended = listener.finish()
         ended.assert_clean(3)
-        assert "broke off" in ended.err and (tmp_path / "r.csv").exists()
+        assert "broke off" in ended.err and target.exists()
         adapter._server = socket.create_server(("127.0.0.1", adapter.port))
 
 
@@ -312,7 +313,7 @@ def test_a_signal_loses_nothing(
     truth = np.genfromtxt(STREAM.with_name("samples.csv"), delimiter=",", names=True)
     for name in received.names("input") + received.names("output"):
         np.testing.assert_array_equal(received.column(name), truth[name])
-    assert not list(tmp_path.glob("*.part*")) and not list(tmp_path.glob(".*"))
+    assert not list(tmp_path.glob("*.part*")) and {p.name for p in tmp_path.glob(".*")} <= {".aeolid"}
 
 
 @pytest.mark.parametrize("name", ["r.csv", "r.csv.gz", "r.parquet", "r.mf4", "b.blf", "b.mf4"])
@@ -353,10 +354,15 @@ def _fill(target: Path, adapter: Adapter, start: Start, tmp_path: Path) -> None:
     if option == "--record":
         received = read_record(target, Roles.load(target.with_name("r.roles.toml")))
         index, channel = np.indices(received.values.shape)
-        np.testing.assert_array_equal(received.values, flood_traffic.value_of(index, channel))
+        truth = flood_traffic.value_of(index, channel)
+        came = np.isfinite(received.values[-1]).cumprod() == 1  # of the sample that was under way, channel by channel
+        truth[-1, ~came] = np.nan
+        np.testing.assert_array_equal(received.values, truth)
         assert len(received) > 5000
     else:
         source, frames = open_log(str(target)), 0
         while source.ended is None:
             frames += len(source.read(0.0))
-        assert source.ended == "end of file" and frames == told["log"]["frames"] > 10_000
+        # MDF4 is written from a spool, so that a kill loses nothing: its room is needed twice
+        least = 5_000 if target.suffix == ".mf4" else 10_000
+        assert source.ended == "end of file" and frames == told["log"]["frames"] > least

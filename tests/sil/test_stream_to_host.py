@@ -361,7 +361,7 @@ def test_listener_that_hangs_does_not_stop_the_node(
         (
             ("node", "--turbine", "--dump", "/nosuch/d", "--samples", "5", "--past", "2", "--speed", "max"),
             2,
-            "--dump /nosuch/d: a file in a folder that exists",
+            "/nosuch/d: cannot be written (the folder /nosuch does not exist)",
         ),
         (("node", "--recording", "missing.csv", "--roles", "missing.toml"), 3, "no such file"),
     ],
