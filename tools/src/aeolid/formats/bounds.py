@@ -22,8 +22,8 @@ MOST_NAME = 1 << 12  # characters of one heading
 MOST_LINE = 1 << 20  # bytes of one line of text
 LIBRARIES = 384 * MIB  # of memory that a confined reader takes before it opens a file
 # Processor seconds of a confined reader, to begin with and for a MiB of the file. Imports take up to 3 s, blocks of
-# samples 0.1 s a MiB; the frames of logs become one Python object each, a MiB of packed BLF holds 200,000 of them (3 s).
-# Small computers and emulated ones take some ten times as long.
+# samples 0.1 s a MiB; the frames of logs become one Python object each, a MiB of packed BLF holds 200,000 of them
+# (3 s). Small computers and emulated ones take some ten times as long.
 _SAMPLES_S, _FRAMES_S = (45, 8), (20, 30)
 
 
