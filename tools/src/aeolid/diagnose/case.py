@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.diagnose.inside import resolve
+from aeolid.diagnose.match import matched
 from aeolid.errors import Contradiction, DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
@@ -76,16 +77,11 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     path = find(file, f"{source} [baseline] file")
     baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
-        baseline = read_record(path, roles)
-        require_same_layout((*records, baseline))
+        own = data["baseline"].get("roles")
+        own = None if own is None else Roles.load(find(own, f"{source} [baseline] roles"))
+        records, baseline = _run(path, records, roles, own)
     elif kind == "fmu":
-        baseline = open_fmu(path)
-        if not allow_fmu:
-            raise UsageError(
-                f"{path}: a diagnosis would run the native library in this unit, SHA-256 {file_sha256(path)};"
-                " if you trust whom it comes from, say so with --allow-fmu"
-            )
-        _check_unit(baseline, records[0])
+        baseline = _unit(path, records[0], allow_fmu)
     else:
         baseline = read_state_space(path) if kind == "state_space" else _equations(path)
         _check_channels(baseline, records[0], str(path))
@@ -93,6 +89,27 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
     )  # fmt: skip
+
+
+def _run(path: Path, records: tuple[Record, ...], roles: Roles, own: Roles | None) -> tuple[tuple[Record, ...], Record]:
+    """Read a simulator's run by the recordings' roles, or by its own and then brought together with them."""
+    run = read_record(path, roles if own is None else own)
+    if own is not None:
+        records, run = matched(records, run)
+    require_same_layout((*records, run))
+    return records, run
+
+
+def _unit(path: Path, record: Record, allowed: bool) -> Fmu:
+    """Open a functional mock-up unit that may be run; UsageError names it and its hash where it was not allowed."""
+    unit = open_fmu(path)
+    if not allowed:
+        raise UsageError(
+            f"{path}: a diagnosis would run the native library in this unit, SHA-256 {file_sha256(path)};"
+            " if you trust whom it comes from, say so with --allow-fmu"
+        )
+    _check_unit(unit, record)
+    return unit
 
 
 def _equations(path: Path) -> Equations:
@@ -109,7 +126,7 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
     where = f"{source} [baseline]"
     if not isinstance(table, dict):
         raise DataError(f"{where}: the table is missing; give kind and file")
-    check_keys(table, {"kind", "file", "same_inputs"}, where)
+    check_keys(table, {"kind", "file", "same_inputs", "roles"}, where)
     kind = table.get("kind")
     if kind not in KINDS:
         raise DataError(f"{where}: kind = {shown(kind)} is none of {', '.join(KINDS)}")
@@ -117,6 +134,8 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
         raise DataError(f"{where}: same_inputs is true or false")
     if not isinstance(table.get("file"), str):
         raise DataError(f"{where}: file is missing")
+    if "roles" in table and (kind != "run" or not isinstance(table["roles"], str)):
+        raise DataError(f'{where}: roles names the roles file of a run\'s own file; it is for kind = "run"')
     return kind, table["file"]
 
 
