@@ -154,6 +154,7 @@ def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[
     outputs = (channel,) if name.place.startswith("output:") else ()
     where = location(name.place, outputs=outputs, inputs=inputs)
     if "frequency_hz" in name.told:
+        where["entry"] = next((k.place for k in KINDS if k.entry == name.entry), name.place)  # as the catalogue has it
         f, std = name.told["frequency_hz"]
         where["frequency_hz"] = [max(f - max(0.1 * f, 2 * std), 0.0), f + max(0.1 * f, 2 * std)]
     if name.place == "rotor":
