@@ -48,12 +48,13 @@ def simulate(
     from aeolid.identify.fit import score
     from aeolid.models.load import LinearModel, diverged, load_model, matched
     from aeolid.models.lpv_prediction import LpvModel
+    from aeolid.models.rate import at_rate_of, rate_of
     from aeolid.record import Roles
 
     model = load_model(model_file)
     if isinstance(model, LinearModel | LpvModel):
         model = replace(model, initial=initial)
-    record = read_record(recording, Roles.load(roles))
+    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
     matched(record, model.inputs)
     y = model.simulate(record)
     names, finite = [s.name for s in model.outputs], np.isfinite(y)

@@ -53,9 +53,12 @@ def validate(
     from aeolid.formats import read_record
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model
+    from aeolid.models.rate import at_rate_of, rate_of
     from aeolid.record import Roles
 
-    result = validate_model(load_model(model_file), read_record(recording, Roles.load(roles)), horizons)
+    model = load_model(model_file)
+    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
+    result = validate_model(model, record, horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     worst = result.worst_nrmse(metric)
     bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too

@@ -16,6 +16,7 @@ from aeolid.models.equations import Equations
 from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
+from aeolid.models.rate import at_rate_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record, Roles, check_keys, file_sha256, require_same_layout
 from aeolid.text_files import is_number, load_toml, shown
@@ -88,6 +89,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
         _check_unit(baseline, records[0])
     else:
         baseline = read_state_space(path) if kind == "state_space" else _equations(path)
+        records = tuple(at_rate_of(baseline.sample_time_s, r) for r in records)
         _check_channels(baseline, records[0], str(path))
     same = data["baseline"].get("same_inputs", False)
     return Case(
@@ -154,9 +156,3 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 )
             if what == "output" and role != "output":
                 raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
-    step = model.sample_time_s
-    if step and abs(step - record.sample_time_s) > 1e-6 * step:
-        raise DataError(
-            f"{source}: sample time {step:g} s, the recording has {record.sample_time_s:g} s;"
-            " resample the recording or identify the model at its rate"
-        )

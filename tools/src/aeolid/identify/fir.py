@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
-from aeolid.identify.decimate import decimate
 from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
@@ -35,6 +35,7 @@ from aeolid.identify.subspace import (
     least_squares,
 )
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
+from aeolid.models.rate import decimate_causally
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
@@ -85,7 +86,7 @@ def identify_fir(
     """
     settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
     settings = replace(settings, uncertainty="jackknife")
-    records = [decimate(r, decimation) for r in records]
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling, source = find_scaling(records), records[0].source
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
@@ -106,7 +107,7 @@ def identify_fir(
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
     model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
     model = with_start(replace(model, K=None, innovation_covariance=None), records)
-    return Identification(
+    result = Identification(
         model=model,
         modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
         singular_values=basis.singular_values,
@@ -123,6 +124,8 @@ def identify_fir(
         notes=_notes(whole, estimate, model),
         version=aeolid.__version__,
     )
+    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
+    return replace(result, modes=modes, notes=told)
 
 
 def _order(

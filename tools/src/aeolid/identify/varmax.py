@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
-from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import Samples, collect
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
@@ -17,6 +17,7 @@ from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
+from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 PASSES, FORGETTING = 3, 1.0
@@ -67,7 +68,7 @@ def identify_varmax(
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
-    records = [decimate(r, decimation) for r in records]
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
@@ -94,7 +95,9 @@ def identify_varmax(
         estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
         notes += more
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
-    return assemble(windows, records, estimate, settings, notes, extra)
+    result = assemble(windows, records, estimate, settings, notes, extra)
+    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
+    return replace(result, modes=modes, notes=told)
 
 
 def _check_passes(passes: int, forgetting: float) -> None:

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.decimate import decimate
 from aeolid.identify.excitation import require_told_apart
 from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
@@ -28,6 +27,7 @@ from aeolid.identify.settings import check_feedthrough, check_windows, require_s
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
 from aeolid.models.model_file import Signal
+from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ def identify_lpv(
         tuple(feedthrough), regularization, False, decimation, kernel_rows, kernel_selection, memory_gb,
         refined,
     )  # fmt: skip
-    records = [decimate(r, decimation) for r in records]
+    records = [decimate_causally(r, decimation) for r in records]
     scaling = find_lpv_scaling(records, names, centre=offsets)
     settings = replace(settings, offsets=bool(scaling.signals.offset.any()))
     structure = _structure(settings, scaling)

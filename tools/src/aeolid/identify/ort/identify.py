@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.assemble import find_modes, model_in_units, with_innovations, with_start
-from aeolid.identify.decimate import decimate
 from aeolid.identify.fit import Fit
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches
 from aeolid.identify.ort.estimate import RESPONSES, Loop, compatibility
@@ -25,6 +25,7 @@ from aeolid.identify.quantify import in_order_of
 from aeolid.identify.settings import check_feedthrough, require_some
 from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
+from aeolid.models.rate import decimate_causally
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
@@ -65,7 +66,7 @@ def identify_ort(
     DataError on missing roles; UsageError on bad options. Cost: 2 N q² + 60 q³, q = (p + f + 1) channels.
     """
     settings = _settings(records, past, future, order, joint_order, feedthrough, response, decimation, stable)
-    records = [decimate(r, decimation) for r in records]
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling, layout, groups, held_out = _gather(records, settings)
     whole, source = merged(groups), records[0].source
     require_windows(records, layout.past + layout.future, scaling.channels, whole.windows)
@@ -80,7 +81,7 @@ def identify_ort(
     final, model, fit = _finish(scaled, whole, scaling, records, settings.stable)
     spread = in_order_of(spread, scaled.A, final.A)
     tests = check_feedback(whole, layout, settings.disturbances)
-    return OrtIdentification(
+    result = OrtIdentification(
         model=model,
         modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
         singular_values=values,
@@ -100,6 +101,8 @@ def identify_ort(
         notes=_notes(whole, model, fit, past, condition, tests),
         version=aeolid.__version__,
     )
+    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
+    return replace(result, modes=modes, notes=told)
 
 
 def _settings(
