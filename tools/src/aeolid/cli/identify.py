@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,6 +20,8 @@ if TYPE_CHECKING:
     from aeolid.identify.result import Identification
     from aeolid.record import Record
 
+    _Result = Identification | LpvIdentification | OrtIdentification
+
 EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
@@ -25,6 +29,7 @@ EXAMPLES = (
 )
 METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
 SCHEDULED = METHODS[2:4]
+STABILISED = ("varx", "varmax", "ort")
 
 
 def register(app: typer.Typer) -> None:
@@ -120,6 +125,9 @@ def identify(
         ),
     ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
+    allow_unstable: Annotated[
+        bool, typer.Option("--allow-unstable", help="Write a model that is unstable or whose free run diverges.")
+    ] = False,
     uncertainty: Annotated[
         str | None,
         typer.Option(
@@ -168,7 +176,8 @@ def identify(
         }  # fmt: skip
         if method == "ort":
             common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+        own |= doubt | scheduled | joint | finish
+        result = _sound(partial(_run, method, records, common, own, markov), records, method, stable, allow_unstable)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -205,6 +214,27 @@ def _run(
     streamed = None if markov is None else StreamedMarkov.load(markov)
     run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
     return run(records, markov=streamed, stable=stable, **common, **own)
+
+
+def _sound(run: Callable[[bool], _Result], records: list[Record], method: str, stable: bool, allowed: bool) -> _Result:
+    """Identify, stable or not, and refuse a model that is unsound on its own recordings unless that is allowed.
+
+    Growing poles that cannot be told from integrators, and lose a free run, are moved inside, which is said.
+    """
+    from aeolid.identify.sound import judge, require_sound
+
+    result = run(stable)
+    moved: tuple[str, ...] = ()
+    found = judge(result.model, result.modes, records, result.settings.past)
+    if found is not None and found.lost and found.integrates and method in STABILISED and not (stable or allowed):
+        moved = (
+            "poles outside the unit circle were moved inside, as --stable does: a free run is lost by them, and within "
+            "their bands or the past window they cannot be told from an integrator's (--allow-unstable leaves them)",
+        )
+        result = run(True)
+        found = judge(result.model, result.modes, records, result.settings.past)
+    said = require_sound(found, allowed=allowed)
+    return replace(result, notes=(*result.notes, *moved, *said))
 
 
 def _check_method(method: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import toeplitz
 from scipy.stats import chi2
 
 Array = NDArray[np.float64]
@@ -72,6 +73,8 @@ def run_residual_tests(
     """
     N = len(innovations)
     white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
+    columns = [*innovations.T, *white.T]
+    sources = {name: correlation(x, lags) for name, x in zip((*outputs, *inputs), columns, strict=True)}
     found = []
     for i, output in enumerate(outputs):
         for j, other in enumerate(outputs):
@@ -84,7 +87,7 @@ def run_residual_tests(
     p_values = _holm(chi2.sf(statistics, lags))
     tests = []
     for (output, other, kind, rho), statistic, p in zip(found, statistics, p_values, strict=True):
-        predictable = max(float(np.sum(rho**2)) - lags / N, 0.0)
+        predictable = max(explained_share(rho, sources[other]) - lags / N, 0.0)
         material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
         verdict = "pass" if p > LEVEL else "fail" if material else "immaterial"
         tests.append(ResidualTest(output, other, kind, float(statistic), float(p), predictable, verdict))
@@ -96,6 +99,22 @@ def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
     x, past = x - x.mean(), past - past.mean()
     size = float(np.sqrt((x @ x) * (past @ past))) or 1.0
     return np.array([x[t:] @ past[:-t] / size for t in range(1, lags + 1)])
+
+
+def correlation(x: Array, lags: int) -> Array:
+    """Return the autocorrelation of x (N,) at lags 0 … lags − 1, as (lags,)."""
+    return np.concatenate([[1.0], lagged_correlation(x, x, lags - 1)])
+
+
+def explained_share(rho: Array, own: Array) -> float:
+    """Return the part of a variance, 0 … 1, that the past of a signal explains by linear regression.
+
+    rho (lags,): correlations with past_{k−τ}; own (lags,): autocorrelation of the past signal at lags 0 … lags − 1.
+    R² = ρᵀ T⁻¹ ρ, T the Toeplitz matrix of `own`: Σ ρ² of a signal that is not white counts the same variance several
+    times over and is no share.
+    """
+    weights = np.linalg.lstsq(toeplitz(own), rho, rcond=1e-10)[0]
+    return float(np.clip(rho @ weights, 0.0, 1.0))
 
 
 def whiten(u: Array, order: int = WHITENING_ORDER) -> Array:

@@ -99,12 +99,16 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
 
     steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
     """
-    found = _measured(model, record, steps)
+    found, part = _measured(model, record, steps), free_stretch(model, record)
+    return replace(found, divergence=diverged(model, part, model.simulate(part)))
+
+
+def free_stretch(model: Model, record: Record) -> Record:
+    """Return the longest stretch of a recording in which nothing that drives the model is missing."""
     driven = (*model.inputs, *(model.state_space.scheduling if isinstance(model, LpvModel) else ()))
     runs = complete_stretches(np.column_stack([matched(record, driven), record.time_s]), SHORTEST)
     start, stop = max(runs, key=lambda r: r[1] - r[0], default=(0, len(record)))
-    part = record.slice(start, stop)
-    return replace(found, divergence=diverged(model, part, model.simulate(part)))
+    return record.slice(start, stop)
 
 
 def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validation:
