@@ -109,7 +109,7 @@ def _weigh(
 
 
 def _is_slow(mode: Mode, past: int) -> bool:
-    return abs(np.log(mode.eigenvalue)) * past <= SLOW
+    return bool(abs(np.log(mode.eigenvalue)) * past <= SLOW)
 
 
 def _excess(mode: Mode, step: float) -> float | None:
