@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 3  # requests to stop before the process is left to its fate
 Stop = Callable[[], bool]
-Show = Callable[["Reception", "ModeFollower | None", Stop], AbstractContextManager[object]]
+Over = Callable[[], None]  # says that the reception is over
+Show = Callable[["Reception", "ModeFollower | None", Stop], AbstractContextManager[Over]]
 
 BusOption = Annotated[
     str,
@@ -92,8 +93,9 @@ class Wanted:
 def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> None:
     """Receive until something ends it, then complete the files, tell what there is, and judge it.
 
-    show: keeps people informed meanwhile, given the reception, its modes and whether a stop was asked for; observer:
-    sees what the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
+    show: keeps people informed meanwhile, given the reception, its modes and whether a stop was asked for; what it
+    yields is called when the last frame has come, so that they hear of it while files are closed; observer: sees what
+    the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
     came, the bus broke off or something could not be written.
     """
     from aeolid.can import RunRecorder, open_source
@@ -116,16 +118,12 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     reception = Reception(source, recorder, raw, **rates, base=identifiers)
     follower = _follow(reception, w, observer) if w.modes else None
     with _stop_requests() as requests:
-        try:
-            with show(reception, follower, lambda: bool(requests)):
+        with show(reception, follower, lambda: bool(requests)) as over:
+            try:
                 reason = reception.run(lambda: bool(requests), w.seconds, w.until_end)
-        finally:
-            source.close()
-            if raw is not None:
-                _close(raw, reception)
-            if follower is not None:
-                follower.finish()
-                reception.fault = reception.fault or follower.fault
+                over()
+            finally:
+                _close_all(reception, raw, follower)
         for grown in (w.log, w.poles):
             if grown is not None and grown.is_file():
                 output.record_written(grown)
@@ -231,6 +229,16 @@ def _stop_requests() -> Iterator[list[int]]:
     finally:
         for kind, handler in before.items():
             signal.signal(kind, handler)
+
+
+def _close_all(reception: Reception, raw: Any, follower: ModeFollower | None) -> None:
+    """Let go of the bus, and complete what grows with the frames."""
+    reception.source.close()
+    if raw is not None:
+        _close(raw, reception)
+    if follower is not None:
+        follower.finish()
+        reception.fault = reception.fault or follower.fault
 
 
 def _close(raw: Any, reception: Reception) -> None:
