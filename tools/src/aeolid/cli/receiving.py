@@ -98,7 +98,7 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
     came, the bus broke off or something could not be written.
     """
-    from aeolid.can import RunRecorder, open_source
+    from aeolid.can import RunRecorder, leftover, open_source
     from aeolid.can.raw_log import open_raw_log
     from aeolid.can.reception import Reception
 
@@ -112,7 +112,8 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     except UsageError:
         source.close()
         raise
-    raw = open_raw_log(w.log) if w.log else None
+    completed = leftover.completed_by(w.log, w.bus)
+    raw = open_raw_log(w.log, leftover.second_spool(completed) if completed else None) if w.log else None
     recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
     rates = {"bit_rate": w.bit_rate, "data_bit_rate": w.data_bit_rate}
     reception = Reception(source, recorder, raw, **rates, base=identifiers)
@@ -124,6 +125,8 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
                 over()
             finally:
                 _close_all(reception, raw, follower)
+        if completed and reason == "end" and source.ended == "end of file" and reception.fault is None:
+            completed.unlink(missing_ok=True)  # all of it is in the log
         for grown in (w.log, w.poles):
             if grown is not None and grown.is_file():
                 output.record_written(grown)
@@ -138,18 +141,48 @@ def _declared(w: Wanted, is_log: bool) -> Wanted:
     that is free. A log can be read again, so its files may replace those of the same command.
     """
     names = {"--record": w.record, "--log": w.log, "--markov": w.markov, "--poles": w.poles}
+    completed = _check_spools(w, is_log)
     if not is_log and not w.force:
         k = output.free_number(names.values())
         names = {option: None if path is None else output.numbered(path, k) for option, path in names.items()}
         if k > 1:
             told = ", ".join(str(path) for path in names.values() if path is not None)
             progress_console.print(f"aeolid: the name is taken, so this is number {k}: {told}", soft_wrap=True)
+            _tell_leftovers(w.log, k)
     inputs = [w.bus] if is_log else []
-    output.declare(
-        w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=not is_log
-    )
+    once = not is_log or completed  # and never again
+    output.declare(w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=once)
     record, log, markov, poles = names.values()
     return replace(w, record=record, log=log, markov=markov, poles=poles)
+
+
+def _check_spools(w: Wanted, is_log: bool) -> bool:
+    """Tell whether the log completes what a killed reception has left; refuse where it would replace that."""
+    from aeolid.can import leftover
+
+    spool = leftover.completed_by(w.log, w.bus)
+    if spool is not None:
+        if spool.is_file() and not leftover.is_left(spool):
+            raise UsageError(f"{spool}: a reception still writes it; end that first")
+        if leftover.is_left(second := leftover.second_spool(spool)):  # of an attempt that was killed
+            second.unlink()
+        return True
+    if is_log and not w.force and w.log is not None and (left := leftover.left_of(w.log)) is not None:
+        raise UsageError(f"{leftover.hint(left, w.log)}; or name another --log")
+    return False
+
+
+def _tell_leftovers(log: Path | None, k: int) -> None:
+    """Say of the numbers below k what killed receptions have left, and how their logs are completed."""
+    from aeolid.can import leftover
+
+    if log is None:
+        return
+    for j in range(1, k):
+        name = output.numbered(log, j)
+        if (left := leftover.left_of(name)) is not None:
+            free = name if not name.exists() else output.numbered(log, k + j)
+            progress_console.print(f"aeolid: {leftover.hint(left, free)}", soft_wrap=True, markup=False)
 
 
 def _follow(reception: Reception, w: Wanted, observer: Observer | None) -> ModeFollower:
