@@ -10,6 +10,9 @@ import os
 import shlex
 from pathlib import Path
 
+from aeolid import output
+from aeolid.errors import UsageError
+
 SPOOL_SUFFIX = ".part.arrows"  # an Arrow stream: batches one after the other, nothing at the end
 SPOOLED = (".parquet", ".mf4")  # logs that grow so
 
@@ -74,3 +77,31 @@ def hint(spool: Path, log: Path) -> str:
     """Say what a killed reception has left, and the command that completes the log from it."""
     command = f"aeolid listen --bus {shlex.quote(str(spool))} --log {shlex.quote(str(log))} --no-modes"
     return f"{spool} is what a killed reception has left of its log; {command} completes it"
+
+
+def check(log: Path | None, source: str, *, is_log: bool, force: bool) -> bool:
+    """Tell whether a log completes what a killed reception has left.
+
+    Raises UsageError where it would take the place of that, or where a reception still writes what it is to complete.
+    """
+    spool = completed_by(log, source)
+    if spool is not None:
+        if spool.is_file() and not is_left(spool):
+            raise UsageError(f"{spool}: a reception still writes it; end that first")
+        if is_left(second := second_spool(spool)):  # of an attempt that was killed
+            second.unlink()
+        return True
+    if is_log and not force and log is not None and (left := left_of(log)) is not None:
+        raise UsageError(f"{hint(left, log)}; or name another --log")
+    return False
+
+
+def hints(log: Path | None, k: int) -> list[str]:
+    """Say of the numbers below k of a log what killed receptions have left, and how it is completed."""
+    found = []
+    for j in range(1, k) if log is not None else ():
+        assert log is not None
+        name = output.numbered(log, j)
+        if (left := left_of(name)) is not None:
+            found.append(hint(left, name if not name.exists() else output.numbered(log, k + j)))
+    return found

@@ -140,49 +140,23 @@ def _declared(w: Wanted, is_log: bool) -> Wanted:
     What came over a bus does not come again: where a name is taken, all files of the reception get the next number
     that is free. A log can be read again, so its files may replace those of the same command.
     """
+    from aeolid.can import leftover
+
     names = {"--record": w.record, "--log": w.log, "--markov": w.markov, "--poles": w.poles}
-    completed = _check_spools(w, is_log)
+    completed = leftover.check(w.log, w.bus, is_log=is_log, force=w.force)
     if not is_log and not w.force:
         k = output.free_number(names.values())
         names = {option: None if path is None else output.numbered(path, k) for option, path in names.items()}
         if k > 1:
             told = ", ".join(str(path) for path in names.values() if path is not None)
             progress_console.print(f"aeolid: the name is taken, so this is number {k}: {told}", soft_wrap=True)
-            _tell_leftovers(w.log, k)
+            for hint in leftover.hints(w.log, k):
+                progress_console.print(f"aeolid: {hint}", soft_wrap=True, markup=False)
     inputs = [w.bus] if is_log else []
     once = not is_log or completed  # and never again
     output.declare(w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=once)
     record, log, markov, poles = names.values()
     return replace(w, record=record, log=log, markov=markov, poles=poles)
-
-
-def _check_spools(w: Wanted, is_log: bool) -> bool:
-    """Tell whether the log completes what a killed reception has left; refuse where it would replace that."""
-    from aeolid.can import leftover
-
-    spool = leftover.completed_by(w.log, w.bus)
-    if spool is not None:
-        if spool.is_file() and not leftover.is_left(spool):
-            raise UsageError(f"{spool}: a reception still writes it; end that first")
-        if leftover.is_left(second := leftover.second_spool(spool)):  # of an attempt that was killed
-            second.unlink()
-        return True
-    if is_log and not w.force and w.log is not None and (left := leftover.left_of(w.log)) is not None:
-        raise UsageError(f"{leftover.hint(left, w.log)}; or name another --log")
-    return False
-
-
-def _tell_leftovers(log: Path | None, k: int) -> None:
-    """Say of the numbers below k what killed receptions have left, and how their logs are completed."""
-    from aeolid.can import leftover
-
-    if log is None:
-        return
-    for j in range(1, k):
-        name = output.numbered(log, j)
-        if (left := leftover.left_of(name)) is not None:
-            free = name if not name.exists() else output.numbered(log, k + j)
-            progress_console.print(f"aeolid: {leftover.hint(left, free)}", soft_wrap=True, markup=False)
 
 
 def _follow(reception: Reception, w: Wanted, observer: Observer | None) -> ModeFollower:
