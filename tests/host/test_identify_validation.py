@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.correlation import whiten
 from aeolid.identify.fit import measure_fit

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -174,15 +174,11 @@ def identify(
     with waiting("reading"):
         records = [read_record(path, table) for path in recordings]
     with waiting(f"looking at {sum(map(len, records))} samples for feedthrough and past window"):
-        common: dict[str, Any] = {
-            "future": future, "order": _order(order), "regularization": _regularization(regularize),
-            "decimation": decimate,
-        }  # fmt: skip
+        common: dict[str, Any] = {"future": future, "order": _order(order), "decimation": decimate}
+        common["regularization"] = _regularization(regularize)
         streamed = None if markov is None else StreamedMarkov.load(markov)
         made = _choose(method, records, past, feedthrough, common, streamed)
-        common |= {"past": made.past, "feedthrough": made.feedthrough}
-        if method == "ort":
-            common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
+        common |= {"past": made.past, "feedthrough": _mask(method, feedthrough, made)}
     with waiting(f"identifying with a past window of {made.past} samples"):
         result = _run(method, records, common, own | doubt | scheduled | joint | finish, streamed, stable)
     result = with_choices_made(result, made)
@@ -191,11 +187,24 @@ def identify(
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
     if report is not None:
-        from aeolid.report import identification_facts, render_identification
-
-        title = f"Identification of {', '.join(p.name for p in recordings)}"
-        render_identification(identification_facts(result.model_json(), title=title), report)
+        _report(result, recordings, report)
     emit_json(result.to_json(), json_target)
+
+
+def _report(
+    result: Identification | LpvIdentification | OrtIdentification, recordings: list[Path], report: Path
+) -> None:
+    from aeolid.report import identification_facts, render_identification
+
+    title = f"Identification of {', '.join(p.name for p in recordings)}"
+    render_identification(identification_facts(result.model_json(), title=title), report)
+
+
+def _mask(method: str, feedthrough: list[str] | None, made: Choices) -> Sequence[str] | None:
+    """Return the inputs with feedthrough; with ort the disturbances, None for all."""
+    if method != "ort":
+        return made.feedthrough
+    return () if feedthrough == ["none"] else feedthrough
 
 
 def _choose(

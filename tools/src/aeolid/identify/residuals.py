@@ -14,6 +14,7 @@ from aeolid.identify.correlation import lagged_correlation, whiten
 from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
 
 Array = NDArray[np.float64]
+AT_ONCE = 0.2  # of an innovation's variance: less may be a loop within the sample that its past does not show
 LEVEL = 0.01  # chance that any of the tests alarms on an exact model
 MATERIAL = 0.01  # part of an innovation's variance; below it a finding is true but does not matter
 EXACT = 1e-6  # of an output's deviation; innovations below it are the rounding of files, whatever they follow
@@ -100,7 +101,8 @@ def _within_the_sample(
     """Test for inputs that act on an output within the sample and have no feedthrough, or a wrong one.
 
     An input that past innovations move is in a loop, which may compute it from the outputs of the sample: it is left
-    out. One test an input, level 1 % over all (Bonferroni); the output that shows it most is named.
+    out, and so is one that explains less than a fifth, since a loop whose past does not show may explain as much. One
+    test an input, level 1 % over all (Bonferroni); the output that shows it most is named.
     """
     if not inputs or len(e) < 10 * (len(outputs) + len(inputs)):
         return []
@@ -113,8 +115,9 @@ def _within_the_sample(
         output = outputs[most[j]]
         rho = float(np.corrcoef(e[:, most[j]], white[:, j])[0, 1])
         predictable = max(rho**2 - 1 / len(e), 0.0)
-        material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
-        verdict = "fail" if material else "immaterial"
+        if predictable < AT_ONCE:
+            continue
+        verdict = "immaterial" if nrmse is not None and nrmse[output] < EXACT else "fail"
         found.append(ResidualTest(output, name, "feedthrough", rho**2 * len(e), p, predictable, verdict))
     return found
 
