@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,9 +13,11 @@ from aeolid.errors import UsageError
 from aeolid.output import declare
 
 if TYPE_CHECKING:
+    from aeolid.identify.choices import Choices
     from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
+    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Record
 
 EXAMPLES = (
@@ -25,6 +27,7 @@ EXAMPLES = (
 )
 METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
 SCHEDULED = METHODS[2:4]
+CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
 def register(app: typer.Typer) -> None:
@@ -35,10 +38,15 @@ def register(app: typer.Typer) -> None:
 def identify(
     recordings: Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one experiment set.")],
     roles: RolesOption,
-    past: Annotated[
-        int, typer.Option("--past", help="Past window p in samples, about one period of the slowest mode.")
-    ],
     out: Annotated[Path, typer.Option("--out", help="Where to write the model (model.json).")],
+    past: Annotated[
+        str,
+        typer.Option(
+            "--past",
+            help="Past window p: samples, seconds (12s), or auto: varx, varmax. About a period of the slowest mode.",
+            autocompletion=one_of("auto"),
+        ),
+    ] = "auto",
     method: Annotated[
         str,
         typer.Option(
@@ -65,7 +73,9 @@ def identify(
         list[str] | None,
         typer.Option(
             "--feedthrough",
-            help="Input that acts within the sample; repeatable. ort: disturbance that does, default all, or none.",
+            help="Input that acts within the sample; repeatable; none, or auto (default; lpv: none): those that the "
+            "recording shows. ort: disturbance that does, default all, or none.",
+            autocompletion=one_of("auto", "none"),
         ),
     ] = None,
     regularize: Annotated[
@@ -156,34 +166,73 @@ def identify(
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
+    from aeolid.identify.choices import with_choices_made
+    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Roles
 
     table = Roles.load(roles)
     with waiting("reading"):
         records = [read_record(path, table) for path in recordings]
-    with waiting(f"identifying from {sum(map(len, records))} samples"):
-        common: dict[str, Any] = {
-            "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
-            "regularization": _regularization(regularize), "decimation": decimate,
-        }  # fmt: skip
-        if method == "ort":
-            common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+    with waiting(f"looking at {sum(map(len, records))} samples for feedthrough and past window"):
+        common: dict[str, Any] = {"future": future, "order": _order(order), "decimation": decimate}
+        common["regularization"] = _regularization(regularize)
+        streamed = None if markov is None else StreamedMarkov.load(markov)
+        made = _choose(method, records, past, feedthrough, common, streamed)
+        common |= {"past": made.past, "feedthrough": _mask(method, feedthrough, made)}
+    with waiting(f"identifying with a past window of {made.past} samples"):
+        result = _run(method, records, common, own | doubt | scheduled | joint | finish, streamed, stable)
+    result = with_choices_made(result, made)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
     if report is not None:
-        from aeolid.report import identification_facts, render_identification
-
-        title = f"Identification of {', '.join(p.name for p in recordings)}"
-        render_identification(identification_facts(result.model_json(), title=title), report)
+        _report(result, recordings, report)
     emit_json(result.to_json(), json_target)
 
 
+def _report(
+    result: Identification | LpvIdentification | OrtIdentification, recordings: list[Path], report: Path
+) -> None:
+    from aeolid.report import identification_facts, render_identification
+
+    title = f"Identification of {', '.join(p.name for p in recordings)}"
+    render_identification(identification_facts(result.model_json(), title=title), report)
+
+
+def _mask(method: str, feedthrough: list[str] | None, made: Choices) -> Sequence[str] | None:
+    """Return the inputs with feedthrough; with ort the disturbances, None for all."""
+    if method != "ort":
+        return made.feedthrough
+    return () if feedthrough == ["none"] else feedthrough
+
+
+def _choose(
+    method: str, records: list[Record], past: str, feedthrough: list[str] | None, common: dict[str, Any],
+    streamed: StreamedMarkov | None,
+) -> Choices:  # fmt: skip
+    """Return window and feedthrough of every method but ort's, which has a mask of its own."""
+    from aeolid.identify.choices import Choices, choose
+    from aeolid.identify.choose_past import read_past
+
+    named: list[str] | str = "auto" if feedthrough in (None, ["auto"]) else feedthrough or ()  # type: ignore[assignment]
+    if named == ["none"]:
+        named = []
+    if method not in CHOOSING[:2] and past == "auto":
+        raise UsageError(f"--past auto is for --method varx and varmax; give --method {method} a window, 30 or 12s")
+    if method in CHOOSING:
+        return choose(
+            records, past, named, decimation=common["decimation"], regularization=common["regularization"],
+            checked=method != "fir", markov=streamed,
+        )  # fmt: skip
+    window = read_past(past, records[0].sample_time_s * common["decimation"]) or 0
+    return Choices(window, () if named == "auto" else tuple(named))
+
+
 def _run(
-    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], markov: Path | None, stable: bool
-) -> Identification | LpvIdentification | OrtIdentification:
+    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], streamed: StreamedMarkov | None,
+    stable: bool,
+) -> Identification | LpvIdentification | OrtIdentification:  # fmt: skip
     """Identify; common: options of every method, own: those of this one."""
     if method in SCHEDULED:
         from aeolid.identify.lpv import identify_lpv
@@ -198,11 +247,9 @@ def _run(
         from aeolid.identify.fir import identify_fir
 
         return identify_fir(records, **common)
-    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.identify.varmax import identify_varmax
     from aeolid.identify.varx import identify_varx
 
-    streamed = None if markov is None else StreamedMarkov.load(markov)
     run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
     return run(records, markov=streamed, stable=stable, **common, **own)
 

@@ -51,10 +51,12 @@ def validate(
     horizons = _horizons(steps)
     declare("validate", force=force, inputs=[model_file, recording, roles], files={"--json": json_target})
     from aeolid.formats import read_record
+    from aeolid.identify.stated import stated_doubt
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model
     from aeolid.record import Roles
 
+    doubt = stated_doubt(model_file)
     result = validate_model(load_model(model_file), read_record(recording, Roles.load(roles)), horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     worst = result.worst_nrmse(metric)
@@ -67,8 +69,11 @@ def validate(
     }
     if json_target == "-" and result.divergence is not None:
         progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
+    facts["bands_hold"] = None if doubt is None else not doubt
     if json_target != "-":
         console.print(result.summary(), markup=False)
+        if doubt:
+            console.print(f"WARNING: the model's own deviations do not hold: {doubt}", markup=False)
         if bad:
             console.print(f"worst {metric} NRMSE {worst:.4g} exceeds {fail_above:g}")
     emit_json(facts, json_target)

@@ -1,0 +1,28 @@
+"""Correlate one signal with the past of another, and whiten it first."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+WHITENING_ORDER = 30  # of the autoregression that whitens an input before it is correlated
+
+
+def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
+    """Return the correlation of x_k with past_{k−τ}, τ = 1 … lags, as (lags,)."""
+    x, past = x - x.mean(), past - past.mean()
+    size = float(np.sqrt((x @ x) * (past @ past))) or 1.0
+    return np.array([x[t:] @ past[:-t] / size for t in range(1, lags + 1)])
+
+
+def whiten(u: Array, order: int = WHITENING_ORDER) -> Array:
+    """Return the prediction errors (N,) of an autoregression fitted to u; the first `order` samples are zero."""
+    u = u - u.mean()
+    order = min(order, len(u) // 10)
+    if order == 0 or not u.any():
+        return u
+    rows = np.lib.stride_tricks.sliding_window_view(u[:-1], order)  # (N − order, order)
+    target = u[order:]
+    coefficients = np.linalg.lstsq(rows.T @ rows, rows.T @ target, rcond=1e-12)[0]
+    return np.concatenate([np.zeros(order), target - rows @ coefficients])
