@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.common import BLOCKS, FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -106,6 +106,20 @@ def identify(
             autocompletion=one_of("greedy", "first"),
         ),
     ] = None,
+    scheduling_scaling: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduling-scaling",
+            help="lpv: range (default: mean 0, within 0.1), none, centre, standard, or auto by held-out error.",
+            autocompletion=one_of("auto", "range", "none", "centre", "standard"),
+        ),
+    ] = None,
+    kernel_tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--kernel-tolerance", help="lpv-kernel: take rows until what is left is below this, of the largest; 0 to 1."
+        ),
+    ] = None,
     offsets: Annotated[
         bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
     ] = None,
@@ -120,6 +134,12 @@ def identify(
     ] = None,
     joint_order: Annotated[
         int | None, typer.Option("--joint-order", help="ort: states of plant and controller together; default auto.")
+    ] = None,
+    deterministic_order: Annotated[
+        int | None,
+        typer.Option(
+            "--deterministic-order", help="ort: states of what the disturbance explains; default the joint order."
+        ),
     ] = None,
     response: Annotated[
         str | None,
@@ -156,12 +176,12 @@ def identify(
     _check_uncertainty(doubt, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
-        offsets=offsets, memory_gb=memory,
+        offsets=offsets, memory_gb=memory, scheduling_scaling=scheduling_scaling, kernel_tolerance=kernel_tolerance,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
     finish = _given(order_criterion=order_criterion, refined=refine)
     _check_finish(finish, method, order)
-    joint = _given(joint_order=joint_order, response=response)
+    joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
@@ -257,7 +277,7 @@ def _run(
 def _check_method(method: str) -> None:
     if method in METHODS:
         return
-    if method in FILTERS:
+    if method in (*FILTERS, *BLOCKS):
         raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
     raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
 
