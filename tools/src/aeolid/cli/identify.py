@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import BLOCKS, FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.identify_options import (
+    METHODS,
+    SCHEDULED,
+    check_finish,
+    check_method,
+    check_ort_and_fir,
+    check_passes,
+    check_scheduled,
+    check_uncertainty,
+)
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -25,8 +35,6 @@ EXAMPLES = (
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
-METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
-SCHEDULED = METHODS[2:4]
 CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
@@ -169,20 +177,20 @@ def identify(
     force: ForceOption = False,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
-    _check_method(method)
+    check_method(method)
     own = _given(passes=passes, forgetting=forget)
-    _check_passes(own, method, markov)
+    check_passes(own, method, markov)
     doubt = _given(uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)
-    _check_uncertainty(doubt, method, markov)
+    check_uncertainty(doubt, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
         offsets=offsets, memory_gb=memory, scheduling_scaling=scheduling_scaling, kernel_tolerance=kernel_tolerance,
     )  # fmt: skip
-    _check_scheduled(scheduled, method, markov, stable)
+    check_scheduled(scheduled, method, markov, stable)
     finish = _given(order_criterion=order_criterion, refined=refine)
-    _check_finish(finish, method, order)
+    check_finish(finish, method, order)
     joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
-    _check_ort_and_fir(joint, method, markov, regularize, stable)
+    check_ort_and_fir(joint, method, markov, regularize, stable)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
@@ -274,71 +282,9 @@ def _run(
     return run(records, markov=streamed, stable=stable, **common, **own)
 
 
-def _check_method(method: str) -> None:
-    if method in METHODS:
-        return
-    if method in (*FILTERS, *BLOCKS):
-        raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
-    raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
-
-
 def _given(**options: Any) -> dict[str, Any]:
     """Return the options that were given."""
     return {name: value for name, value in options.items() if value is not None}
-
-
-def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
-    """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
-    if given and method not in SCHEDULED:
-        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
-        raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
-    if method in SCHEDULED and (markov is not None or stable):
-        option = "--stable" if stable else "--markov"
-        raise UsageError(f"{option} is for time-invariant models; leave it out with --method {method}")
-
-
-def _check_ort_and_fir(given: dict[str, Any], method: str, markov: Path | None, regularize: str, stable: bool) -> None:
-    """Refuse options of ort elsewhere, and with ort and fir what they do not have."""
-    if given and method != "ort":
-        raise UsageError(f"--{next(iter(given)).replace('_', '-')} belongs to --method ort")
-    if method in ("ort", "fir") and markov is not None:
-        raise UsageError(f"--markov holds a predictor with outputs; --method {method} takes recordings only")
-    if method == "ort" and regularize != "gcv":
-        raise UsageError("--regularize has no meaning with --method ort; leave it out")
-    if method == "fir" and stable:
-        raise UsageError("--stable is not for --method fir: a plant it can identify forgets, lengthen --past instead")
-
-
-def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:
-    """Refuse options of the VARMAX passes where no pass is run."""
-    if given and method != "varmax":
-        raise UsageError("--passes and --forget belong to --method varmax")
-    if given and markov is not None:
-        raise UsageError("with --markov no pass is run; leave --passes and --forget out")
-
-
-def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) -> None:
-    """Refuse a choice of uncertainty where the method has its own, and options of a bootstrap without one."""
-    if given and method not in METHODS[:2]:
-        option = "--" + next(iter(given)).replace("_", "-")
-        raise UsageError(f"{option} is for --method varx and varmax; --method {method} has deviations of its own")
-    chosen = given.get("uncertainty", "asymptotic")
-    if chosen != "bootstrap" and len(given) > ("uncertainty" in given):
-        raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
-    if chosen == "bootstrap" and markov is not None:
-        raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
-
-
-def _check_finish(given: dict[str, Any], method: str, order: str) -> None:
-    """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
-    if "refined" in given and method not in METHODS[:4]:
-        raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
-    if "order_criterion" not in given:
-        return
-    if method not in METHODS[:2]:
-        raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
-    if order != "auto":
-        raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")
 
 
 def _order(text: str) -> int | None:
