@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aeolid.diagnose.case import Case
-from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
-from aeolid.diagnose.forensics import examine
+from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.pipeline import Progress, study
+from aeolid.diagnose.run_prior.conclude import conclude_run
+from aeolid.diagnose.run_prior.naming import is_turbine
+from aeolid.diagnose.simulated import check_run, is_simple
 from aeolid.diagnose.verdict import diagnose
 from aeolid.errors import NotIdentifiable
+from aeolid.record import Record
 
 
 def conclude(
@@ -26,12 +31,16 @@ def conclude(
     A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
     where that shows (`not_testable`), with the reason as the statement.
     """
-    faults = [f for f in examine(case.records, case.baseline) if f.severity == "fault"]
+    findings = examine(case.records, case.baseline)
+    faults = [f for f in findings if f.severity == "fault"]
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
         location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}
         evidence = {"title": case.title, "forensics": [f.to_json() for f in faults]}
         return ended("data_fault", case.title, text, folder, location, evidence)
+    late = deadline or unlimited()
+    if (found := _against_run(case, folder, findings, progress, late)) is not None:
+        return found
     try:
         result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline)
     except NotIdentifiable as error:
@@ -41,6 +50,26 @@ def conclude(
         return ended("not_testable", case.title, reason, folder)
     diagnosis = diagnose(result)
     return diagnosis, write_all(result, diagnosis, folder)
+
+
+def _against_run(
+    case: Case, folder: Path, findings: Sequence[Finding], progress: Progress, late: Deadline
+) -> tuple[dict[str, Any], dict[str, Any]] | None:
+    """Hold a simulator's run against the recordings where a model of few states would not hold it.
+
+    None for other baselines, for runs that few states describe, and where windows of both sides do not fit: there the
+    surrogate of few states is what can be had.
+    """
+    run = case.baseline
+    if not isinstance(run, Record) or case.same_inputs:
+        return None
+    try:
+        check_run(run)
+        if not is_turbine(case.context) and is_simple(run):
+            return None
+        return conclude_run(case, run, folder, findings, progress, late)
+    except (NotIdentifiable, np.linalg.LinAlgError):
+        return None
 
 
 def ended(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -12,10 +13,13 @@ import numpy as np
 from aeolid import output
 from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.correction import Correction, correct
+from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.divergent import Diverging
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.formats.headings import heading_line
 from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations
 from aeolid.models.equations_file import to_toml
 
 
@@ -44,6 +48,25 @@ def _headed(correction: Correction) -> str:
     wild = correction.diverging
     head = "" if wild is None else "".join(f"# {line}\n" for line in wrap(f"WARNING: {wild.text()}", 100))
     return head + to_toml(correction.model)
+
+
+def write_found(
+    diagnosis: dict[str, Any], evidence: dict[str, Any], model: Equations, wild: Diverging | None, late: Deadline,
+    folder: Path,
+) -> dict[str, Any]:  # fmt: skip
+    """Write the files of a diagnosis that was made without a study of fits; returns the evidence."""
+    if wild is not None:
+        model = replace(model, name=f"{model.name}, DIVERGES")
+    diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
+    diagnosis["time_limit"] = late.to_json()
+    diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
+    output.make_folder(folder)
+    output.write_json(folder / "diagnosis.json", diagnosis)
+    output.make_folder(folder / "model")
+    output.write_text(folder / "model" / "model.toml", _headed(Correction(model, None, wild)))
+    write_series(evidence.get("series", {}), folder / "sealed_before_after.csv")
+    output.write_text(folder / "evidence.json", json.dumps(evidence, default=lambda v: v.tolist()) + "\n")
+    return evidence
 
 
 def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:

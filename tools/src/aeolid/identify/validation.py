@@ -58,6 +58,13 @@ class Validation:
                 "Identify with a longer past window or a higher order; if the noise has changed since, identify from "
                 "this recording too." + (" A free run predicts better here than K does." if one > free else "")
             )
+        direct = _worst([t for t in failed if t.kind == "feedthrough"])
+        if direct is not None:
+            found.append(
+                f"{direct.against} explains {direct.predictable:.1%} of the innovations of {direct.output} of the same "
+                "sample, and past outputs do not move it: it acts at once. Identify with --feedthrough "
+                f"{direct.against}, or auto."
+            )
         dynamics = _worst([t for t in failed if t.kind == "input"])
         if dynamics is not None:
             found.append(
@@ -81,11 +88,14 @@ class Validation:
         lines.append(f"innovations: {self.residuals.verdict} ({len(self.residuals.tests)} tests, level 1 % together)")
         for test in self.residuals.tests:
             if test.verdict != "pass":
-                past = "its own" if test.against == test.output else f"{test.against}'s"
-                lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} past ({test.verdict})")
+                past = "its own past" if test.against == test.output else f"{test.against}'s past"
+                if test.kind == "feedthrough":
+                    past = f"{test.against} of the same sample"
+                lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} ({test.verdict})")
         if self.residuals.verdict == "immaterial":
             lines.append(
-                "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; nothing to do"
+                "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; one-step predictions "
+                "lose nothing by it"
             )
         return "\n".join([*lines, *self.advice])
 

@@ -52,12 +52,15 @@ def identify_varmax(
     then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
     records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
-    weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
-    take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations; no pass is run then.
-    passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
-    pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes. Default 1: less forgets the wrong e of
-    the start sooner, but where data leave directions open (fewer noise sources than outputs) Ξ wanders there and
-    singular values grow tenfold. uncertainty … refined: as in `identify_varx`, with e as found.
+    weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate) where
+    noise reaches every direction of the outputs. Where it does not (`positive_real.RANK`), e_k is nearly a combination
+    of fewer numbers, a sample's weight tells its columns apart by what recursion leaves in them, and Ξ is taken by
+    least squares with the last e, as the other choices always take it. markov: Ξ of a VARMAX filter, with its
+    innovations; no pass is run then. passes: 0 … 1000, default 3; more change nothing on the papers' systems.
+    forgetting: λ of the first pass, 0.9 … 1; pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes.
+    Default 1: less forgets the wrong e of the start sooner and changes little; what the data leave open (fewer noise
+    sources than outputs) is held at the start of the pass. uncertainty … refined: as in `identify_varx`, with e as
+    found.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
@@ -88,7 +91,7 @@ def identify_varmax(
             found = again
             windows, verdict = _judge(records, samples, found, plain, extended, through)
     estimate = estimate_markov(windows.whole, through, regularization)
-    if found.theta is not None and regularization == "gcv":
+    if found.theta is not None and regularization == "gcv" and verdict.rank == verdict.outputs:
         estimate = with_theta(estimate, found.theta, windows.whole)
     notes = [*found.notes, verdict.text]
     if markov is not None:

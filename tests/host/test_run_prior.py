@@ -1,0 +1,144 @@
+"""The run of a simulator as prior of the recording: laws of its parts, and pairs of a rig with two modes."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from aeolid.diagnose.deadline import unlimited
+from aeolid.diagnose.run_prior import operators as op
+from aeolid.diagnose.run_prior.build import pair_of
+from aeolid.diagnose.run_prior.conclude import diagnosis_of, study_run
+from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
+from aeolid.diagnose.run_prior.grams import lagged_gram
+from aeolid.diagnose.run_prior.pair import fixed_frame
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+STEP, SAMPLES = 0.05, 8000
+
+
+def test_moments_are_those_of_the_windows_themselves() -> None:
+    rng = np.random.default_rng(0)
+    n, m, p, r = 200, 4, 5, 2
+    z, added = rng.standard_normal((n, m)), rng.standard_normal((n, 2))
+    gram = lagged_gram(z, p, r, added)
+    rows = np.hstack([*[z[p - i : n - i] for i in range(1, p + 1)], z[p:, :r], np.ones((n - p, 1)), added[p:]])
+    targets = z[p:, r:]
+    for found, expected in ((gram.Z, rows.T @ rows), (gram.ZY, rows.T @ targets), (gram.YY, targets.T @ targets)):
+        np.testing.assert_allclose(found, expected, atol=1e-11 * n)  # sums of n products of unit size
+    parts = lagged_gram(z[: 100 + p], p, r) + lagged_gram(z[100:], p, r)
+    np.testing.assert_allclose(parts.Z, lagged_gram(z, p, r).Z, atol=1e-11 * n)
+
+
+def test_the_posterior_lies_between_run_and_recording() -> None:
+    rng = np.random.default_rng(1)
+    z = rng.standard_normal((4000, 3))
+    for k in range(1, len(z)):
+        z[k, 2] += 0.5 * z[k - 1, 0]
+    run, recording = lagged_gram(z[:2000], 3, 2), lagged_gram(z[2000:], 3, 2)
+    prior = prior_of(run, np.full(len(run.Z) - 1, 1e-6))
+    own = np.linalg.solve(recording.Z, recording.ZY)
+    np.testing.assert_allclose(posterior(prior, recording, 1e-9)[:-1], own[:-1], atol=1e-3)
+    # of one law: trusting the run is worth more nats than leaving it
+    assert evidence_at(prior, recording, 1.0) > evidence_at(prior, recording, 1e-4)
+
+
+def test_operators_do_what_they_say() -> None:
+    t = STEP * np.arange(400)
+    ramp = 2.0 * t
+    # a lag follows a ramp at the distance slope · tau once it has settled
+    assert (ramp - op.first_order(ramp, 0.5, STEP))[-1] == pytest.approx(1.0, abs=1e-9)
+    # a second-order drive at slope · 2 ζ/ω
+    assert (ramp - op.second_order(ramp, 4.0, 0.7, STEP))[-1] == pytest.approx(2.0 * 2 * 0.7 / 4.0, abs=1e-6)
+    np.testing.assert_allclose(op.delayed(ramp, 3 * STEP, STEP)[10:], ramp[7:-3], atol=1e-9)
+    wave = np.sin(t)
+    assert np.ptp(op.play(wave, 0.5)[100:]) == pytest.approx(np.ptp(wave) - 0.5, abs=1e-3)
+    assert np.abs(np.diff(op.rate_limited(wave, 0.3, STEP))).max() <= 0.3 * STEP + 1e-12
+
+
+def test_loads_that_turn_with_the_rotor_stand_still_in_the_fixed_frame() -> None:
+    azimuth = np.linspace(0, 40, 500)
+    blades = np.column_stack([3.0 + 2.0 * np.cos(azimuth + 2 * np.pi * i / 3) for i in range(3)])
+    still = fixed_frame(blades, azimuth, ((0, 1, 2),))
+    np.testing.assert_allclose(still, np.tile([3.0, 2.0, 0.0], (500, 1)), atol=1e-12)
+
+
+@cache
+def rig(seed: int, *, lag: float = 0.0, width: float = 0.0, stiff: bool = False) -> Record:
+    """Return a recording of two modes under feedback: input force, outputs speed and acceleration, wind unmeasured.
+
+    lag in s and play in N lie between command and force; stiff leaves the second mode (1.1 Hz) out.
+    """
+    rng = np.random.default_rng(seed)
+    fine = 5
+    h = STEP / fine
+    A = np.array([[0, 1, 0, 0], [-1.6, -0.25, 0.4, 0.0], [0, 0, 0, 1], [0.0 if stiff else 2.0, 0, -48.0, -0.5]])
+    gain = 0.0 if stiff else 1.0
+    B = np.array([[0.0], [1.0], [0.0], [6.0 * gain]])
+    M = np.zeros((5, 5))
+    M[:4, :4], M[:4, 4:] = A * h, B * h
+    E = expm(M)
+    F, G = E[:4, :4], E[:4, 4]
+    acting = felt = slow = wind = target = 0.0
+    x = np.zeros(4)
+    follows = 1.0 if lag == 0.0 else 1 - float(np.exp(-h / lag))
+    u, y = np.empty(SAMPLES), np.empty((SAMPLES, 2))
+    for k in range(SAMPLES * fine):
+        if k % (4 * fine) == 0:
+            target = float(rng.choice([-1.0, 1.0]))
+        wind = 0.99 * wind + 0.02 * rng.standard_normal()
+        slow += h / 0.08 * (target - slow)  # the excitation is smooth, as a controller's output is
+        command = slow - 0.3 * x[1]
+        acting = min(max(acting, command - width / 2), command + width / 2)
+        felt += follows * (acting - felt)
+        if k % fine == 0:
+            u[k // fine] = command
+            y[k // fine] = x[1] + 0.3 * x[3], -1.6 * x[0] - 48.0 * x[2] + felt + wind
+        x = F @ x + G * (felt + wind)
+    y += rng.standard_normal(y.shape) * np.array([2e-3, 2e-2])
+    channels = (Channel("force", "N", "input"), Channel("speed", "m/s", "output"), Channel("acc", "m/s^2", "output"))
+    return Record(STEP * np.arange(SAMPLES), np.column_stack([u, y]), channels, STEP, f"rig {seed}", "")
+
+
+def told(recording: Record, run: Record) -> dict[str, object]:
+    """Return the diagnosis of a pair."""
+    study = study_run([recording], [run], {}, lambda text, share: None, unlimited())
+    return diagnosis_of(study, "rig", {"force": "N", "speed": "m/s", "acc": "m/s^2"})
+
+
+def test_runs_of_one_machine_in_other_wind_lack_nothing() -> None:
+    found = told(rig(2), rig(1))
+    assert found["verdict"] == "no_mismatch", found["statement"]
+
+
+def test_a_lag_is_named_with_its_value() -> None:
+    found = told(rig(3, lag=0.15), rig(1))
+    effect = found["effects"][0]  # type: ignore[index]
+    assert (found["verdict"], effect["id"]) == ("named", "actuator_lag"), found["statement"]
+    value = effect["parameters"]["tau_s"]
+    assert abs(value["value"] - 0.15) < min(0.1 * 0.15 + 2e-3, 3 * value["std"])
+
+
+def test_play_is_named_and_no_lag() -> None:
+    found = told(rig(4, width=0.3), rig(1))
+    effect = found["effects"][0]  # type: ignore[index]
+    assert (found["verdict"], effect["id"]) == ("named", "backlash"), found["statement"]
+    value = effect["parameters"]["width"]
+    assert abs(value["value"] - 0.3) < 0.1 * 0.3
+
+
+def test_a_mode_that_the_simulation_lacks_is_named() -> None:
+    found = told(rig(5), rig(6, stiff=True))
+    effect = found["effects"][0]  # type: ignore[index]
+    assert (found["verdict"], effect["id"]) == ("named", "structural_mode"), found["statement"]
+    assert effect["parameters"]["frequency_hz"]["value"] == pytest.approx(np.sqrt(48.0) / (2 * np.pi), rel=0.02)
+
+
+def test_a_window_holds_the_slowest_mode() -> None:
+    pair = pair_of([rig(2)], [rig(1)], {})
+    assert pair.past * pair.block_s > 2 * np.pi / np.sqrt(1.6)

@@ -1,0 +1,139 @@
+"""Choose rate and window of a pair: windows hold a period of the slowest mode, blocks are as long as that allows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import welch
+
+from aeolid.diagnose.rotor_frame import blade_sets
+from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame, side_of
+from aeolid.errors import NotIdentifiable
+from aeolid.identify.varx import identify_varx
+from aeolid.models.modes import Mode
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+LONGEST = 40  # blocks of a window
+_PERIODS = 1.3  # of the slowest mode in a window: one, and what its damping adds
+_REVOLUTION = 0.9  # of the rotor at rated speed in a window
+_SLOW = 0.3  # damping above which a mode is a transient that a shorter window holds as well
+_CONTENT, _PER_PERIOD = 0.95, 3.0  # of an output's power below the frequency that has so many blocks a period
+_ORDER = 16  # states of the models that the slowest mode is read from
+_FEWEST = 600  # blocks of the shortest side
+
+
+def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any]) -> Pair:
+    """Return recordings and runs as windows see them; channels are those of the first recording's roles.
+
+    Raises NotIdentifiable where a side is too short for the windows.
+    """
+    first = records[0]
+    inputs, outputs = first.names("input"), first.names("output")
+    sets = blade_sets(first, context)
+    blades = tuple(tuple(outputs.index(n) for n in names) for _, names in sets)
+    dropped = {n for _, names in sets for n in names}
+    shown = tuple(n for n in outputs if n not in dropped)
+    shown += tuple(f"{stem}_{part}" for stem, _ in sets for part in ("collective", "cosine", "sine"))
+    recorded, simulated = (tuple(side_of(r, inputs, outputs) for r in group) for group in (records, runs))
+    step = first.sample_time_s
+    bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros(1), np.ones(1))
+    stride, past = _window(window_s(bare, context), step, min(map(len, (*recorded, *simulated))))
+    z = np.vstack([_unscaled(replace(bare, stride=stride), s) for s in simulated])
+    scale = z.std(axis=0)
+    for name, size in zip(_names(bare, stride), scale, strict=True):
+        if not size > 1e-12 * (1 + abs(z.mean())):
+            raise NotIdentifiable(f"{runs[0].source}: {name} never changes in the simulation; leave the channel out")
+    return replace(bare, stride=stride, past=past, offset=z.mean(axis=0), scale=scale)
+
+
+def _names(pair: Pair, stride: int) -> list[str]:
+    return [n for _ in range(stride) for n in pair.inputs] + list(pair.shown)
+
+
+def _unscaled(pair: Pair, side: Side) -> Array:
+    return pair._blocks(side.u, side.y, side.azimuth)
+
+
+def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:
+    """Return the frequency in Hz of the slowest lightly damped mode of either side that is no multiple of the rotor's.
+
+    Looked for in windows of 40 blocks with three blocks a period of the outputs' fastest content; never below what
+    such a window holds, nor above twice its length's inverse.
+    """
+    stride = _coarse(pair)
+    reach = _PERIODS / (LONGEST * pair.step * stride)
+    turn = context.get("rated_speed_rad_s")
+    rates = [
+        m.frequency_hz
+        for sides in (pair.runs, pair.recordings)
+        for m in _modes(pair, sides, stride)
+        if m.damping < _SLOW and m.frequency_hz > reach and not _is_multiple(m.frequency_hz, turn)
+    ]
+    return min([*rates, 2 * reach])
+
+
+def _modes(pair: Pair, sides: Sequence[Side], stride: int) -> Sequence[Mode]:
+    names = [("input", n) for n in pair.inputs] + [("output", n) for n in pair.shown]
+    channels = tuple(Channel(n, "", role) for role, n in names)
+    slow = []
+    for side in sides:
+        y = fixed_frame(side.y, side.azimuth, pair.blades)
+        n = len(y) // stride
+        values = np.hstack([side.u, y])[: n * stride].reshape(n, stride, -1).mean(axis=1)
+        slow.append(
+            Record(
+                np.arange(n, dtype=np.float64) * pair.step * stride,
+                values,
+                channels,
+                pair.step * stride,
+                side.source,
+                "",
+            )
+        )
+    past = min(LONGEST, min(map(len, slow)) // 20)
+    return identify_varx(slow, past=past, order=min(_ORDER, past), stable=True).modes
+
+
+def _coarse(pair: Pair) -> int:
+    """Return samples a block so that three blocks remain a period of the outputs' fastest content."""
+    fastest = 0.0
+    for side in pair.runs:
+        y = fixed_frame(side.y, side.azimuth, pair.blades)
+        f, power = welch(y, 1 / pair.step, nperseg=min(2048, len(y)), axis=0)
+        share = np.cumsum(power[1:], axis=0)
+        for j in np.flatnonzero(share[-1] > 0):
+            fastest = max(fastest, float(f[1:][np.searchsorted(share[:, j], _CONTENT * share[-1, j])]))
+    most = min(len(s) for s in (*pair.runs, *pair.recordings)) // _FEWEST
+    return max(1, min(int(1 / (pair.step * _PER_PERIOD * fastest)) if fastest > 0 else 1, most))
+
+
+def _is_multiple(frequency_hz: float, turn: float | None) -> bool:
+    if turn is None:
+        return False
+    order = frequency_hz / (turn / (2 * np.pi))
+    return order > 0.5 and abs(order - round(order)) < 0.04 * max(1.0, order / 3)
+
+
+def window_s(pair: Pair, context: Mapping[str, Any]) -> float:
+    """Return the length of the windows in s: of a turbine most of a revolution, else what holds the slowest mode.
+
+    Towers are built to swing between once and three times a revolution (soft–stiff), so that a revolution holds a
+    period of theirs whatever the machine's size.
+    """
+    speed = context.get("rated_speed_rad_s")
+    if speed and context.get("blades"):
+        return _REVOLUTION * 2 * np.pi / float(speed)
+    return _PERIODS / slowest_mode(pair, context)
+
+
+def _window(length: float, step: float, shortest: int) -> tuple[int, int]:
+    """Return samples a block and blocks a window."""
+    stride = max(1, round(length / (LONGEST * step)))
+    stride = max(1, min(stride, shortest // _FEWEST))
+    past = int(np.clip(np.ceil(length / (stride * step)), 8, round(1.25 * LONGEST)))
+    return stride, past

@@ -1,0 +1,154 @@
+"""Decide what explains a pair: one operator after another while each brings the run back, else a mode the run lacks.
+
+All numbers that decide stand here. Nulls of two turbines (5 MW on land, 15 MW in the sea; 14 to 17 m/s, two outputs and
+all) lose 0 to 42 nats when the run counts fully, effects that can be decided 70 to 15,000.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.run_prior.evidence import evidence_at
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
+from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
+from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+from aeolid.diagnose.run_prior.search import Scored, Search
+
+Array = NDArray[np.float64]
+DETECTED = 60.0  # nats lost when the run counts fully, from which something separates it from the recordings
+NAMED = 30.0  # nats that an effect must gain on the data of the fit …
+HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show
+FURTHER = 0.05  # of the first effect's gain that a further one must have
+_RIVAL = 0.97  # of the best gain from which another kind is not told from it …
+_RIVAL_NATS = 8.0  # … or this near in nats
+_RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
+AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
+SIMPLER = {  # forms that another one holds as a special case
+    "actuator_second_order": ("actuator_lag", "transport_delay"),
+    "unsteady_aero": ("actuator_lag", "parameter_error"),
+    "dynamic_inflow": ("parameter_error",),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Hold one effect: its hypothesis and values, or a mode the runs lack; rivals: what is not told from it."""
+
+    scored: Scored | None
+    mode: Absent | None
+    rivals: tuple[Scored, ...] = ()
+    edge: bool = False  # the mode is a pair of a blade's edgewise whirl
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Hold the outcome of a search.
+
+    lost: nats that the recordings lose when the run counts fully; weight: the run's best weight without an effect;
+    moved: by output, how much one-step errors grow when the run counts fully; found: effects, first one first; table:
+    what every refined hypothesis gained, by step; modal: the modes of both sides.
+    """
+
+    lost: float
+    weight: float
+    moved: Mapping[str, float]
+    found: tuple[Found, ...]
+    table: tuple[Scored, ...]
+    modal: Modal
+    change: Change = NOTHING
+    screened: tuple[Scored, ...] = ()
+    evaluations: int = 0
+    after: float = np.nan  # the run's weight with all effects
+
+    @property
+    def is_detected(self) -> bool:
+        """Tell whether run and recordings differ by more than their noise."""
+        return self.lost > DETECTED
+
+
+def explain(
+    pair: Pair, context: Mapping[str, Any], units: Mapping[str, str], deadline: Deadline,
+    tick: Callable[[str], None] = lambda _: None,
+) -> Explanation:  # fmt: skip
+    """Find what separates runs and recordings of a pair, at most two effects. Cost: some 200 evaluations."""
+    turbine = context.get("blades") is not None
+    hypotheses = [h for h in all_hypotheses(pair, dict(units)) if turbine or h.entry not in AERODYNAMIC]
+    first = Search(pair)
+    lost, moved = _lost(first), _moved(first)
+    screened = first.screen(hypotheses, tick)
+    table = first.refine(screened, tick) if lost > DETECTED else []
+    best = _chosen(first, table)
+    if best is None:
+        modal = compare_modes(pair, context)
+        found = _from_modes(modal, moved, context, pair) if lost > DETECTED else ()
+        return Explanation(
+            lost, first.base.weight, moved, found, tuple(table), modal, NOTHING, tuple(screened), first.evaluations
+        )
+    found = (Found(best, None, _rivals(best, table)),)
+    change, after, count = best.change, best.weight, first.evaluations
+    if not deadline.passed:
+        second = Search(pair, change)
+        count += second.evaluations
+        own = [h for h in hypotheses if h.place != best.hypothesis.place]
+        more = second.refine(second.screen(own, tick), tick) if _lost(second) > DETECTED else []
+        further = _chosen(second, more)
+        if further is not None and further.nats > max(NAMED, FURTHER * best.nats):
+            found += (Found(further, None, _rivals(further, more)),)
+            change, after = further.change.after(change), further.weight
+            table += more
+    modal = Modal((), (), ())
+    return Explanation(
+        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after
+    )
+
+
+def _lost(search: Search) -> float:
+    return search.base.nats - evidence_at(search.prior, search.recorded, 1.0)
+
+
+def _moved(search: Search) -> dict[str, float]:
+    grown = np.diag(search.covariance_at(1.0)) / np.diag(search.base.covariance)
+    return {n: float(v) for n, v in zip(search.pair.shown, grown, strict=True)}
+
+
+def _chosen(search: Search, table: Sequence[Scored]) -> Scored | None:
+    """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
+    fit = [s for s in table if s.nats > NAMED and s.weight >= max(HELD, search.base.weight)]
+    if not fit:
+        return None
+    return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))
+
+
+def _rivals(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
+    """Return other kinds, or other places, that gain nearly as much; forms that only hold the best one are none."""
+    near = min(_RIVAL * best.nats, best.nats - _RIVAL_NATS)
+    return tuple(s for s in table if s is not best and s.nats > near and not _holds(s.hypothesis, best.hypothesis))
+
+
+def _holds(form: Hypothesis, other: Hypothesis) -> bool:
+    """Tell whether a form has another one, at the same place, as a special case."""
+    return form.place == other.place and other.entry in SIMPLER.get(form.entry, ())
+
+
+def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, Any], pair: Pair) -> tuple[Found, ...]:
+    """Return the mode that the runs lack: a pair of edgewise whirl modes as one, else the sharpest where it moved."""
+    turn = context.get("rated_speed_rad_s")
+    if turn:
+        apart = 2 * float(turn) / (2 * np.pi)
+        for a in modal.absent:
+            for b in modal.absent:
+                if abs(b.frequency_hz - a.frequency_hz - apart) < 0.06 * apart and a.output == b.output:
+                    middle = Absent(
+                        (a.frequency_hz + b.frequency_hz) / 2, float(np.hypot(a.frequency_std_hz, b.frequency_std_hz)),
+                        (a.damping + b.damping) / 2, float(np.hypot(a.damping_std, b.damping_std)), a.output,
+                    )  # fmt: skip
+                    return (Found(None, middle, edge=True),)
+    most = max(moved.values())
+    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most]
+    return (Found(None, shown[0]),) if shown and most > 1.5 else ()

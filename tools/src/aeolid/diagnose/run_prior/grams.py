@@ -1,0 +1,77 @@
+"""Gram matrices of all windows of a recording, from lagged products alone.
+
+A regressor row is [z_{k−1} … z_{k−p}, u_k, 1, x_k], z = [u; y]: the window of paper 000 eq. (9), newest first, the
+inputs of the same sample, a constant, and what a hypothesis adds; y_k is its target. Since successive windows overlap,
+S_ij = Σ_k z_{k−i} z_{k−j}ᵀ obeys S_{i+1,j+1} = S_ij + z_{p−1−i} z_{p−1−j}ᵀ − z_{n−1−i} z_{n−1−j}ᵀ: only the products
+S_0j are formed from the samples, and no window is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Gram:
+    """Hold the moments of one or several recordings' windows.
+
+    Z (q, q): of the regressors, q = p m + r + 1 + e; ZY (q, l): with the targets; YY (l, l); count: windows; extra: e.
+    """
+
+    Z: Array
+    ZY: Array
+    YY: Array
+    count: int
+    extra: int = 0
+
+    def __add__(self, other: Gram) -> Gram:
+        """Return the moments of both sets of windows."""
+        return Gram(self.Z + other.Z, self.ZY + other.ZY, self.YY + other.YY, self.count + other.count, self.extra)
+
+
+def lagged_gram(z: Array, past: int, inputs: int, extra: Array | None = None) -> Gram:
+    """Return the moments of all windows of z (n, m), whose first `inputs` columns are inputs; extra (n, e).
+
+    z must be finite and longer than `past`. Cost: 2 n p m² operations, memory (p m)².
+    """
+    n, m = z.shape
+    stacked = np.empty((past + 1, m, past + 1, m))
+    first = z[past:].T @ np.hstack([z[past - j : n - j] for j in range(past + 1)])  # S_0j, side by side
+    for d in range(past + 1):
+        block = np.empty((past + 1 - d, m, m))
+        block[0] = first[:, d * m : (d + 1) * m]
+        i = np.arange(past - d)
+        enter = z[past - 1 - i][:, :, None] * z[past - 1 - i - d][:, None, :]
+        leave = z[n - 1 - i][:, :, None] * z[n - 1 - i - d][:, None, :]
+        block[1:] = block[0] + np.cumsum(enter - leave, axis=0)
+        rows = np.arange(past + 1 - d)
+        stacked[rows, :, rows + d, :] = block
+        stacked[rows + d, :, rows, :] = block.transpose(0, 2, 1)
+    full = stacked.reshape((past + 1) * m, (past + 1) * m)
+    order = np.r_[m : (past + 1) * m, 0:inputs]  # lags 1 … p, then the inputs of the sample
+    targets = np.arange(inputs, m)
+    added = np.ones((n, 1)) if extra is None else np.hstack([np.ones((n, 1)), extra])
+    with_lags = np.vstack([z[past - i : n - i].T @ added[past:] for i in range(past + 1)])
+    e = added.shape[1]
+    q = len(order) + e
+    Z = np.empty((q, q))
+    Z[:-e, :-e] = full[np.ix_(order, order)]
+    Z[:-e, -e:] = with_lags[order]
+    Z[-e:, :-e] = Z[:-e, -e:].T
+    Z[-e:, -e:] = added[past:].T @ added[past:]
+    ZY = np.vstack([full[np.ix_(order, targets)], with_lags[targets].T])
+    return Gram(Z, ZY, full[np.ix_(targets, targets)], n - past, e - 1)
+
+
+def total(grams: Sequence[Gram]) -> Gram:
+    """Return the moments of all windows together."""
+    result = grams[0]
+    for gram in grams[1:]:
+        result = result + gram
+    return result

@@ -1,0 +1,174 @@
+"""Say what was found in the catalogue's names, with its place, its values and what is not told from it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.catalogue.base import location
+from aeolid.diagnose.catalogue.modes import KINDS
+from aeolid.diagnose.run_prior.explain import Explanation, Found
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis
+
+Told = dict[str, tuple[float, float]]  # name → value, deviation
+_AERO_RIVAL = 0.6  # of the gain of a factor on pitch, from which a slow wake is not told from it
+_LATERAL = r"side.?(to.?)?side|(^|[\W_])ss([\W_]|$)|tayp|lateral"
+_WORDS = {
+    "actuator_lag": "{name} acts through a first-order lag of {tau_s:.3g} s that the simulation leaves out",
+    "transport_delay": "{name} acts {delay_s:.3g} s later than in the simulation",
+    "actuator_second_order": "{name} acts through a second-order drive of {omega_rad_s:.3g} rad/s with damping"
+    " {zeta:.2g} that the simulation leaves out",
+    "backlash": "{name} acts with {width:.3g} {unit} of play (backlash) that the simulation leaves out",
+    "deadband": "{name} acts only when it has moved by {width:.3g} {unit}, which the simulation leaves out",
+    "rate_limit": "{name} moves no faster than {rate:.3g} {unit}, which the simulation leaves out",
+    "dynamic_inflow": "{name} acts {k:.2g} times more at once than in the end, over {tau_s:.3g} s: the wake takes its"
+    " time (dynamic inflow), which the simulation leaves out",
+    "unsteady_aero": "a share {k:.2g} of what {name} does comes {tau_s:.3g} s late (unsteady aerodynamics), which the"
+    " simulation leaves out",
+    "parameter_error": "{name} acts {factor:.3g} times as much as in the simulation",
+    "air_density": "the air is {factor:.3g} times as dense as in the simulation: {name} acts by as much",
+    "data_time_offset": "the outputs are stamped {offset_s:.3g} s late against the inputs",
+    "sensor_lag": "{name} is measured through a lag of {tau_s:.3g} s that the simulation leaves out",
+    "sensor_scale": "{name} reads {factor:.3g} times what the simulation says",
+    "sensor_sign": "{name} has the other sign in the recording",
+    "sensor_rectified": "{name} is recorded as its absolute value",
+    "sensor_saturation": "{name} is cut at the ends of its range",
+    "mass_imbalance": "the rotor is out of balance: a force turns with it that the simulation leaves out",
+    "aero_imbalance": "the blades are not pitched alike: a load turns with the rotor that the simulation leaves out",
+    "tower_shadow": "loads come three times a revolution (tower shadow) that the simulation leaves out",
+    "rotational_sampling": "loads come three times a revolution (turbulence sampled by the blades) that the simulation"
+    " leaves out",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Name:
+    """Hold one name of an effect, with its share among those not told apart."""
+
+    entry: str
+    place: str
+    told: Told
+    units: Mapping[str, str]
+    weight: float
+
+
+def names_of(found: Found, told: Told, explanation: Explanation, context: Mapping[str, Any]) -> list[Name]:
+    """Return the names an effect may have, the likeliest first, shares summing to 1."""
+    if found.mode is not None:
+        return [Name(_mode_name(found, context), f"output:{found.mode.output}", told, _MODE_UNITS, 1.0)]
+    assert found.scored is not None
+    h = found.scored.hypothesis
+    units = dict(zip(h.names, h.units, strict=True))
+    own = _physical(h, found, explanation, context)
+    share = 1.0 / len(own)
+    names = [Name(n, h.place, told, units, share) for n in own]
+    if not found.rivals:
+        return names
+    each = 0.4 / len(found.rivals)
+    names = [Name(n.entry, n.place, n.told, n.units, 0.6 * n.weight) for n in names]
+    for rival in found.rivals:
+        values = dict(zip(rival.hypothesis.names, ((v, np.inf) for v in rival.values), strict=True))
+        names.append(
+            Name(rival.hypothesis.entry, rival.hypothesis.place, values,
+                 dict(zip(rival.hypothesis.names, rival.hypothesis.units, strict=True)), each)
+        )  # fmt: skip
+    return names
+
+
+_MODE_UNITS = {"frequency_hz": "Hz", "damping": "1"}
+
+
+def is_turbine(context: Mapping[str, Any]) -> bool:
+    """Tell whether the case says that the machine is a wind turbine."""
+    return str(context.get("machine", "")).lower().replace("_", " ") in ("wind turbine", "turbine")
+
+
+def _mode_name(found: Found, context: Mapping[str, Any]) -> str:
+    assert found.mode is not None
+    if not is_turbine(context):
+        return "structural_mode"
+    if found.edge:
+        return "blade_edge"
+    f, name = found.mode.frequency_hz, found.mode.output.lower()
+    kinds = [k.entry for k in KINDS if re.search(k.pattern, name) and k.band_hz[0] <= f <= k.band_hz[1]]
+    return kinds[0] if kinds else "structural_mode"
+
+
+def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Mapping[str, Any]) -> list[str]:
+    """Return what an operator may stand for: a factor on the pitch of a turbine is aerodynamic."""
+    if h.entry == "mass_imbalance":
+        return _imbalance(explanation)
+    if h.entry == "tower_shadow":
+        return ["tower_shadow", "rotational_sampling"]
+    if h.entry != "parameter_error" or not is_turbine(context) or not h.place.startswith("input:"):
+        return [h.entry]
+    if not _is_angle(h):
+        return ["parameter_error"]
+    slow = max((s.nats for s in explanation.table if s.hypothesis.entry == "dynamic_inflow"), default=0.0)
+    assert found.scored is not None
+    if slow > _AERO_RIVAL * found.scored.nats and found.scored.values[0] > 1:
+        return ["dynamic_inflow", "parameter_error"]
+    return ["air_density", "parameter_error"]
+
+
+def _is_angle(h: Hypothesis) -> bool:
+    return bool(re.search(r"pitch|blpit|beta", h.place.lower()))
+
+
+def _imbalance(explanation: Explanation) -> list[str]:
+    """Return which imbalance a load once a revolution is: of the mass where the tower sways sideways most."""
+    moved = explanation.moved
+    lateral = max((v for n, v in moved.items() if re.search(_LATERAL, n.lower())), default=0.0)
+    flap = max((v for n, v in moved.items() if n.endswith(("_cosine", "_sine"))), default=0.0)
+    if lateral - 1 > 1.5 * max(flap - 1, 0.0) and lateral > 1:
+        return ["mass_imbalance"]
+    return ["mass_imbalance", "aero_imbalance"]
+
+
+def statement(name: Name, units: Mapping[str, str]) -> str:
+    """Return one plain sentence."""
+    channel = name.place.partition(":")[2] or name.place
+    values = {k: v for k, (v, _) in name.told.items()}
+    unit = name.units.get("width") or name.units.get("rate") or units.get(channel, "")
+    if "frequency_hz" in values:
+        what = next((k.words for k in KINDS if k.entry == name.entry), "a mode")
+        return (
+            f"{what} at {values['frequency_hz']:.3g} Hz with damping {values['damping']:.2g} is in the recording and"
+            f" not in the simulation, seen most in {channel}"
+        )
+    try:
+        return _WORDS[name.entry].format(name=channel, unit=unit, **values)
+    except KeyError:
+        return f"{entry(name.entry).name} at {name.place}"
+
+
+def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[str, Any]:
+    """Return an effect as diagnosis.json holds it."""
+    kind, channel = entry(name.entry), name.place.partition(":")[2]
+    inputs = (channel,) if name.place.startswith("input:") else ()
+    outputs = (channel,) if name.place.startswith("output:") else ()
+    where = location(name.place, outputs=outputs, inputs=inputs)
+    if "frequency_hz" in name.told:
+        f, std = name.told["frequency_hz"]
+        where["frequency_hz"] = [max(f - max(0.1 * f, 2 * std), 0.0), f + max(0.1 * f, 2 * std)]
+    if name.place == "rotor":
+        where["azimuth_order"] = 3 if kind.family == "rotor_3p" else 1
+    return {
+        "id": name.entry, "family": kind.family, "statement": statement(name, units), "location": where,
+        "equation": kind.equation,
+        "parameters": {
+            k: {"value": _finite(v), "std": _finite(s), "unit": name.units.get(k, "")}
+            for k, (v, s) in name.told.items()
+        },
+        "rivals": [{"id": r.entry, "entry": r.place, "weight": r.weight} for r in rivals],
+        "weight": name.weight,
+    }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,96 @@
+"""Operators on single channels (N,) at the recording's own sample time: what actuators, sensors and loggers do.
+
+Filters take the signal as linear between its samples, so that a lag told is the lag of the continuous element and not
+of a held command. Every operator starts at rest at the first sample and is causal but for a negative delay.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+from scipy.ndimage import shift
+from scipy.signal import lfilter
+
+from aeolid.compiled import njit
+
+Array = NDArray[np.float64]
+
+
+def first_order(x: Array, tau: float, step: float) -> Array:
+    """Return the response of 1/(1 + tau s), tau in s; x itself where tau is 0."""
+    if tau <= 1e-9 * step:
+        return x
+    return _filtered(x, np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0]), step)
+
+
+def second_order(x: Array, omega: float, damping: float, step: float) -> Array:
+    """Return the response of ω²/(s² + 2 ζ ω s + ω²), ω in rad/s."""
+    A = np.array([[0.0, 1.0], [-(omega**2), -2 * damping * omega]])
+    return _filtered(x, A, np.array([0.0, omega**2]), np.array([1.0, 0.0]), step)
+
+
+def delayed(x: Array, delay: float, step: float) -> Array:
+    """Return x some seconds later (earlier where negative), by cubic splines between the samples."""
+    out: Array = shift(x, delay / step, order=3, mode="nearest")
+    return out
+
+
+def _filtered(x: Array, A: Array, b: Array, c: Array, step: float) -> Array:
+    """Return c of ẋ = A x + b u for u linear between samples (first-order hold), at rest before the first sample."""
+    n = len(A)
+    M = np.zeros((n + 2, n + 2))
+    M[:n, :n], M[:n, n], M[n, n + 1] = A * step, b * step, 1.0
+    E = expm(M)
+    F, g0, g1 = np.ascontiguousarray(E[:n, :n]), E[:n, n] - E[:n, n + 1], E[:n, n + 1]
+    # x_{k+1} = F x_k + g0 u_k + g1 u_{k+1}
+    u = x - x[0]
+    drive = np.zeros((len(x), n))
+    drive[1:] = np.outer(u[:-1], g0) + np.outer(u[1:], g1)
+    follows = _run(F, drive) @ c if n > 1 else lfilter([1.0], [1.0, -F[0, 0]], drive[:, 0]) * c[0]
+    out: Array = x[0] + follows
+    return out
+
+
+@njit(cache=True)
+def _run(F: Array, drive: Array) -> Array:
+    out = np.empty_like(drive)
+    state = np.zeros(len(F))
+    for k in range(len(drive)):
+        state = F @ state + drive[k]
+        out[k] = state
+    return out
+
+
+@njit(cache=True)
+def play(x: Array, width: float) -> Array:
+    """Return what follows x through a clearance of `width` in all."""
+    out = np.empty_like(x)
+    at, half = x[0], 0.5 * width
+    for k in range(len(x)):
+        at = min(max(at, x[k] - half), x[k] + half)
+        out[k] = at
+    return out
+
+
+@njit(cache=True)
+def rate_limited(x: Array, rate: float, step: float) -> Array:
+    """Return what follows x no faster than `rate` a second."""
+    out = np.empty_like(x)
+    at, most = x[0], rate * step
+    for k in range(len(x)):
+        at += min(max(x[k] - at, -most), most)
+        out[k] = at
+    return out
+
+
+@njit(cache=True)
+def dead_band(x: Array, width: float) -> Array:
+    """Return what follows x only when it has left a band of ± width/2 about where it stood."""
+    out = np.empty_like(x)
+    at, half = x[0], 0.5 * width
+    for k in range(len(x)):
+        if abs(x[k] - at) > half:
+            at = x[k]
+        out[k] = at
+    return out

@@ -1,0 +1,231 @@
+"""Bring a simulator's runs and the recordings to windows of one length, one rate and one scale.
+
+Outputs are means over blocks of q samples; every sample of the inputs in a block stays a regressor of its own, so that
+no operator on an input brings back what decimation took away. Blade outputs go to the fixed frame (Coleman, Feingold
+1958): mean, cosine and sine part of three blades or more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.run_prior.grams import Gram, lagged_gram, total
+from aeolid.errors import NotIdentifiable
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Operator = Callable[[Array, float], Array]  # of a channel (N,) and its sample time in s
+_SETTLE = 20  # blocks left out at the start: operators begin at rest
+_SHORTEST = 10  # windows of a stretch without a missing sample
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """Hold one recording or run: u (N, r), y (N, l), azimuth (N,) in rad or None, where samples are missing, source."""
+
+    u: Array
+    y: Array
+    azimuth: Array | None
+    missing: Mask
+    step: float
+    source: str
+
+    def __len__(self) -> int:
+        return len(self.u)
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """Say what a hypothesis does to the data.
+
+    inputs: operators on recorded inputs, by place; outputs: operators on outputs of the run, by place; extra: further
+    regressors (N, e) of a recording, at its sample time.
+    """
+
+    inputs: Mapping[int, Operator] = field(default_factory=dict)
+    outputs: Mapping[int, Operator] = field(default_factory=dict)
+    extra: Callable[[Side], Array] | None = None
+
+    def after(self, first: Change) -> Change:
+        """Return both changes, `first` before this one."""
+        return Change(
+            _chained(first.inputs, self.inputs), _chained(first.outputs, self.outputs), _beside(first.extra, self.extra)
+        )
+
+
+def _chained(first: Mapping[int, Operator], then: Mapping[int, Operator]) -> dict[int, Operator]:
+    both = dict(first)
+    for i, f in then.items():
+        inner = first.get(i)
+        both[i] = f if inner is None else _compose(inner, f)
+    return both
+
+
+def _compose(inner: Operator, outer: Operator) -> Operator:
+    return lambda x, step: outer(inner(x, step), step)
+
+
+def _beside(a: Callable[[Side], Array] | None, b: Callable[[Side], Array] | None) -> Callable[[Side], Array] | None:
+    if a is None or b is None:
+        return b if a is None else a
+    return lambda side: np.hstack([a(side), b(side)])
+
+
+NOTHING = Change()
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """Hold recordings and runs as windows see them.
+
+    inputs, outputs: names as recorded; shown: names of the outputs in the fixed frame; stride: samples a block; past:
+    blocks a window; blades: places of each set of blade outputs; offset, scale (m,): of the runs.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    shown: tuple[str, ...]
+    recordings: tuple[Side, ...]
+    runs: tuple[Side, ...]
+    step: float
+    stride: int
+    past: int
+    blades: tuple[tuple[int, ...], ...]
+    offset: Array
+    scale: Array
+
+    @property
+    def block_s(self) -> float:
+        """Return the time of a block in s."""
+        return self.step * self.stride
+
+    def regressors(self) -> int:
+        """Return how many regressors a window has, the constant included."""
+        held = len(self.inputs) * self.stride
+        return self.past * (held + len(self.shown)) + held + 1
+
+    def of_recordings(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
+        """Return the moments of the recordings' windows that end in a part of each, 0 … 1, with a change of them."""
+        return total([self._moments(s, change.inputs, {}, change.extra, first, last) for s in self.recordings])
+
+    def of_runs(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
+        """Return the moments of the runs' windows that end in a part of each, with what a change does to them."""
+        return total([self._moments(s, {}, change.outputs, None, first, last) for s in self.runs])
+
+    def of_runs_changed(self, change: Change, first: float, last: float) -> Gram:
+        """Return the moments of the runs' windows when their inputs are changed like the recordings'."""
+        return total([self._moments(s, change.inputs, change.outputs, None, first, last) for s in self.runs])
+
+    def predicted(self, side: Side, change: Change, theta: Array, first: float) -> tuple[Array, Array, Array]:
+        """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units."""
+        z = (self._blocks(_changed(side.u, change.inputs, side.step), side.y, side.azimuth) - self.offset) / self.scale
+        start = max(round(first * len(z)), self.past)
+        held = len(self.inputs) * self.stride
+        k = np.arange(start, len(z))
+        rows = [z[k - i] for i in range(1, self.past + 1)] + [z[k][:, :held], np.ones((len(k), 1))]
+        if change.extra is not None:
+            rows.append(_before(_in_blocks(change.extra(side), self.stride)[:, -1])[k])
+        scale, offset = self.scale[held:], self.offset[held:]
+        time_s = np.asarray(k * self.block_s, dtype=np.float64)
+        return time_s, z[k][:, held:] * scale + offset, np.hstack(rows) @ theta * scale + offset
+
+    def _moments(
+        self, side: Side, inputs: Mapping[int, Operator], outputs: Mapping[int, Operator],
+        extra: Callable[[Side], Array] | None, first: float, last: float,
+    ) -> Gram:  # fmt: skip
+        u, y = _changed(side.u, inputs, side.step), _changed(side.y, outputs, side.step)
+        z = (self._blocks(u, y, side.azimuth) - self.offset) / self.scale
+        n = len(z)
+        missing: Mask = np.any(side.missing[: n * self.stride].reshape(n, self.stride), axis=1)
+        added = None if extra is None else _in_blocks(extra(side), self.stride)[:, -1]
+        start = max(round(first * len(z)), _SETTLE + self.past) - self.past
+        stop = round(last * len(z))
+        parts = []
+        for a, b in stretches(missing[start:stop], self.past + _SHORTEST):
+            rows = slice(start + a, start + b)
+            more = None if added is None else _before(added)[rows]
+            parts.append(lagged_gram(z[rows], self.past, len(self.inputs) * self.stride, more))
+        if not parts:
+            raise NotIdentifiable(
+                f"{side.source}: no stretch of {self.past + _SHORTEST} blocks of {self.block_s:g} s without a missing"
+                " sample; record longer or fill the gaps"
+            )
+        return total(parts)
+
+    def _blocks(self, u: Array, y: Array, azimuth: Array | None) -> Array:
+        """Return blocks (n, r q + l): all samples of the inputs, mean of the outputs in the fixed frame."""
+        held = _in_blocks(u, self.stride)
+        mean = _in_blocks(fixed_frame(y, azimuth, self.blades), self.stride).mean(axis=1)
+        return np.hstack([held.reshape(len(held), -1), mean])
+
+
+def _before(added: Array) -> Array:
+    """Return regressors of the block before: a filter's end at the same block would know of the present output."""
+    return np.vstack([np.zeros((1, added.shape[1])), added[:-1]])
+
+
+def _in_blocks(values: Array, stride: int) -> Array:
+    n = len(values) // stride
+    return values[: n * stride].reshape(n, stride, values.shape[1])
+
+
+def _changed(values: Array, operators: Mapping[int, Operator], step: float) -> Array:
+    if not operators:
+        return values
+    out = values.copy()
+    for i, f in operators.items():
+        out[:, i] = f(out[:, i], step)
+    return out
+
+
+def stretches(missing: Mask, shortest: int) -> list[tuple[int, int]]:
+    """Return start and stop of every run of blocks without a missing sample, at least so long."""
+    good = np.concatenate([[False], ~missing, [False]])
+    edges = np.flatnonzero(np.diff(good.astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= shortest]
+
+
+def fixed_frame(y: Array, azimuth: Array | None, blades: Sequence[Sequence[int]]) -> Array:
+    """Return the outputs with every set of blade outputs as mean, cosine and sine part (multi-blade coordinates)."""
+    if not blades or azimuth is None:
+        return y
+    turning = {j for places in blades for j in places}
+    columns = [y[:, [j for j in range(y.shape[1]) if j not in turning]]]
+    for places in blades:
+        b = len(places)
+        angle = azimuth[:, None] + 2 * np.pi * np.arange(b) / b
+        own = y[:, list(places)]
+        columns.append(
+            np.column_stack(
+                [own.mean(axis=1), 2 / b * (own * np.cos(angle)).sum(axis=1), 2 / b * (own * np.sin(angle)).sum(axis=1)]
+            )
+        )
+    return np.hstack(columns)
+
+
+def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str]) -> Side:
+    """Return a recording's channels with missing samples filled in for the filters' sake and marked."""
+    u, y = record.columns(inputs), record.columns(outputs)
+    missing: Mask = ~np.all(np.isfinite(np.hstack([u, y])), axis=1)
+    angle = record.names("azimuth")
+    azimuth = None
+    if angle:
+        values = record.column(angle[0])
+        turns = np.pi / 180 if record.unit(angle[0]).startswith(("deg", "°")) else 1.0
+        missing |= ~np.isfinite(values)
+        azimuth = np.nan_to_num(values) * turns
+    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source)
+
+
+def _filled(values: Array) -> Array:
+    out = values.copy()
+    for j in range(out.shape[1]):
+        good = np.isfinite(out[:, j])
+        if not good.all() and good.any():
+            out[:, j] = np.interp(np.arange(len(out)), np.flatnonzero(good), out[good, j])
+    return out

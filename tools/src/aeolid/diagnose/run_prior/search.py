@@ -1,0 +1,141 @@
+"""Screen all hypotheses of a pair, refine the best, and hold each gain against what the run itself would gain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
+
+from aeolid.diagnose.run_prior.evidence import Evidence, covariance_at, evidence, prior_of, shrinkage_of
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
+from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+
+Array = NDArray[np.float64]
+FIT = 0.7  # of each recording in which hypotheses are chosen and fitted; the rest is sealed
+_KEPT = 8  # hypotheses that are refined
+_NEAR = 0.15  # of the best gain from which a hypothesis is refined …
+_LEAST = 3.0  # … and nats
+
+
+@dataclass(frozen=True, eq=False)
+class Scored:
+    """Hold what a hypothesis gains: nats of surplus, its values, the weight of the run with it, and the raw gain."""
+
+    hypothesis: Hypothesis
+    values: Values
+    nats: float
+    raw: float
+    weight: float
+
+    @property
+    def change(self) -> Change:
+        """Return what it does to the data."""
+        return self.hypothesis.change(self.values)
+
+
+class Search:
+    """Evaluate hypotheses on one part of a pair, behind what was found before.
+
+    found: the change that stands already. Evaluations of one pair share the run's moments.
+    """
+
+    def __init__(self, pair: Pair, found: Change = NOTHING, last: float = FIT) -> None:
+        """Form the moments of run and recordings and the evidence without a hypothesis."""
+        self.pair, self.found, self.last = pair, found, last
+        whole = pair.of_runs(found)
+        channels = len(pair.inputs) * pair.stride + len(pair.shown)
+        self.ridge = shrinkage_of(whole, pair.past, channels)
+        self.prior = prior_of(whole, self.ridge)
+        self.recorded = pair.of_recordings(found, 0.0, last)
+        self.base: Evidence = evidence(self.prior, self.recorded)
+        self._half = prior_of(pair.of_runs(found, 0.0, 0.5), self.ridge)
+        self._other = evidence(self._half, pair.of_runs(found, 0.5, 1.0))
+        self._share = self.recorded.count / max(pair.of_runs(found, 0.5, 1.0).count, 1)
+        self.evaluations = 0
+
+    def covariance_at(self, weight: float) -> Array:
+        """Return the covariance (l, l) of the innovations when the run has a weight."""
+        return covariance_at(self.prior, self.recorded, weight)
+
+    def gain(self, h: Hypothesis, values: Values) -> tuple[float, float]:
+        """Return the gain in nats over the evidence without it, and the weight of the run."""
+        self.evaluations += 1
+        change = h.change(values).after(self.found)
+        prior = self.prior if not h.change(values).outputs else prior_of(self.pair.of_runs(change), self.ridge)
+        recorded = self.recorded
+        if change.inputs is not self.found.inputs or change.extra is not self.found.extra:
+            recorded = self.pair.of_recordings(change, 0.0, self.last)
+        found = evidence(prior, recorded, self.base.weight)
+        return found.nats - self.base.nats, found.weight
+
+    def control(self, h: Hypothesis, values: Values) -> float:
+        """Return what the same change gains on the run alone: its second half under its first, both changed.
+
+        A change that brings information back which blocks have lost gains there, too; it is no effect.
+        """
+        change = h.change(values)
+        if not change.inputs:
+            return 0.0
+        prior = prior_of(self.pair.of_runs_changed(change.after(self.found), 0.0, 0.5), self.ridge)
+        changed = evidence(prior, self.pair.of_runs_changed(change.after(self.found), 0.5, 1.0), self._other.weight)
+        return max(0.0, self._share * (changed.nats - self._other.nats))
+
+    def screen(self, hypotheses: Sequence[Hypothesis], tick: Callable[[str], None] = lambda _: None) -> list[Scored]:
+        """Return the best grid value of every hypothesis, best first."""
+        found = []
+        for h in hypotheses:
+            tick(h.key)
+            gains = [(*self.gain(h, v), v) for v in h.grid]
+            raw, weight, values = max(gains, key=lambda g: g[0])
+            found.append(Scored(h, values, raw, raw, weight))
+        return sorted(found, key=lambda s: -s.nats)
+
+    def refine(self, screened: Sequence[Scored], tick: Callable[[str], None] = lambda _: None) -> list[Scored]:
+        """Return the best hypotheses with values that maximise the evidence, and their surplus over the control."""
+        top = max((s.nats for s in screened), default=0.0)
+        chosen = [s for s in screened if s.nats > max(_LEAST, _NEAR * top)][:_KEPT]
+        found = []
+        for s in chosen:
+            tick(s.hypothesis.key)
+            best = self._maximised(s)
+            found.append(replace(best, nats=best.raw - self.control(best.hypothesis, best.values)))
+        return sorted(found, key=lambda s: -s.nats)
+
+    def _maximised(self, s: Scored) -> Scored:
+        h = s.hypothesis
+        if not h.names:
+            return s
+        low, high = np.array(h.low), np.array(h.high)
+        to = (np.log, np.exp) if h.scaled else (np.asarray, np.asarray)
+        best = s
+
+        def loss(x: Array) -> float:
+            nonlocal best
+            values = tuple(float(v) for v in np.clip(to[1](np.atleast_1d(x)), low, high))
+            raw, weight = self.gain(h, values)
+            if raw > best.raw:
+                best = Scored(h, values, raw, raw, weight)
+            return -raw
+
+        start = to[0](np.array(s.values))
+        if len(start) == 1:
+            around = self._around(h, s.values[0])
+            fine = 0.01 if h.scaled else 0.01 * self.pair.block_s
+            ends = tuple(to[0](np.array(around)))
+            minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": fine, "maxiter": 12})
+        else:
+            simplex = np.vstack([start, *(start + 0.35 * np.eye(len(start))[k] for k in range(len(start)))])
+            minimize(loss, start, method="Nelder-Mead",
+                     options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.3, "maxfev": 40})  # fmt: skip
+        return best
+
+    def _around(self, h: Hypothesis, value: float) -> tuple[float, float]:
+        """Return the neighbours of a grid value, or the ends of the range."""
+        grid = sorted(v[0] for v in h.grid)
+        k = grid.index(value)
+        below = grid[k - 1] if k else max(h.low[0], value / 4 if h.scaled else h.low[0])
+        above = grid[k + 1] if k + 1 < len(grid) else min(h.high[0], value * 4 if h.scaled else h.high[0])
+        return float(below), float(above)
