@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -32,14 +31,11 @@ if TYPE_CHECKING:
     from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Record
 
-    _Result = Identification | LpvIdentification | OrtIdentification
-
 EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
-STABILISED = ("varx", "varmax", "ort")
 CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
@@ -203,12 +199,12 @@ def identify(
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
     from aeolid.identify.choices import with_choices_made
+    from aeolid.identify.sound import identify_soundly
     from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Roles
 
-    table = Roles.load(roles)
     with waiting("reading"):
-        records = [read_record(path, table) for path in recordings]
+        records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
     with waiting(f"looking at {sum(map(len, records))} samples for feedthrough and past window"):
         common: dict[str, Any] = {"future": future, "order": _order(order), "decimation": decimate}
         common["regularization"] = _regularization(regularize)
@@ -216,10 +212,8 @@ def identify(
         made = _choose(method, records, past, feedthrough, common, streamed)
         common |= {"past": made.past, "feedthrough": _mask(method, feedthrough, made)}
     with waiting(f"identifying with a past window of {made.past} samples"):
-        own |= doubt | scheduled | joint | finish
-        run = partial(_run, method, records, common, own, streamed)
-        result = _sound(run, records, method, stable, allow_unstable)
-    result = with_choices_made(result, made)
+        run = partial(_run, method, records, common, own | doubt | scheduled | joint | finish, streamed)
+        result = with_choices_made(identify_soundly(run, records, stable, allow_unstable), made)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -290,27 +284,6 @@ def _run(
 
     run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
     return run(records, markov=streamed, stable=stable, **common, **own)
-
-
-def _sound(run: Callable[[bool], _Result], records: list[Record], method: str, stable: bool, allowed: bool) -> _Result:
-    """Identify, stable or not, and refuse a model that is unsound on its own recordings unless that is allowed.
-
-    Growing poles that cannot be told from integrators, and lose a free run, are moved inside, which is said.
-    """
-    from aeolid.identify.sound import judge, require_sound
-
-    result = run(stable)
-    moved: tuple[str, ...] = ()
-    found = judge(result.model, result.modes, records, result.settings.past)
-    if found is not None and found.lost and found.integrates and method in STABILISED and not (stable or allowed):
-        moved = (
-            "poles outside the unit circle were moved inside, as --stable does: a free run is lost by them, and within "
-            "their bands or the past window they cannot be told from an integrator's (--allow-unstable leaves them)",
-        )
-        result = run(True)
-        found = judge(result.model, result.modes, records, result.settings.past)
-    said = require_sound(found, allowed=allowed)
-    return replace(result, notes=(*result.notes, *moved, *said))
 
 
 def _given(**options: Any) -> dict[str, Any]:

@@ -89,8 +89,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
         _check_unit(baseline, records[0])
     else:
         baseline = read_state_space(path) if kind == "state_space" else _equations(path)
-        records = tuple(at_rate_of(baseline.sample_time_s, r) for r in records)
-        _check_channels(baseline, records[0], str(path))
+        records = _fitting(baseline, records, str(path))
     same = data["baseline"].get("same_inputs", False)
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
@@ -141,6 +140,13 @@ def _check_unit(unit: Fmu, record: Record) -> None:
     units = {c.name: c.unit for c in record.channels}
     unit.require(record.names("input"), "input", units)
     unit.require(record.names("output"), "output", units)
+
+
+def _fitting(model: StateSpace | Equations, records: tuple[Record, ...], source: str) -> tuple[Record, ...]:
+    """Return the recordings at the sample time of a model whose channels they have."""
+    found = tuple(at_rate_of(model.sample_time_s, r) for r in records)
+    _check_channels(model, found[0], source)
+    return found
 
 
 def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:

@@ -84,16 +84,14 @@ def identify_fir(
     each recording at a time, since coloured noise voids the formula of varx.
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
-    settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
-    settings = replace(settings, uncertainty="jackknife")
-    raw, records = records, [decimate_causally(r, decimation) for r in records]
+    asked = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
+    settings, raw = replace(asked, uncertainty="jackknife"), records
+    records = [decimate_causally(r, decimation) for r in records]
     scaling, source = find_scaling(records), records[0].source
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
-    parts = [
-        InputFactor.of(factorise(records, scaling, past, first=g / GROUPS, last=(g + 1) / GROUPS))
-        for g in range(GROUPS)
-    ]
+    spans = [(g / GROUPS, (g + 1) / GROUPS) for g in range(GROUPS)]
+    parts = [InputFactor.of(factorise(records, scaling, past, first=a, last=b)) for a, b in spans]
     whole = merged(parts)
     require_windows(records, past, len(scaling.inputs), whole.windows)
     estimate = estimate_markov(whole, through, regularization)
@@ -124,8 +122,13 @@ def identify_fir(
         notes=_notes(whole, estimate, model),
         version=aeolid.__version__,
     )
-    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
-    return replace(result, modes=modes, notes=told)
+    return _told(result, raw)
+
+
+def _told(result: Identification, raw: Sequence[Record]) -> Identification:
+    """Return the result with what decimation folds down; raw: the recordings before it."""
+    modes, notes = tell_of_folding(result.modes, result.notes, raw, result.settings.decimation)
+    return replace(result, modes=modes, notes=notes)
 
 
 def _order(

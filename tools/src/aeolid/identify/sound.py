@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,20 @@ from aeolid.models.rate import at_rate_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
+if TYPE_CHECKING:
+    from aeolid.identify.lpv import LpvIdentification
+    from aeolid.identify.ort import OrtIdentification
+    from aeolid.identify.result import Identification
+
+Result = TypeVar("Result", bound="Identification | LpvIdentification | OrtIdentification")
 Array = NDArray[np.float64]
 BAND = 3.0  # standard deviations of a pole's size within which the unit circle is not excluded: 0.1 % of integrators
 SLOW = 1.0  # |log z| p: growth by e, or a radian, within the past window
+STABILISED = ("varx", "varmax", "ort")  # methods with a model whose poles can be moved inside
+MOVED = (
+    "poles outside the unit circle were moved inside, as --stable does: a free run is lost by them, and within their "
+    "bands or the past window they cannot be told from an integrator's (--allow-unstable leaves them)"
+)
 REMEDY = (
     "lower the order, lengthen the past window (--past) or the sample (--decimate), or ask for --stable; "
     "--allow-unstable writes the model as it is, which is right for a plant that only its controller holds"
@@ -81,6 +93,23 @@ def judge(
         if wild is not None or missed:
             found.append(_weigh(record.source, wild, missed, modes, model.sample_time_s, len(part), past))
     return max(found, key=lambda f: (f.refused, f.lost), default=None)
+
+
+def identify_soundly(run: Callable[[bool], Result], records: Sequence[Record], stable: bool, allowed: bool) -> Result:
+    """Identify by run(stable) and refuse a model that is unsound on its own recordings unless that is allowed.
+
+    Growing poles that cannot be told from integrators, and lose a free run, are moved inside by run(True), where the
+    method can, and the notes say so. Raises NotIdentifiable with what happens and what to do.
+    """
+    result = run(stable)
+    moved: tuple[str, ...] = ()
+    found = judge(result.model, result.modes, records, result.settings.past)
+    movable = result.settings.to_json()["method"] in STABILISED and not (stable or allowed)
+    if found is not None and found.lost and found.integrates and movable:
+        result, moved = run(True), (MOVED,)
+        found = judge(result.model, result.modes, records, result.settings.past)
+    said = require_sound(found, allowed=allowed)
+    return replace(result, notes=(*result.notes, *moved, *said))
 
 
 def require_sound(found: Unsound | None, *, allowed: bool) -> tuple[str, ...]:

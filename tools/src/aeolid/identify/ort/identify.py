@@ -107,8 +107,13 @@ def identify_ort(
         notes=_notes(whole, model, fit, past, condition, tests),
         version=aeolid.__version__,
     )
-    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
-    return replace(result, modes=modes, notes=told)
+    return _told(result, raw)
+
+
+def _told(result: OrtIdentification, raw: Sequence[Record]) -> OrtIdentification:
+    """Return the result with what decimation folds down; raw: the recordings before it."""
+    modes, notes = tell_of_folding(result.modes, result.notes, raw, result.settings.decimation)
+    return replace(result, modes=modes, notes=notes)
 
 
 def _settings(
