@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.diagnose.inside import resolve
+from aeolid.diagnose.match import matched
 from aeolid.errors import Contradiction, DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
@@ -77,8 +78,9 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     path = find(file, f"{source} [baseline] file")
     baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
-        baseline = read_record(path, roles)
-        require_same_layout((*records, baseline))
+        own = data["baseline"].get("roles")
+        own = None if own is None else Roles.load(find(own, f"{source} [baseline] roles"))
+        records, baseline = _run(path, records, roles, own)
     elif kind == "fmu":
         baseline = open_fmu(path)
         if not allow_fmu:
@@ -96,6 +98,15 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     )  # fmt: skip
 
 
+def _run(path: Path, records: tuple[Record, ...], roles: Roles, own: Roles | None) -> tuple[tuple[Record, ...], Record]:
+    """Read a simulator's run by the recordings' roles, or by its own and then brought together with them."""
+    run = read_record(path, roles if own is None else own)
+    if own is not None:
+        records, run = matched(records, run)
+    require_same_layout((*records, run))
+    return records, run
+
+
 def _equations(path: Path) -> Equations:
     """Read equations that a diagnosis can take apart and fit."""
     model = equations_file.load(path)
@@ -110,7 +121,7 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
     where = f"{source} [baseline]"
     if not isinstance(table, dict):
         raise DataError(f"{where}: the table is missing; give kind and file")
-    check_keys(table, {"kind", "file", "same_inputs"}, where)
+    check_keys(table, {"kind", "file", "same_inputs", "roles"}, where)
     kind = table.get("kind")
     if kind not in KINDS:
         raise DataError(f"{where}: kind = {shown(kind)} is none of {', '.join(KINDS)}")
@@ -118,6 +129,8 @@ def _baseline(table: Any, source: str) -> tuple[str, str]:
         raise DataError(f"{where}: same_inputs is true or false")
     if not isinstance(table.get("file"), str):
         raise DataError(f"{where}: file is missing")
+    if "roles" in table and (kind != "run" or not isinstance(table["roles"], str)):
+        raise DataError(f'{where}: roles names the roles file of a run\'s own file; it is for kind = "run"')
     return kind, table["file"]
 
 

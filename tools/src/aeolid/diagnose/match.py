@@ -1,0 +1,48 @@
+"""Bring a simulator's run and the recordings to the same channels and the same sample time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from aeolid.errors import DataError
+from aeolid.record import Record
+
+_SAME = 1e-6  # of a ratio of sample times, within which it is a whole number
+
+
+def matched(records: Sequence[Record], run: Record) -> tuple[tuple[Record, ...], Record]:
+    """Return recordings and run with the channels that both have, by name, in the recordings' order, at one step.
+
+    The side with the shorter sample time keeps the samples at the other's; nothing is averaged, since a logger picks
+    samples, too. Outputs and channels that only describe (azimuth, wind) may be missing on either side and are left
+    out of both. Raises DataError where an input is missing, no output is left, or one sample time is no multiple of the
+    other.
+    """
+    first = records[0]
+    there = {c.name: c for c in run.channels}
+    for channel in first.of("input"):
+        if channel.name not in there:
+            raise DataError(
+                f"{run.source}: no channel {channel.name!r}, an input of {first.source}; its roles file must name it"
+            )
+    names = [c.name for c in first.channels if c.name in there and there[c.name].role == c.role]
+    if not any(there[n].role == "output" for n in names):
+        raise DataError(f"{run.source}: no output of {first.source} is among its channels; names pair the two files")
+    step = max(run.sample_time_s, first.sample_time_s)
+    return tuple(_brought(r, names, step) for r in records), _brought(run, names, step)
+
+
+def _brought(record: Record, names: Sequence[str], step: float) -> Record:
+    every = step / record.sample_time_s
+    whole = round(every)
+    if abs(every - whole) > _SAME * every:
+        raise DataError(
+            f"{record.source}: sample time {record.sample_time_s:g} s is no whole part of {step:g} s; resample one side"
+        )
+    channels = {c.name: (i, c) for i, c in enumerate(record.channels)}
+    places = [channels[n][0] for n in names]
+    return replace(
+        record, time_s=record.time_s[::whole], values=record.values[::whole, places], sample_time_s=step,
+        channels=tuple(replace(channels[n][1], column=None) for n in names),
+    )  # fmt: skip
