@@ -181,7 +181,7 @@ def identify(
     force: ForceOption = False,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
-    check_method(method)
+    check_method(method, past)
     own = _given(passes=passes, forgetting=forget)
     check_passes(own, method, markov)
     doubt = _given(uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)

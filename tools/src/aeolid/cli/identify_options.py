@@ -12,9 +12,12 @@ METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
 SCHEDULED = METHODS[2:4]
 
 
-def check_method(method: str) -> None:
-    """Refuse a method that `identify` does not have; UsageError says what a filter's name is for."""
+def check_method(method: str, past: str) -> None:
+    """Refuse a method that `identify` does not have, saying what a filter's name is for, and a window that is none."""
     if method in METHODS:
+        from aeolid.identify.choose_past import read_past
+
+        read_past(past, 1.0)
         return
     if method in (*FILTERS, *BLOCKS):
         raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
