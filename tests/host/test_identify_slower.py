@@ -9,10 +9,11 @@ import pytest
 from scipy.linalg import block_diag, expm
 
 from aeolid.cli.main import main
+from aeolid.diagnose.case import load_case
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.folding import image_of
 from aeolid.identify.order import OrderChoice
-from aeolid.identify.parsimony import _alike
+from aeolid.identify.parsimony import _alike, _warned
 from aeolid.identify.residuals import run_residual_tests
 from aeolid.identify.sound import judge, require_sound
 from aeolid.identify.varx import identify_varx
@@ -151,6 +152,9 @@ def test_a_recording_is_brought_to_the_rate_of_the_model(tmp_path, capsys):
     assert facts["one_step"]["vaf"]["y"] > 90 and facts["samples"] == 1000
     assert main(["simulate", model, str(other), *common, "--out", str(tmp_path / "s.csv")]) == 0
     assert len((tmp_path / "s.csv").read_text().splitlines()) == 1001
+    case = '[recordings]\nfiles = ["a.csv"]\nroles = "roles.toml"\n[baseline]\nkind = "state_space"\nfile = "m.json"\n'
+    (tmp_path / "case.toml").write_text(case)
+    assert load_case(tmp_path).records[0].sample_time_s == pytest.approx(0.08)
     at_rate = at_rate_of(0.08, record)
     assert at_rate_of(0.08, at_rate) is at_rate and at_rate_of(0.0, record) is record
     for step, remedy in (
@@ -229,7 +233,8 @@ def test_errors_are_alike_where_their_blocks_differ_by_chance():
     assert not _alike(base * 1.2, base)  # every block says so
     assert _alike(base * (1 + random.normal(0.03, 0.3, (20, 2))), base)
     assert not _alike(np.full((20, 2), np.inf), base)
-    assert OrderChoice(3, "", ()).order == 3
+    assert _warned(OrderChoice(58, "why", (0.0,) * 60)).reason.startswith("why; WARNING: that is at the limit")
+    assert _warned(OrderChoice(10, "why", (0.0,) * 60)).reason == _warned(OrderChoice(4, "why", (0.0,) * 4)).reason
 
 
 @pytest.mark.parametrize("seed", [0, 2])

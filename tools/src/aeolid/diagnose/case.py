@@ -90,8 +90,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
             )
         _check_unit(baseline, records[0])
     else:
-        baseline = read_state_space(path) if kind == "state_space" else _equations(path)
-        records = _fitting(baseline, records, str(path))
+        records, baseline = _model(kind, path, records)
     same = data["baseline"].get("same_inputs", False)
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
@@ -155,11 +154,12 @@ def _check_unit(unit: Fmu, record: Record) -> None:
     unit.require(record.names("output"), "output", units)
 
 
-def _fitting(model: StateSpace | Equations, records: tuple[Record, ...], source: str) -> tuple[Record, ...]:
-    """Return the recordings at the sample time of a model whose channels they have."""
+def _model(kind: str, path: Path, records: tuple[Record, ...]) -> tuple[tuple[Record, ...], StateSpace | Equations]:
+    """Read a model whose channels the recordings have, and bring them to its sample time."""
+    model = read_state_space(path) if kind == "state_space" else _equations(path)
     found = tuple(at_rate_of(model.sample_time_s, r) for r in records)
-    _check_channels(model, found[0], source)
-    return found
+    _check_channels(model, found[0], str(path))
+    return found, model
 
 
 def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:

@@ -22,6 +22,8 @@ from aeolid.models.divergence import growing
 from aeolid.models.recursion import run_states
 
 Array = NDArray[np.float64]
+NEAR_LIMIT = 0.8  # of the orders tried; a plant of so many states needs more windows to be told apart from noise
+MANY = 20  # orders tried; of fewer, so many states may be the plant's
 FAR_OFF = 1.0  # of mean log power: no chance of 20 blocks makes an error 2.7 times as large
 BLOCKS = 20  # of the held-out samples; differences of blocks are independent where a block outlasts the dynamics
 LOST = 100.0  # of an output's power: an error of ten standard deviations, as in `fit.DIVERGES`
@@ -41,7 +43,7 @@ def guard_order(
     """
     losses = choice.losses
     if not losses or not _grows(whole, basis, choice.order, feedthrough):
-        return choice
+        return _warned(choice)
     best = int(np.argmin(losses)) + 1
     reference = _block_powers(predictor_errors(fitted, head, best, held_out, feedthrough))
     for n in range(1, choice.order):
@@ -56,7 +58,19 @@ def guard_order(
                 f"samples differs from that of order {best} by no more than chance. Unguarded: {choice.reason}"
             )
             return replace(choice, order=n, reason=reason, answers=choice.answers | {"held-out": n})
-    return choice
+    return _warned(choice)
+
+
+def _warned(choice: OrderChoice) -> OrderChoice:
+    """Return a choice at the limit of many orders with that in its reason."""
+    most = len(choice.losses)
+    if most < MANY or choice.order < NEAR_LIMIT * most:
+        return choice
+    text = (
+        f"{choice.reason}; WARNING: that is at the limit of the orders tried, the error still falls there, and states "
+        "describe noise: name the order, lengthen the past window, or lower the rate (--decimate)"
+    )
+    return replace(choice, reason=text)
 
 
 def _stays(powers: Array) -> bool:
