@@ -160,7 +160,6 @@ static void start_arrays(aeo_fast_rls_t *self)
     self->active = 0;
     self->filled = 0;
     judge_theta(self);
-    aeo_watch_forget(&self->watch, self->watched);
 }
 
 void aeo_fast_rls_reset(aeo_fast_rls_t *self)
@@ -261,6 +260,9 @@ static fit_t move_window(aeo_fast_rls_t *self, const aeo_real_t *w)
         self->health |= AEO_FAST_RLS_RESTARTED;
         fit = compare_window(self, w);
     }
+    if (self->filled == 0u) { /* the watch has taken z; of it a new array absorbs what enters the window now */
+        aeo_watch_forget(&self->watch, self->watched, aeo_linalg_dot(w + (n - m), w + (n - m), m));
+    }
     memcpy(self->step, self->window + m, n * sizeof *w); /* down by m places: old and new overlap */
     memcpy(self->window, self->step, n * sizeof *w);
     memcpy(self->window + n, w + (n - m), m * sizeof *w);
@@ -317,7 +319,7 @@ static void replace_array(aeo_fast_rls_t *self)
     }
     aeo_fast_array_start(self, follower);
     judge_theta(self);
-    aeo_watch_forget(&self->watch, self->watched);
+    aeo_watch_forget(&self->watch, self->watched, AEO_REAL(0));
     self->hold = hold > pass ? hold : pass;
 }
 

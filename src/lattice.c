@@ -138,7 +138,7 @@ static void reset_factors(aeo_lattice_t *self)
         diagonal = j + 1 < p ? diagonal * self->config.forgetting : newest;
     }
     aeo_linalg_start_triangle(factor, self->config.present, newest);
-    aeo_watch_forget(&self->watch, self->watched);
+    aeo_watch_forget(&self->watch, self->watched, AEO_REAL(0));
 }
 
 /* Let the covariances start anew and weights stay, unless a fault has left some that no scaled data have. Until such are

@@ -68,7 +68,7 @@ static void start_factor(aeo_rls_t *self)
     const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
     aeo_linalg_start_triangle(self->factor, self->config.regressors, diagonal);
     self->scan_row = 0;
-    aeo_watch_forget(&self->watch, self->watched);
+    aeo_watch_forget(&self->watch, self->watched, AEO_REAL(0));
 }
 
 void aeo_rls_reset(aeo_rls_t *self)

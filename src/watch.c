@@ -25,19 +25,19 @@
 
 enum { HELD, BROUGHT, LEVELS };
 
-void aeo_watch_forget(aeo_watch_t *self, aeo_real_t *words)
+void aeo_watch_forget(aeo_watch_t *self, aeo_real_t *words, aeo_real_t held)
 {
     self->age = 0u;
     self->moved = 0u;
     self->withheld = 0u;
     self->suspected = 0u;
-    words[HELD] = AEO_REAL(0);
+    words[HELD] = held;
     words[BROUGHT] = AEO_REAL(0);
 }
 
 void aeo_watch_start(aeo_watch_t *self, aeo_real_t *words, size_t outputs)
 {
-    aeo_watch_forget(self, words);
+    aeo_watch_forget(self, words, AEO_REAL(0));
     self->blocks = 0u;
     words += LEVELS;
     for (size_t i = 0; i < outputs; i++) {

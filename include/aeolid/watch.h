@@ -60,8 +60,9 @@ typedef struct {
 /* Begin with nothing known: words (AEO_WATCH_WORDS(outputs) values, written). */
 void aeo_watch_start(aeo_watch_t *self, aeo_real_t *words, size_t outputs);
 
-/* Begin a new block and count as held nothing: P has started anew. Levels stay. */
-void aeo_watch_forget(aeo_watch_t *self, aeo_real_t *words);
+/* Begin a new block: P has started anew. held: |z|^2, at most 1.1e15, of a sample that was taken before and that the new
+ * P absorbs nevertheless; 0 where there is none. Levels stay. */
+void aeo_watch_forget(aeo_watch_t *self, aeo_real_t *words, aeo_real_t held);
 
 /* Take the sample y (outputs values, read, at most 1e6 in size) with power = |z|^2, at most 1.1e15, that the filter has
  * absorbed with lambda (0.5 or more, below 1), or with forgetting withheld: 1, or 2 when P = I / rho would have found news

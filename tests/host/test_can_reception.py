@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -28,6 +30,7 @@ from aeolid.can.wire import (
     no_frames,
     pack_frames,
 )
+from aeolid.cli import receiving
 from aeolid.cli.main import main
 from aeolid.errors import DataError
 
@@ -249,3 +252,19 @@ def test_wrong_options_are_told_before_anything_is_written(
     assert main(["listen", "--bus", str(bus), *(str(bus) if o == "BUS" else o for o in options)]) == 2
     assert words in capsys.readouterr().err
     assert [p.name for p in tmp_path.iterdir()] == ["bus.log"] and bus.read_bytes() == STREAM.read_bytes()
+
+
+def test_watchers_hear_of_the_end_before_files_are_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a page waits for at the end and what bus and files take happen at the same time."""
+    told: list[str] = []
+
+    @contextmanager
+    def shown(*_: object) -> Iterator[Callable[[], None]]:
+        yield lambda: told.append("over")
+        told.append("view closed")
+
+    close_all = receiving._close_all
+    monkeypatch.setattr("aeolid.cli.listen_view.shown", shown)
+    monkeypatch.setattr(receiving, "_close_all", lambda *a: (told.append("bus and files closed"), close_all(*a)))
+    assert main(["listen", "--bus", str(STREAM), "--record", str(tmp_path / "r.csv"), "--no-modes"]) == 0
+    assert told == ["over", "bus and files closed", "view closed"]

@@ -73,7 +73,17 @@ def test_identify_writes_the_model_and_the_facts_of_the_contract(folder, capsys)
 
 def test_json_to_standard_output_is_nothing_but_json(folder, capsys):
     code = run(
-        folder, "identify", folder / "rec1.csv", "--past", 8, "--order", 4, "--out", folder / "m.json", "--json", "-"
+        folder,
+        "identify",
+        folder / "rec1.csv",
+        "--past",
+        8,
+        "--order",
+        4,
+        "--out",
+        folder / "m.json",
+        "--json",
+        "-",
     )
     assert code == 0 and json.loads(capsys.readouterr().out)["order_reason"] == "order 4: as asked for"
 
@@ -81,7 +91,16 @@ def test_json_to_standard_output_is_nothing_but_json(folder, capsys):
 def test_simulate_writes_the_outputs_on_the_recordings_time(folder, capsys):
     out = folder / "sim.csv"
     assert (
-        run(folder, "simulate", folder / "model.json", folder / "rec2.csv", "--out", out, "--json", folder / "s.json")
+        run(
+            folder,
+            "simulate",
+            folder / "model.json",
+            folder / "rec2.csv",
+            "--out",
+            out,
+            "--json",
+            folder / "s.json",
+        )
         == 0
     )
     with open(out) as handle:
@@ -92,7 +111,13 @@ def test_simulate_writes_the_outputs_on_the_recordings_time(folder, capsys):
 
 
 def test_validate_scores_tests_and_fails_above(folder, capsys):
-    arguments = ("validate", folder / "model.json", folder / "rec2.csv", "--json", folder / "v.json")
+    arguments = (
+        "validate",
+        folder / "model.json",
+        folder / "rec2.csv",
+        "--json",
+        folder / "v.json",
+    )
     assert run(folder, *arguments) == 0
     facts = json.loads((folder / "v.json").read_text())
     assert set(facts["k_step"]) == {"5", "10", "50"} and facts["residuals"]["verdict"] in ("pass", "immaterial")
@@ -115,10 +140,30 @@ def test_equations_are_simulated_and_validated(tmp_path, capsys):
     t = np.arange(200) * 0.05
     rows = "\n".join(f"{a},1.0,{1 - np.exp(-a / 0.5)}" for a in t)
     (tmp_path / "rec.csv").write_text("time_s,u,y\n" + rows + "\n")
-    assert run(tmp_path, "simulate", tmp_path / "model.toml", tmp_path / "rec.csv", "--out", tmp_path / "sim.csv") == 0
+    assert (
+        run(
+            tmp_path,
+            "simulate",
+            tmp_path / "model.toml",
+            tmp_path / "rec.csv",
+            "--out",
+            tmp_path / "sim.csv",
+        )
+        == 0
+    )
     simulated = np.loadtxt(tmp_path / "sim.csv", delimiter=",", skiprows=1)
     np.testing.assert_allclose(simulated[:, 1], 1 - np.exp(-t / 0.5), atol=1e-3)
-    assert run(tmp_path, "validate", tmp_path / "model.toml", tmp_path / "rec.csv", "--fail-above", "0.05") == 0
+    assert (
+        run(
+            tmp_path,
+            "validate",
+            tmp_path / "model.toml",
+            tmp_path / "rec.csv",
+            "--fail-above",
+            "0.05",
+        )
+        == 0
+    )
 
 
 def bad_values(kind):
@@ -138,14 +183,29 @@ def bad_values(kind):
     [
         ("constant", 4, ["bad.csv", "'u2'", "constant at 2.5 V"]),
         ("all missing", 3, ["bad.csv", "'y2'", "no value at all"]),
-        ("mostly missing", 4, ["0 complete windows of 11 samples", "missing", "needs at least 45"]),
+        (
+            "mostly missing",
+            4,
+            ["0 complete windows of 11 samples", "missing", "needs at least 45"],
+        ),
         ("three rows", 4, ["bad.csv", "needs at least 45", "55 samples"]),
     ],
 )
 def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, code, words):
     write_recording(folder / "bad.csv", *bad_values(kind))
     capsys.readouterr()
-    assert run(folder, "identify", folder / "bad.csv", "--past", 10, "--out", folder / "x.json") == code
+    assert (
+        run(
+            folder,
+            "identify",
+            folder / "bad.csv",
+            "--past",
+            10,
+            "--out",
+            folder / "x.json",
+        )
+        == code
+    )
     message = " ".join(capsys.readouterr().err.split())
     assert all(w in message for w in words), message
     assert "Traceback" not in message and not (folder / "x.json").exists()
@@ -154,7 +214,11 @@ def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, cod
 @pytest.mark.parametrize(
     "arguments, code, words",
     [
-        (["--method", "ort"], 3, "no channel has the role 'disturbance'; ort needs one"),
+        (
+            ["--method", "ort"],
+            3,
+            "no channel has the role 'disturbance'; ort needs one",
+        ),
         (["--method", "magic"], 2, "'magic' is unknown"),
         (["--order", "seven"], 2, "'seven'"),
         (["--order", "900"], 2, "order 900"),
@@ -163,14 +227,42 @@ def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, cod
         (["--future", "40"], 2, "future window 40"),
         (["--decimate", "0"], 2, "decimation factor 0"),
         (["--markov", "nowhere.npz"], 3, "nowhere.npz: no such file"),
-        (["--markov", "ROLES"], 3, "not readable as NumPy archive (File is not a zip file)"),
-        (["--method", "lattice"], 2, "lattice is a filter: aeolid filter --method lattice"),
+        (
+            ["--markov", "ROLES"],
+            3,
+            "not readable as NumPy archive (File is not a zip file)",
+        ),
+        (
+            ["--method", "lattice"],
+            2,
+            "lattice is a filter: aeolid filter --method lattice",
+        ),
         (["--passes", "5"], 2, "belong to --method varmax"),
-        (["--method", "varmax", "--passes", "-1"], 2, "passes -1 is not within 0 … 1000"),
-        (["--method", "varmax", "--forget", "0.8"], 2, "forgetting 0.8 of the first pass"),
-        (["--method", "varmax", "--forget", "0.95", "--passes", "1"], 2, "needs at least 2 passes"),
-        (["--method", "varmax", "--forget", "0.95", "--markov", "m.npz"], 2, "no pass is run"),
-        (["--json", "/nowhere/facts.json"], 2, "/nowhere/facts.json: cannot be written"),
+        (
+            ["--method", "varmax", "--passes", "-1"],
+            2,
+            "passes -1 is not within 0 … 1000",
+        ),
+        (
+            ["--method", "varmax", "--forget", "0.8"],
+            2,
+            "forgetting 0.8 of the first pass",
+        ),
+        (
+            ["--method", "varmax", "--forget", "0.95", "--passes", "1"],
+            2,
+            "needs at least 2 passes",
+        ),
+        (
+            ["--method", "varmax", "--forget", "0.95", "--markov", "m.npz"],
+            2,
+            "no pass is run",
+        ),
+        (
+            ["--json", "/nowhere/facts.json"],
+            2,
+            "/nowhere/facts.json: cannot be written",
+        ),
         (["--out", "/nowhere/model.json"], 2, "/nowhere/model.json"),
     ],
 )
@@ -193,7 +285,13 @@ def test_units_that_differ_are_an_error_that_names_both(folder, capsys):
     (folder / "other").mkdir(exist_ok=True)
     (folder / "other" / "roles.toml").write_text(ROLES.replace('"V"', '"mV"'))
     for command in (["simulate", "--out", folder / "s.csv"], ["validate"]):
-        code = run(folder / "other", command[0], folder / "model.json", folder / "rec1.csv", *command[1:])
+        code = run(
+            folder / "other",
+            command[0],
+            folder / "model.json",
+            folder / "rec1.csv",
+            *command[1:],
+        )
         assert code == 3
         assert "channel 'u1' is in 'mV', the model has it in 'V'" in " ".join(capsys.readouterr().err.split())
 
@@ -212,7 +310,8 @@ def test_openfast_tower_mode_within_three_percent(tmp_path, options):
     assert code == 0
     modes = json.loads(target.read_text())["modes"]
     name = "tower_acc_fore_aft"
-    tower = [m for m in modes if 0.2 < m["frequency_hz"] < 0.5 and max(m["outputs"], key=m["outputs"].get) == name]
-    assert len(tower) == 1
-    assert abs(tower[0]["frequency_hz"] / 0.335 - 1) < 0.03
-    assert 0.04 < tower[0]["damping"] < 0.12  # 8.4 % with a frozen wake
+    near = [m for m in modes if 0.2 < m["frequency_hz"] < 0.5]
+    tower = max(near, key=lambda m: m["outputs"][name])  # the sideways mode beside it has a share of both
+    assert tower["outputs"][name] > 0.4
+    assert abs(tower["frequency_hz"] / 0.335 - 1) < 0.03
+    assert 0.04 < tower["damping"] < 0.12  # 8.4 % with a frozen wake

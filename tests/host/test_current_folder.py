@@ -138,4 +138,29 @@ def test_every_python_process_is_started_guarded_and_numba_is_imported_in_one_pl
             own = part == "children.py" or part.startswith("confined")  # the box has a command of its own, isolated
             if isinstance(node, ast.Attribute) and node.attr == "executable" and not own:
                 found.append(f"{part}: sys.executable without children.python_command")
+            value = node.value if isinstance(node, ast.Constant) else None
+            if value in ("PYTHONSAFEPATH", "PYTHONPATH") and not own:
+                found.append(f"{part}: guards imports itself; children.guarded_children does")
     assert found == []
+
+
+def test_workers_of_a_pool_are_guarded_by_the_same_rule(folder: Path) -> None:
+    """Without a command around it, too; the caller's path and environment are as before."""
+    code = """if True:
+        import os, sys
+        from aeolid.fleet.workers import open_pool
+        before = list(sys.path), dict(os.environ)
+        with open_pool(2) as pool:
+            told = [x for _, x in pool.run(eval, ["(__import__('scipy').__file__, __import__('sys').path)"] * 2)]
+        assert (list(sys.path), dict(os.environ)) == before
+        assert '' in sys.path
+        print(*(str(os.getcwd() in path) for _, path in told))
+        """
+    for name in set(MODULES) - {"scipy"}:  # this process imports those
+        (folder / f"{name}.py").unlink()
+    (folder / "scipy.py").write_text(f"open({str(folder / 'mark')!r}, 'a').write('scipy ')\n")
+    start = (sys.executable, "-c", code)
+    done = run(folder, *start)
+    assert done.stdout.split() == ["False", "False"] and not (folder / "mark").exists(), done.stderr
+    (folder / "scipy.py").unlink()
+    assert run(folder, *start, PYTHONPATH=str(folder)).stdout.split() == ["True", "True"], "as it was asked for"

@@ -223,3 +223,16 @@ def test_no_output_of_a_diagnosis_replaces_its_inputs(
     assert main(["diagnose", str(case), "--out", str(case)]) == 2
     assert "model.toml: exists" in " ".join(capsys.readouterr().err.split())
     assert (case / "model" / "model.toml").read_bytes() == before
+
+
+def test_nothing_is_visited_for_the_last_time() -> None:
+    """The interpreter's last collection finds next to nothing: it would cost more than many a command."""
+    code = """if True:
+        import atexit, gc, sys
+        atexit.register(lambda: print(len(gc.get_objects()), gc.get_freeze_count()))  # the last of all to be called
+        from aeolid.cli.main import main
+        main(["--version"])
+        main(["--version"])"""
+    told = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=True, timeout=3600)
+    left, frozen = map(int, told.stdout.split()[-2:])
+    assert 10 * left < frozen

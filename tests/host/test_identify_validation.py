@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from aeolid.errors import NotIdentifiable
+from aeolid.identify.correlation import whiten
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.ort import identify_ort
-from aeolid.identify.residuals import run_residual_tests, whiten
+from aeolid.identify.residuals import run_residual_tests
 from aeolid.identify.validation import validate_model
 from aeolid.identify.varx import identify_varx
 from aeolid.models.load import LinearModel

@@ -9,6 +9,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
+from types import SimpleNamespace
 
 import pytest
 from test_monitor import fill
@@ -49,11 +50,15 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def served(quick: None) -> Iterator[PageServer]:
     """Serve a filled board."""
-    board = Board()
-    fill(board)
-    made = PageServer(board, "127.0.0.1", 0)
+    made = filled()
     yield made
     made.close()
+
+
+def filled() -> PageServer:
+    board = Board()
+    fill(board)
+    return PageServer(board, "127.0.0.1", 0)
 
 
 def connect(page: PageServer, said: bytes = b"") -> socket.socket:
@@ -205,3 +210,51 @@ def test_a_system_without_descriptors_is_no_loop(served: PageServer, monkeypatch
 
     monkeypatch.setattr(socket.socket, "accept", refuse)
     assert json.loads(ask(served))["facts"]["nodes"] and len(failed) == 3
+
+
+class Stuck:
+    """Be a thread that does not end, and note for how long others wait for it."""
+
+    def __init__(self, clock: list[float]) -> None:
+        self.clock = clock
+
+    def join(self, timeout: float) -> None:
+        """Wait to no avail."""
+        self.clock[0] += timeout
+
+
+@pytest.mark.parametrize("before", [0.0, 0.5, 60.0])
+def test_the_end_waits_for_pages_and_threads_no_longer_than_said(
+    monkeypatch: pytest.MonkeyPatch, before: float
+) -> None:
+    """Neither a page that stays away nor threads that hang add up, and files are closed meanwhile."""
+    page, clock = filled(), [1000.0]
+    threads = page._thread, page._ticker
+    page._thread = page._ticker = Stuck(clock)  # type: ignore[assignment]
+    pause = lambda seconds: clock.__setitem__(0, clock[0] + seconds)  # noqa: E731
+    monkeypatch.setattr(server, "time", SimpleNamespace(monotonic=lambda: clock[0], sleep=pause))
+    page.asked = over = clock[0]
+    page.farewell("The reception is over.")
+    assert clock[0] == over, "the announcement waits for nobody"
+    assert b"The reception is over." in page.answer(-1, {}, None)
+    pause(before)  # files are closed
+    page.close()
+    most = server.FAREWELL_S + server.CLOSE_S
+    assert clock[0] - over <= max(most, before + server.CLOSE_S) + 0.02, "one step"
+    assert most < 2.0
+    for thread in threads:
+        thread.join(3600)
+        assert not thread.is_alive()
+
+
+def test_a_page_that_has_heard_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One answer after the end is enough."""
+    page = filled()
+    page.asked = time.monotonic()
+    page.farewell("The reception is over.")
+    assert b"The reception is over." in ask(page)
+    wait_until(lambda: page.told > page._over)
+    waits: list[float] = []
+    monkeypatch.setattr(server, "time", SimpleNamespace(monotonic=time.monotonic, sleep=waits.append))
+    page.close()
+    assert waits == []

@@ -149,6 +149,40 @@ static void faults_that_come_back_are_survived_each_time(void)
     }
 }
 
+/* Samples of a plant y_k = gain y_{k-1} + u_{k-1} + noise through a fast filter with one past block and the present u. */
+static void live_fast(aeo_fast_rls_t *self, unsigned samples, double gain)
+{
+    for (; samples > 0u; samples--) {
+        const aeo_real_t was = u[0];
+        fill(u, 1, &seed);
+        const aeo_real_t z[3] = {was, y[0], u[0]};
+        y[0] = (aeo_real_t)(gain * (double)y[0] + (double)was + 0.1 * draw(&seed));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(self, z, y));
+    }
+}
+
+static void a_reading_that_only_the_first_sample_behind_a_gap_holds_counts(void)
+{
+    /* with one past block the first z behind a gap is the only one with this reading in it: the new array absorbs it */
+    static aeo_real_t memory[AEO_FAST_RLS_WORDS(1, 2, 1, 1)];
+    const aeo_fast_rls_config_t layout = {.past = 1,
+                                          .block = 2,
+                                          .feedthrough = 1u,
+                                          .outputs = 1,
+                                          .forgetting = AEO_REAL(1) - AEO_REAL(1) / MEMORY,
+                                          .regularisation = AEO_REAL(0.1),
+                                          .growth_max = AEO_REAL(10)};
+    aeo_fast_rls_t one;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&one, &layout, memory, AEO_FAST_RLS_WORDS(1, 2, 1, 1)));
+    live_fast(&one, 10 * MEMORY, 0.5);
+    const aeo_real_t z[3] = {AEO_REAL(2), AEO_REAL(3e5), u[0]}; /* what no sensor said a sample ago */
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&one, z, y));
+    TEST_ASSERT_EQUAL_UINT32(1, one.count.restarted);
+    live_fast(&one, 20 * MEMORY, -0.5);
+    TEST_ASSERT_TRUE(fabs((double)aeo_fast_rls_theta(&one)[1] + 0.5) < 0.05);
+    TEST_ASSERT_EQUAL_UINT32(1, one.count.released);
+}
+
 static void a_calm_releases_nothing(void)
 {
     /* a hundredth, a millionth, nothing at all, around offsets that the filters know or do not know */
@@ -199,6 +233,7 @@ int main(void)
     RUN_TEST(a_fault_ten_times_too_large_does_not_stop_learning);
     RUN_TEST(without_a_gate_a_million_does_not_outlast_twenty_memories);
     RUN_TEST(faults_that_come_back_are_survived_each_time);
+    RUN_TEST(a_reading_that_only_the_first_sample_behind_a_gap_holds_counts);
     RUN_TEST(a_calm_releases_nothing);
     RUN_TEST(a_start_in_the_calm_releases_nothing);
     RUN_TEST(what_a_watch_cannot_be_is_noticed);

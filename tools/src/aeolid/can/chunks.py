@@ -12,20 +12,20 @@ from typing import Any
 
 from aeolid.can.arrow import frames_schema, read_spool, to_batch
 from aeolid.can.compact import merge_tail
+from aeolid.can.leftover import lock, spool_of
 from aeolid.can.wire import Frames, join_frames
 from aeolid.formats.spare import SPARE, SpareFile
 from aeolid.output import create
 
 CHUNK = 1 << 16  # frames of a part
-SPOOL_SUFFIX = ".part.arrows"  # an Arrow stream: batches one after the other, nothing at the end
 SPOOL_CHUNK = 1 << 12  # frames of a batch of it
 
 
 class ChunkedLog(ABC):
     """Append frames to the spool NAME.part.arrows every second, and write the log from it when it is closed."""
 
-    def __init__(self, path: Path) -> None:
-        """Create the spool. Raises OSError."""
+    def __init__(self, path: Path, spool: Path | None = None) -> None:
+        """Create the spool, under its own name or another. Raises OSError."""
         from pyarrow import ipc
 
         self.path = path
@@ -35,8 +35,9 @@ class ChunkedLog(ABC):
         self._count = 0
         os.close(create(path))  # a place that cannot be written to, or another's file, is told now
         path.unlink()
-        self.spool = path.with_name(path.name[: -len(path.suffix)] + SPOOL_SUFFIX)
+        self.spool = spool or spool_of(path)
         self._raw = SpareFile(self.spool)
+        lock(self._raw.fileno())
         self._file = io.BufferedWriter(self._raw, 1 << 16)
         self._stream: Any = ipc.new_stream(self._file, frames_schema())
         self._file.flush()

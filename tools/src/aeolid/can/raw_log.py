@@ -44,18 +44,19 @@ class RawLog(Protocol):
         """Complete the file."""
 
 
-def open_raw_log(path: Path) -> RawLog:
+def open_raw_log(path: Path, spool: Path | None = None) -> RawLog:
     """Create a log in the format that its suffix names; one that an earlier run wrote is replaced.
 
-    Raises UsageError on another suffix or a place that cannot be written to.
+    spool: where a Parquet or MDF4 log grows, instead of NAME.part.arrows. Raises UsageError on another suffix
+    or a place that cannot be written to.
     """
     suffix = path.suffix.lower()
     if suffix not in RAW_SUFFIXES:
         raise UsageError(f"{path}: the suffix is none of {', '.join(RAW_SUFFIXES)}")
     try:
         if suffix == ".parquet":
-            return ParquetLog(path)
-        return Mf4Log(path) if suffix == ".mf4" else MessageLog(path, suffix)
+            return ParquetLog(path, spool)
+        return Mf4Log(path, spool) if suffix == ".mf4" else MessageLog(path, suffix)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written ({error.strerror or error})") from None
 

@@ -21,6 +21,7 @@ from aeolid.display import visible_lines
 from aeolid.errors import UsageError
 
 FILTERS = ("rls", "els", "fast-rls", "lattice")  # aeolid.filters.METHODS, not imported for the sake of --help
+BLOCKS = ("levinson", "block-lattice")  # aeolid.identify.block_markov.BLOCK_METHODS, likewise
 _QUIET_S = 30.0  # that a long run may be silent
 
 

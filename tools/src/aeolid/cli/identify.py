@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.identify_options import (
+    METHODS,
+    SCHEDULED,
+    check_finish,
+    check_method,
+    check_ort_and_fir,
+    check_passes,
+    check_scheduled,
+    check_uncertainty,
+)
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
 if TYPE_CHECKING:
+    from aeolid.identify.choices import Choices
     from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
+    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Record
 
 EXAMPLES = (
@@ -23,8 +36,7 @@ EXAMPLES = (
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
-METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
-SCHEDULED = METHODS[2:4]
+CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
 def register(app: typer.Typer) -> None:
@@ -35,10 +47,15 @@ def register(app: typer.Typer) -> None:
 def identify(
     recordings: Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one experiment set.")],
     roles: RolesOption,
-    past: Annotated[
-        int, typer.Option("--past", help="Past window p in samples, about one period of the slowest mode.")
-    ],
     out: Annotated[Path, typer.Option("--out", help="Where to write the model (model.json).")],
+    past: Annotated[
+        str,
+        typer.Option(
+            "--past",
+            help="Past window p: samples, seconds (12s), or auto: varx, varmax. About a period of the slowest mode.",
+            autocompletion=one_of("auto"),
+        ),
+    ] = "auto",
     method: Annotated[
         str,
         typer.Option(
@@ -65,7 +82,9 @@ def identify(
         list[str] | None,
         typer.Option(
             "--feedthrough",
-            help="Input that acts within the sample; repeatable. ort: disturbance that does, default all, or none.",
+            help="Input that acts within the sample; repeatable; none, or auto (default; lpv: none): those that the "
+            "recording shows. ort: disturbance that does, default all, or none.",
+            autocompletion=one_of("auto", "none"),
         ),
     ] = None,
     regularize: Annotated[
@@ -96,6 +115,20 @@ def identify(
             autocompletion=one_of("greedy", "first"),
         ),
     ] = None,
+    scheduling_scaling: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduling-scaling",
+            help="lpv: range (default: mean 0, within 0.1), none, centre, standard, or auto by held-out error.",
+            autocompletion=one_of("auto", "range", "none", "centre", "standard"),
+        ),
+    ] = None,
+    kernel_tolerance: Annotated[
+        float | None,
+        typer.Option(
+            "--kernel-tolerance", help="lpv-kernel: take rows until what is left is below this, of the largest; 0 to 1."
+        ),
+    ] = None,
     offsets: Annotated[
         bool | None, typer.Option("--offsets/--no-offsets", help="lpv: free constants; default where means matter.")
     ] = None,
@@ -111,6 +144,12 @@ def identify(
     joint_order: Annotated[
         int | None, typer.Option("--joint-order", help="ort: states of plant and controller together; default auto.")
     ] = None,
+    deterministic_order: Annotated[
+        int | None,
+        typer.Option(
+            "--deterministic-order", help="ort: states of what the disturbance explains; default the joint order."
+        ),
+    ] = None,
     response: Annotated[
         str | None,
         typer.Option(
@@ -120,6 +159,9 @@ def identify(
         ),
     ] = None,
     stable: Annotated[bool, typer.Option("--stable", help="Move poles on or outside the unit circle inside.")] = False,
+    allow_unstable: Annotated[
+        bool, typer.Option("--allow-unstable", help="Write a model that is unstable or whose free run diverges.")
+    ] = False,
     uncertainty: Annotated[
         str | None,
         typer.Option(
@@ -139,51 +181,90 @@ def identify(
     force: ForceOption = False,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
-    _check_method(method)
+    check_method(method, past)
     own = _given(passes=passes, forgetting=forget)
-    _check_passes(own, method, markov)
+    check_passes(own, method, markov)
     doubt = _given(uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)
-    _check_uncertainty(doubt, method, markov)
+    check_uncertainty(doubt, method, markov)
     scheduled = _given(
         scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
-        offsets=offsets, memory_gb=memory,
+        offsets=offsets, memory_gb=memory, scheduling_scaling=scheduling_scaling, kernel_tolerance=kernel_tolerance,
     )  # fmt: skip
-    _check_scheduled(scheduled, method, markov, stable)
+    check_scheduled(scheduled, method, markov, stable)
     finish = _given(order_criterion=order_criterion, refined=refine)
-    _check_finish(finish, method, order)
-    joint = _given(joint_order=joint_order, response=response)
-    _check_ort_and_fir(joint, method, markov, regularize, stable)
+    check_finish(finish, method, order)
+    joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
+    check_ort_and_fir(joint, method, markov, regularize, stable)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
+    from aeolid.identify.choices import with_choices_made
+    from aeolid.identify.sound import identify_soundly
+    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Roles
 
-    table = Roles.load(roles)
     with waiting("reading"):
-        records = [read_record(path, table) for path in recordings]
-    with waiting(f"identifying from {sum(map(len, records))} samples"):
-        common: dict[str, Any] = {
-            "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
-            "regularization": _regularization(regularize), "decimation": decimate,
-        }  # fmt: skip
-        if method == "ort":
-            common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+        records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
+    with waiting(f"looking at {sum(map(len, records))} samples for feedthrough and past window"):
+        common: dict[str, Any] = {"future": future, "order": _order(order), "decimation": decimate}
+        common["regularization"] = _regularization(regularize)
+        streamed = None if markov is None else StreamedMarkov.load(markov)
+        made = _choose(method, records, past, feedthrough, common, streamed)
+        common |= {"past": made.past, "feedthrough": _mask(method, feedthrough, made)}
+    with waiting(f"identifying with a past window of {made.past} samples"):
+        run = partial(_run, method, records, common, own | doubt | scheduled | joint | finish, streamed)
+        result = with_choices_made(identify_soundly(run, records, stable, allow_unstable), made)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
     if report is not None:
-        from aeolid.report import identification_facts, render_identification
-
-        title = f"Identification of {', '.join(p.name for p in recordings)}"
-        render_identification(identification_facts(result.model_json(), title=title), report)
+        _report(result, recordings, report)
     emit_json(result.to_json(), json_target)
 
 
+def _report(
+    result: Identification | LpvIdentification | OrtIdentification, recordings: list[Path], report: Path
+) -> None:
+    from aeolid.report import identification_facts, render_identification
+
+    title = f"Identification of {', '.join(p.name for p in recordings)}"
+    render_identification(identification_facts(result.model_json(), title=title), report)
+
+
+def _mask(method: str, feedthrough: list[str] | None, made: Choices) -> Sequence[str] | None:
+    """Return the inputs with feedthrough; with ort the disturbances, None for all."""
+    if method != "ort":
+        return made.feedthrough
+    return () if feedthrough == ["none"] else feedthrough
+
+
+def _choose(
+    method: str, records: list[Record], past: str, feedthrough: list[str] | None, common: dict[str, Any],
+    streamed: StreamedMarkov | None,
+) -> Choices:  # fmt: skip
+    """Return window and feedthrough of every method but ort's, which has a mask of its own."""
+    from aeolid.identify.choices import Choices, choose
+    from aeolid.identify.choose_past import read_past
+
+    named: list[str] | str = "auto" if feedthrough in (None, ["auto"]) else feedthrough or ()  # type: ignore[assignment]
+    if named == ["none"]:
+        named = []
+    if method not in CHOOSING[:2] and past == "auto":
+        raise UsageError(f"--past auto is for --method varx and varmax; give --method {method} a window, 30 or 12s")
+    if method in CHOOSING:
+        return choose(
+            records, past, named, decimation=common["decimation"], regularization=common["regularization"],
+            checked=method != "fir", markov=streamed,
+        )  # fmt: skip
+    window = read_past(past, records[0].sample_time_s * common["decimation"]) or 0
+    return Choices(window, () if named == "auto" else tuple(named))
+
+
 def _run(
-    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], markov: Path | None, stable: bool
-) -> Identification | LpvIdentification | OrtIdentification:
+    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], streamed: StreamedMarkov | None,
+    stable: bool,
+) -> Identification | LpvIdentification | OrtIdentification:  # fmt: skip
     """Identify; common: options of every method, own: those of this one."""
     if method in SCHEDULED:
         from aeolid.identify.lpv import identify_lpv
@@ -198,80 +279,16 @@ def _run(
         from aeolid.identify.fir import identify_fir
 
         return identify_fir(records, **common)
-    from aeolid.identify.streamed import StreamedMarkov
     from aeolid.identify.varmax import identify_varmax
     from aeolid.identify.varx import identify_varx
 
-    streamed = None if markov is None else StreamedMarkov.load(markov)
     run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
     return run(records, markov=streamed, stable=stable, **common, **own)
-
-
-def _check_method(method: str) -> None:
-    if method in METHODS:
-        return
-    if method in FILTERS:
-        raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
-    raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
 
 
 def _given(**options: Any) -> dict[str, Any]:
     """Return the options that were given."""
     return {name: value for name, value in options.items() if value is not None}
-
-
-def _check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
-    """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
-    if given and method not in SCHEDULED:
-        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
-        raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
-    if method in SCHEDULED and (markov is not None or stable):
-        option = "--stable" if stable else "--markov"
-        raise UsageError(f"{option} is for time-invariant models; leave it out with --method {method}")
-
-
-def _check_ort_and_fir(given: dict[str, Any], method: str, markov: Path | None, regularize: str, stable: bool) -> None:
-    """Refuse options of ort elsewhere, and with ort and fir what they do not have."""
-    if given and method != "ort":
-        raise UsageError(f"--{next(iter(given)).replace('_', '-')} belongs to --method ort")
-    if method in ("ort", "fir") and markov is not None:
-        raise UsageError(f"--markov holds a predictor with outputs; --method {method} takes recordings only")
-    if method == "ort" and regularize != "gcv":
-        raise UsageError("--regularize has no meaning with --method ort; leave it out")
-    if method == "fir" and stable:
-        raise UsageError("--stable is not for --method fir: a plant it can identify forgets, lengthen --past instead")
-
-
-def _check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:
-    """Refuse options of the VARMAX passes where no pass is run."""
-    if given and method != "varmax":
-        raise UsageError("--passes and --forget belong to --method varmax")
-    if given and markov is not None:
-        raise UsageError("with --markov no pass is run; leave --passes and --forget out")
-
-
-def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) -> None:
-    """Refuse a choice of uncertainty where the method has its own, and options of a bootstrap without one."""
-    if given and method not in METHODS[:2]:
-        option = "--" + next(iter(given)).replace("_", "-")
-        raise UsageError(f"{option} is for --method varx and varmax; --method {method} has deviations of its own")
-    chosen = given.get("uncertainty", "asymptotic")
-    if chosen != "bootstrap" and len(given) > ("uncertainty" in given):
-        raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
-    if chosen == "bootstrap" and markov is not None:
-        raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
-
-
-def _check_finish(given: dict[str, Any], method: str, order: str) -> None:
-    """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
-    if "refined" in given and method not in METHODS[:4]:
-        raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
-    if "order_criterion" not in given:
-        return
-    if method not in METHODS[:2]:
-        raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
-    if order != "auto":
-        raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")
 
 
 def _order(text: str) -> int | None:

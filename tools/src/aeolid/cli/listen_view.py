@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import progress_console
@@ -17,14 +18,17 @@ if TYPE_CHECKING:
 FIT_S = 2.0  # how often drift is worked out anew
 
 
-def shown(reception: Reception, follower: ModeFollower | None) -> AbstractContextManager[object]:
+@contextmanager
+def shown(reception: Reception, follower: ModeFollower | None) -> Iterator[Callable[[], None]]:
     """Keep the progress on the terminal up to date; nothing where standard error is a file."""
     from rich.live import Live
 
-    if not progress_console.is_terminal:
-        return nullcontext()
-    view = Progress(reception, follower)
-    return Live(get_renderable=view.render, console=progress_console, refresh_per_second=4, transient=True)
+    view: AbstractContextManager[object] = nullcontext()
+    if progress_console.is_terminal:
+        render = Progress(reception, follower).render
+        view = Live(get_renderable=render, console=progress_console, refresh_per_second=4, transient=True)
+    with view:
+        yield lambda: None
 
 
 class Progress:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import atexit
+import gc
 import importlib
 import inspect
 import os
@@ -18,7 +20,8 @@ from aeolid.children import guard_imports
 from aeolid.cli import guard
 
 PLUMBING = {
-    "main", "common", "guard", "listen_facts", "listen_modes", "listen_rules", "listen_view", "receiving", "reference"
+    "main", "common", "guard", "identify_options", "listen_facts", "listen_modes", "listen_rules", "listen_view",
+    "receiving", "reference",
 }  # fmt: skip
 HELP = """Identify and diagnose wind-turbine models from controller recordings.
 
@@ -71,6 +74,10 @@ def main(arguments: list[str] | None = None) -> int:
     Returns the exit code: 0 done, 1 bad news asked for, 2 usage, 3 data, 4 not informative, 130 stopped, 70 a defect.
     """
     guard_imports(started_as_module=__name__ == "__main__")
+    # At its end the interpreter visits every object for the last time: half a second for those of the modules, which go
+    # with the process anyhow.
+    atexit.unregister(gc.freeze)
+    atexit.register(gc.freeze)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # on matrices this small a second thread only waits
     with guard.standard_streams() as stream, guard.interrupts():
         try:

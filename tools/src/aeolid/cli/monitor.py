@@ -17,6 +17,7 @@ from aeolid.cli.receiving import (
     LogOption,
     MarkovOption,
     OrderOption,
+    Over,
     PolesEveryOption,
     PolesOption,
     ReconnectOption,
@@ -89,12 +90,11 @@ def run(
     board = Board()
 
     @contextmanager
-    def show(reception: Reception, follower: ModeFollower | None, stop: Stop) -> Iterator[None]:
+    def show(reception: Reception, follower: ModeFollower | None, stop: Stop) -> Iterator[Over]:
         target = reception.recorder.target
         board.watch(reception, follower, node_id, None if target is None else str(target))
         with _shown(board, (address, port, browser, terminal)) as view:
-            yield
-            view.farewell("The reception is over.")
+            yield lambda: view.farewell("The reception is over.")
             while reception.source.is_log and not (terminal or until_end or seconds is not None or stop()):
                 time.sleep(0.1)
 

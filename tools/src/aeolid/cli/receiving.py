@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 3  # requests to stop before the process is left to its fate
 Stop = Callable[[], bool]
-Show = Callable[["Reception", "ModeFollower | None", Stop], AbstractContextManager[object]]
+Over = Callable[[], None]  # says that the reception is over
+Show = Callable[["Reception", "ModeFollower | None", Stop], AbstractContextManager[Over]]
 
 BusOption = Annotated[
     str,
@@ -92,11 +93,12 @@ class Wanted:
 def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> None:
     """Receive until something ends it, then complete the files, tell what there is, and judge it.
 
-    show: keeps people informed meanwhile, given the reception, its modes and whether a stop was asked for; observer:
-    sees what the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
+    show: keeps people informed meanwhile, given the reception, its modes and whether a stop was asked for; what it
+    yields is called when the last frame has come, so that they hear of it while files are closed; observer: sees what
+    the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
     came, the bus broke off or something could not be written.
     """
-    from aeolid.can import RunRecorder, open_source
+    from aeolid.can import RunRecorder, leftover, open_source
     from aeolid.can.raw_log import open_raw_log
     from aeolid.can.reception import Reception
 
@@ -110,22 +112,21 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     except UsageError:
         source.close()
         raise
-    raw = open_raw_log(w.log) if w.log else None
+    completed = leftover.completed_by(w.log, w.bus)
+    raw = open_raw_log(w.log, leftover.second_spool(completed) if completed else None) if w.log else None
     recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
     rates = {"bit_rate": w.bit_rate, "data_bit_rate": w.data_bit_rate}
     reception = Reception(source, recorder, raw, **rates, base=identifiers)
     follower = _follow(reception, w, observer) if w.modes else None
     with _stop_requests() as requests:
-        try:
-            with show(reception, follower, lambda: bool(requests)):
+        with show(reception, follower, lambda: bool(requests)) as over:
+            try:
                 reason = reception.run(lambda: bool(requests), w.seconds, w.until_end)
-        finally:
-            source.close()
-            if raw is not None:
-                _close(raw, reception)
-            if follower is not None:
-                follower.finish()
-                reception.fault = reception.fault or follower.fault
+                over()
+            finally:
+                _close_all(reception, raw, follower)
+        if completed and reason == "end" and source.ended == "end of file" and reception.fault is None:
+            completed.unlink(missing_ok=True)  # all of it is in the log
         for grown in (w.log, w.poles):
             if grown is not None and grown.is_file():
                 output.record_written(grown)
@@ -139,17 +140,21 @@ def _declared(w: Wanted, is_log: bool) -> Wanted:
     What came over a bus does not come again: where a name is taken, all files of the reception get the next number
     that is free. A log can be read again, so its files may replace those of the same command.
     """
+    from aeolid.can import leftover
+
     names = {"--record": w.record, "--log": w.log, "--markov": w.markov, "--poles": w.poles}
+    completed = leftover.check(w.log, w.bus, is_log=is_log, force=w.force)
     if not is_log and not w.force:
         k = output.free_number(names.values())
         names = {option: None if path is None else output.numbered(path, k) for option, path in names.items()}
         if k > 1:
             told = ", ".join(str(path) for path in names.values() if path is not None)
             progress_console.print(f"aeolid: the name is taken, so this is number {k}: {told}", soft_wrap=True)
+            for hint in leftover.hints(w.log, k):
+                progress_console.print(f"aeolid: {hint}", soft_wrap=True, markup=False)
     inputs = [w.bus] if is_log else []
-    output.declare(
-        w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=not is_log
-    )
+    once = not is_log or completed  # and never again
+    output.declare(w.command, force=w.force, inputs=inputs, several=names, files={"--json": w.json}, unrepeatable=once)
     record, log, markov, poles = names.values()
     return replace(w, record=record, log=log, markov=markov, poles=poles)
 
@@ -231,6 +236,16 @@ def _stop_requests() -> Iterator[list[int]]:
     finally:
         for kind, handler in before.items():
             signal.signal(kind, handler)
+
+
+def _close_all(reception: Reception, raw: Any, follower: ModeFollower | None) -> None:
+    """Let go of the bus, and complete what grows with the frames."""
+    reception.source.close()
+    if raw is not None:
+        _close(raw, reception)
+    if follower is not None:
+        follower.finish()
+        reception.fault = reception.fault or follower.fault
 
 
 def _close(raw: Any, reception: Reception) -> None:

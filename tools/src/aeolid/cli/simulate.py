@@ -48,12 +48,13 @@ def simulate(
     from aeolid.identify.fit import score
     from aeolid.models.load import LinearModel, diverged, load_model, matched
     from aeolid.models.lpv_prediction import LpvModel
+    from aeolid.models.rate import at_rate_of, rate_of
     from aeolid.record import Roles
 
     model = load_model(model_file)
     if isinstance(model, LinearModel | LpvModel):
         model = replace(model, initial=initial)
-    record = read_record(recording, Roles.load(roles))
+    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
     matched(record, model.inputs)
     y = model.simulate(record)
     names, finite = [s.name for s in model.outputs], np.isfinite(y)
@@ -62,11 +63,9 @@ def simulate(
     write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
     facts |= {"outputs": names, "divergence": None if wild is None else wild.to_json()}
-    lines = [f"{len(record)} samples written to {out}"]
+    lines, left = [f"{len(record)} samples written to {out}"], " Values that are not finite are left empty."
     if wild is not None:
-        lines.append(
-            f"WARNING: {wild.text()}" + ("" if finite.all() else " Values that are not finite are left empty.")
-        )
+        lines.append(f"WARNING: {wild.text()}" + ("" if finite.all() else left))
     if set(names) <= {c.name for c in record.channels}:
         fit = score(names, matched(record, model.outputs), y)
         facts["free_run"] = fit.to_json()

@@ -51,11 +51,15 @@ def validate(
     horizons = _horizons(steps)
     declare("validate", force=force, inputs=[model_file, recording, roles], files={"--json": json_target})
     from aeolid.formats import read_record
+    from aeolid.identify.stated import stated_doubt
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model
+    from aeolid.models.rate import at_rate_of, rate_of
     from aeolid.record import Roles
 
-    result = validate_model(load_model(model_file), read_record(recording, Roles.load(roles)), horizons)
+    doubt, model = stated_doubt(model_file), load_model(model_file)
+    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
+    result = validate_model(model, record, horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     worst = result.worst_nrmse(metric)
     bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too
@@ -67,8 +71,11 @@ def validate(
     }
     if json_target == "-" and result.divergence is not None:
         progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
+    facts["bands_hold"] = None if doubt is None else not doubt
     if json_target != "-":
         console.print(result.summary(), markup=False)
+        if doubt:
+            console.print(f"WARNING: the model's own deviations do not hold: {doubt}", markup=False)
         if bad:
             console.print(f"worst {metric} NRMSE {worst:.4g} exceeds {fail_above:g}")
     emit_json(facts, json_target)

@@ -17,6 +17,7 @@ from aeolid.models.equations import Equations
 from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
 from aeolid.models.exchange.fmu import Fmu, open_fmu
+from aeolid.models.rate import at_rate_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record, Roles, check_keys, file_sha256, require_same_layout
 from aeolid.text_files import is_number, load_toml, shown
@@ -83,8 +84,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     elif kind == "fmu":
         baseline = _unit(path, records[0], allow_fmu)
     else:
-        baseline = read_state_space(path) if kind == "state_space" else _equations(path)
-        _check_channels(baseline, records[0], str(path))
+        records, baseline = _model(kind, path, records)
     same = data["baseline"].get("same_inputs", False)
     return Case(
         str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
@@ -160,6 +160,14 @@ def _check_unit(unit: Fmu, record: Record) -> None:
     unit.require(record.names("output"), "output", units)
 
 
+def _model(kind: str, path: Path, records: tuple[Record, ...]) -> tuple[tuple[Record, ...], StateSpace | Equations]:
+    """Read a model whose channels the recordings have, and bring them to its sample time."""
+    model = read_state_space(path) if kind == "state_space" else _equations(path)
+    found = tuple(at_rate_of(model.sample_time_s, r) for r in records)
+    _check_channels(model, found[0], str(path))
+    return found, model
+
+
 def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:
     units = {c.name: (c.unit, c.role) for c in record.channels}
     for what, signals in (("input", model.inputs), ("output", model.outputs)):
@@ -173,9 +181,3 @@ def _check_channels(model: StateSpace | Equations, record: Record, source: str) 
                 )
             if what == "output" and role != "output":
                 raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")
-    step = model.sample_time_s
-    if step and abs(step - record.sample_time_s) > 1e-6 * step:
-        raise DataError(
-            f"{source}: sample time {step:g} s, the recording has {record.sample_time_s:g} s;"
-            " resample the recording or identify the model at its rate"
-        )

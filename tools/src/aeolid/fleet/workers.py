@@ -10,7 +10,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -19,7 +18,7 @@ from multiprocessing import connection
 from pathlib import Path
 from typing import Any, Protocol
 
-import aeolid
+from aeolid.children import guarded_children
 from aeolid.errors import AeolidError
 
 LEAST_BYTES = 1 << 30  # of memory that a worker is given, however small its share
@@ -125,7 +124,7 @@ class _Worker:
         context = multiprocessing.get_context("spawn")  # a fork would copy threads' locks in whatever state they are
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, most_bytes), name="aeolid worker")
-        with _safe_start():
+        with guarded_children(ONE_THREAD), _deaf_to_interrupts():
             self._process.start()
         theirs.close()
 
@@ -220,31 +219,16 @@ def _share_of_memory(workers: int) -> int:
 
 
 @contextmanager
-def _safe_start() -> Iterator[None]:
-    """Start children that import nothing from the current folder, have one thread and ignore Ctrl-C.
-
-    A child begins with `python -c`, which puts the current folder before the standard library unless PYTHONSAFEPATH
-    says otherwise, and then takes this process's path over. Ctrl-C reaches all of a terminal: this process stops the
-    others in good order.
-    """
-    path, environment = list(sys.path), dict(os.environ)
-    here = Path.cwd()
-    home = Path(aeolid.__file__).resolve().parents[1]
-    sys.path[:] = [p for p in path if p and (Path(p).resolve() != here or Path(p).resolve() == home)]
-    os.environ.update(ONE_THREAD, PYTHONSAFEPATH="1")
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN) if main else None
+def _deaf_to_interrupts() -> Iterator[None]:
+    """Start children that ignore Ctrl-C, which reaches all of a terminal: this process ends them in good order."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        if main:
-            signal.signal(signal.SIGINT, before)
-        sys.path[:] = path
-        for name in (*ONE_THREAD, "PYTHONSAFEPATH"):
-            if name in environment:
-                os.environ[name] = environment[name]
-            else:
-                del os.environ[name]
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -22,6 +22,7 @@ from aeolid.identify.order import (
     information_costs,
     require_order,
 )
+from aeolid.identify.parsimony import guard_order
 from aeolid.identify.quantify import quantify
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.streamed import theta_in_units
@@ -97,8 +98,7 @@ def assemble(
     scaling, factor = windows.scaling, windows.whole
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     basis = find_states(factor, estimate.theta, settings.future)
-    streamed = estimate.theta if settings.markov else None
-    choice = _order(windows, settings, through, basis, streamed)
+    choice = _order(windows, settings, through, basis)
     require_order(choice.order, largest_useful_order(basis), records[0].source)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
     require_states(factor, estimate.excited, choice.order, through, records[0].source)
@@ -132,23 +132,26 @@ def assemble(
     )
 
 
-def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...], given: Array | None) -> StateBasis:
-    """Return the states by the part that chooses the order alone; given: Ξ of a stream, where it is to be taken."""
-    # with few samples the fit part alone may not determine the predictor; its own estimate keeps the rest unseen
-    theta = estimate_markov(windows.fitted, through, settings.regularization).theta if given is None else given
+def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]) -> StateBasis:
+    """Return the states by the part that chooses the order alone, whatever Ξ the model is made of.
+
+    Ξ of a stream has learnt from every sample, with forgetting from the held-out ones most: its error on them falls
+    with every order, and would choose another one than the samples do.
+    """
+    theta = estimate_markov(windows.fitted, through, settings.regularization).theta
     return find_states(windows.fitted, theta, settings.future)
 
 
-def _order(
-    windows: Windows, settings: Settings, through: tuple[bool, ...], basis: StateBasis, streamed: Array | None
-) -> OrderChoice:
+def _order(windows: Windows, settings: Settings, through: tuple[bool, ...], basis: StateBasis) -> OrderChoice:
     if settings.order is not None:
         return OrderChoice(settings.order, f"order {settings.order}: as asked for", ())
     records, scaling, past = windows.records, windows.scaling, settings.past
     most = min(LARGEST_AUTO_ORDER, largest_useful_order(basis))
     require_order(1, most, records[0].source)
-    head = _head_states(windows, settings, through, streamed)
-    unseen = choose_held_out(windows.fitted, head, held_out_stretches(records, scaling, past), through, most)
+    head, held_out = _head_states(windows, settings, through), held_out_stretches(records, scaling, past)
+    unseen = choose_held_out(windows.fitted, head, held_out, through, most)
+    if unseen is not None:
+        unseen = guard_order(unseen, windows.fitted, head, windows.whole, basis, held_out, through)
     everything = held_out_stretches(records, scaling, past, 0.0)
     information = information_costs(windows.whole, basis, everything, through, most)
     return decide(settings.order_criterion, unseen, information, basis.singular_values, most)
@@ -161,7 +164,7 @@ def _refine(windows: Windows, settings: Settings, through: tuple[bool, ...], sca
     """
     if not settings.refined:
         return None
-    head = _head_states(windows, settings, through, None)
+    head = _head_states(windows, settings, through)
     order = min(len(scaled.A), largest_useful_order(head))
     if order == 0:
         return None

@@ -1,4 +1,7 @@
-"""Lower the sample rate of a recording behind an anti-alias filter."""
+"""Lower the sample rate behind a symmetric anti-alias filter: of a simulation, never of a loop to be identified.
+
+It reads later samples, which brings noise that a controller feeds back before its cause: `models.rate` for those.
+"""
 
 from __future__ import annotations
 

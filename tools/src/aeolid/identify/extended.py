@@ -22,6 +22,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
+HELD = 0.1  # of ρ, that is left of the weight of a direction when it is renewed
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,17 +75,42 @@ def collect(records: Sequence[Record], scaling: Scaling, past: int) -> Samples:
 
 
 def run_pass(
-    samples: Samples, past: int, through: Sequence[int], theta: Array, e: Array, forgetting: float, rho: float
-) -> None:
+    samples: Samples, past: int, through: Sequence[int], theta: Array, e: Array, forgetting: float, rho: float, *,
+    held: bool = False,
+) -> None:  # fmt: skip
     """Run one pass of extended least squares; theta (l, n) and e (N, l) are start and result.
 
     through: indices of inputs whose present value is a regressor; n = p (r + 2 l) + d. The pass minimises
     Σ λ^{N−k} |y_k − Ξ z_k|² + λ^N ρ |Ξ − Ξ₀|², eq. (24) about the solution of the pass before. Before the first e of a
-    stretch zeros stand in its place. Cost: 5/2 n² + 4 l n operations a sample.
+    stretch zeros stand in its place. held: the weight ρ of Ξ₀ does not fade with λ^N (see `_hold`): with forgetting,
+    what the data leave open would else have a variance that grows like λ^{−N}, and rounding with it.
+    Cost: 5/2 n² + 4 l n operations a sample, with `held` as much again for each n/HELD samples of memory.
     """
     factor = np.eye(theta.shape[1]) / np.sqrt(rho)
     columns = np.array(through, dtype=np.int64)
-    _pass(samples.x, samples.starts, samples.stops, past, samples.inputs, columns, theta, e, factor, forgetting)
+    start = theta.copy()
+    each, weight = held_directions(theta.shape[1], forgetting, rho) if held else (0, 0.0)
+    _pass(
+        samples.x, samples.starts, samples.stops, past, samples.inputs, columns, theta, e, factor, forgetting, start,
+        each, weight,
+    )  # fmt: skip
+
+
+def held_directions(count: int, forgetting: float, rho: float) -> tuple[int, float]:
+    """Return how many of n directions are held a sample, and with what weight; 0 without forgetting.
+
+    Each direction comes back after n/each samples with the weight that has faded meanwhile, so that what holds it stays
+    between HELD ρ and ρ.
+
+    >>> held_directions(82, 1.0, 0.1)
+    (0, 0.0)
+    >>> held_directions(82, 0.99, 0.1)[0], held_directions(82, 0.95, 0.1)[0]
+    (1, 2)
+    """
+    if forgetting >= 1:
+        return 0, 0.0
+    each = min(max(int(np.ceil(count * np.log(forgetting) / np.log(HELD))), 1), count)
+    return each, rho * (1.0 - forgetting ** (count / each))
 
 
 def innovations(
@@ -133,35 +159,61 @@ def _window(z: Array, x: Array, e: Array, k: int, past: int, inputs: int) -> Non
 
 
 @njit(fastmath=True, cache=True)
+def _take(S: Array, z: Array, theta: Array, error: Array, gain: Array, last: int, forgetting: float) -> float:
+    """Update S and theta by one regressor z, zero after entry `last`; returns the a posteriori share of the error."""
+    outputs, n = theta.shape
+    inverse_root = 1.0 / np.sqrt(forgetting)
+    alpha = forgetting
+    gain[:] = 0.0
+    for j in range(last, -1, -1):
+        a = _dot(S[j, j:], z[j:])
+        grown = alpha + a * a
+        c = np.sqrt(alpha / grown) * inverse_root
+        _rotate(S[j, j:], gain[j:], a, c, c * a / alpha)
+        alpha = grown
+    for i in range(outputs):
+        share = error[i] / alpha
+        for j in range(n):
+            theta[i, j] += share * gain[j]
+    return forgetting / alpha
+
+
+@njit(fastmath=True, cache=True)
+def _hold(
+    S: Array, theta: Array, start: Array, z: Array, error: Array, gain: Array, place: int, weight: float
+) -> None:  # fmt: skip
+    """Take Ξ e_j = Ξ₀ e_j with a weight, as if it were a sample: what keeps direction j where no data tell it."""
+    root = np.sqrt(weight)
+    z[:] = 0.0
+    z[place] = root
+    for i in range(theta.shape[0]):
+        error[i] = root * (start[i, place] - theta[i, place])
+    _take(S, z, theta, error, gain, place, 1.0)
+
+
+@njit(fastmath=True, cache=True)
 def _pass(
     x: Array, starts: Integers, stops: Integers, past: int, inputs: int, through: Integers, theta: Array, e: Array,
-    S: Array, forgetting: float,
+    S: Array, forgetting: float, start: Array, each: int, weight: float,
 ) -> None:  # fmt: skip
     """Update theta and S sample by sample; row j of S holds column j of the lower triangular factor."""
     outputs, n = theta.shape
     width = n - through.size
     z, gain, error = np.zeros(n), np.zeros(n), np.zeros(outputs)
-    inverse_root = 1.0 / np.sqrt(forgetting)
+    place = 0
     for stretch in range(starts.size):
         for k in range(starts[stretch] + past, stops[stretch]):
             _window(z, x, e, k, past, inputs)
             for i in range(through.size):
                 z[width + i] = x[k, through[i]]
             for i in range(outputs):
-                error[i] = x[k, inputs + i] - _dot(theta[i], z)
-            alpha = forgetting
-            gain[:] = 0.0
-            for j in range(n - 1, -1, -1):
-                a = _dot(S[j, j:], z[j:])
-                grown = alpha + a * a
-                c = np.sqrt(alpha / grown) * inverse_root
-                _rotate(S[j, j:], gain[j:], a, c, c * a / alpha)
-                alpha = grown
+                e[k, i] = error[i] = x[k, inputs + i] - _dot(theta[i], z)
+            left = _take(S, z, theta, error, gain, n - 1, forgetting)
             for i in range(outputs):
-                share = error[i] / alpha
-                for j in range(n):
-                    theta[i, j] += share * gain[j]
-                e[k, i] = share * forgetting
+                e[k, i] *= left
+            for _ in range(each):
+                _hold(S, theta, start, z, error, gain, place, weight)
+                place = (place + 1) % n
 
 
 @njit(cache=True)

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
-from aeolid.identify.decimate import decimate
 from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
@@ -35,6 +35,7 @@ from aeolid.identify.subspace import (
     least_squares,
 )
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
+from aeolid.models.rate import decimate_causally
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
@@ -83,16 +84,14 @@ def identify_fir(
     each recording at a time, since coloured noise voids the formula of varx.
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
-    settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
-    settings = replace(settings, uncertainty="jackknife")
-    records = [decimate(r, decimation) for r in records]
+    asked = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
+    settings, raw = replace(asked, uncertainty="jackknife"), records
+    records = [decimate_causally(r, decimation) for r in records]
     scaling, source = find_scaling(records), records[0].source
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
-    parts = [
-        InputFactor.of(factorise(records, scaling, past, first=g / GROUPS, last=(g + 1) / GROUPS))
-        for g in range(GROUPS)
-    ]
+    spans = [(g / GROUPS, (g + 1) / GROUPS) for g in range(GROUPS)]
+    parts = [InputFactor.of(factorise(records, scaling, past, first=a, last=b)) for a, b in spans]
     whole = merged(parts)
     require_windows(records, past, len(scaling.inputs), whole.windows)
     estimate = estimate_markov(whole, through, regularization)
@@ -106,7 +105,7 @@ def identify_fir(
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
     model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
     model = with_start(replace(model, K=None, innovation_covariance=None), records)
-    return Identification(
+    result = Identification(
         model=model,
         modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
         singular_values=basis.singular_values,
@@ -123,6 +122,13 @@ def identify_fir(
         notes=_notes(whole, estimate, model),
         version=aeolid.__version__,
     )
+    return _told(result, raw)
+
+
+def _told(result: Identification, raw: Sequence[Record]) -> Identification:
+    """Return the result with what decimation folds down; raw: the recordings before it."""
+    modes, notes = tell_of_folding(result.modes, result.notes, raw, result.settings.decimation)
+    return replace(result, modes=modes, notes=notes)
 
 
 def _order(

@@ -17,6 +17,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 SHORTEST = 10  # samples; a shorter complete stretch says nothing about a free run
+DIVERGES = -1e4  # percent of variance accounted for: an error of ten standard deviations
 LONGEST = 200_000  # samples of each recording that are used: enough for three digits, bounded memory
 
 
@@ -27,9 +28,13 @@ class Score:
     vaf: dict[str, float]
     nrmse: dict[str, float]
 
+    def diverges(self, name: str) -> bool:
+        """Say whether an estimate is off by more than ten standard deviations of an output, or not a number."""
+        return not np.isfinite(self.vaf[name]) or self.vaf[name] < DIVERGES
+
     def text(self, name: str) -> str:
         """Return the scores of one output as text; "diverges" for a free run that left all bounds."""
-        if not np.isfinite(self.vaf[name]) or self.vaf[name] < -1e4:
+        if self.diverges(name):
             return "diverges"
         return f"VAF {self.vaf[name]:.2f} % (NRMSE {self.nrmse[name]:.4f})"
 

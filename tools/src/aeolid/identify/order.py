@@ -7,7 +7,7 @@ errors' covariance, the likelihood proper, is minus infinity where there are few
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -182,21 +182,29 @@ def decide(
 def _log_powers(
     factor: WindowFactor, basis: StateBasis, order: int, stretches: Sequence[Array], feedthrough: tuple[bool, ...]
 ) -> tuple[float, int]:
-    """Return the mean log error power per output of the predictor of an order, and the samples it was taken over.
+    """Return the mean log error power per output of the predictor of an order, and the samples it was taken over."""
+    power, samples = np.zeros(factor.outputs), 0
+    for e in predictor_errors(factor, basis, order, stretches, feedthrough):
+        with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
+            power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
+        samples += len(e)
+    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
+    return float(np.mean(np.log(np.maximum(mean, RESOLVED)))), samples
 
-    Each stretch starts from the window before its first sample.
+
+def predictor_errors(
+    factor: WindowFactor, basis: StateBasis, order: int, stretches: Sequence[Array], feedthrough: tuple[bool, ...]
+) -> Iterator[Array]:
+    """Yield the one-step errors (N, l) of the predictor of an order on each stretch, scaled units.
+
+    Each stretch starts from the window before its first sample. A predictor that diverges yields what is not finite.
     """
     T, past, inputs = basis.state_map(order), factor.past, factor.inputs
     model: ScaledModel = system_matrices(factor, T, feedthrough)
-    power, samples = np.zeros(model.C.shape[0]), 0
     for z in stretches:
         x0 = T @ z[:past].ravel()
-        u, y = z[past:, :inputs], z[past:, inputs : inputs + len(power)]
+        u, y = z[past:, :inputs], z[past:, inputs : inputs + len(model.C)]
         forced = u @ (model.B - model.K @ model.D).T + y @ model.K.T
-        with np.errstate(all="ignore"):  # a predictor that diverges loses by an infinite loss
+        with np.errstate(all="ignore"):
             states = run_states(model.A - model.K @ model.C, forced, x0)[:-1]
-            e = y - states @ model.C.T - u @ model.D.T
-            power += ((e - e.mean(axis=0)) ** 2).sum(axis=0)  # the constants of the regressions are not at stake
-        samples += len(y)
-    mean = np.where(np.isfinite(power), power / max(samples, 1), np.inf)
-    return float(np.mean(np.log(np.maximum(mean, RESOLVED)))), samples
+            yield y - states @ model.C.T - u @ model.D.T

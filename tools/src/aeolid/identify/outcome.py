@@ -128,8 +128,9 @@ def common_facts(result: Outcome) -> dict[str, Any]:
 
 
 def model_facts(result: Outcome) -> dict[str, Any]:
-    """Return the content of model.json: the model, and under "identification" how it came about."""
-    return result.model.to_json() | {"identification": result.to_json()}
+    """Return the content of model.json: the model, how its inputs go on within a sample, how it came about."""
+    held = "mean" if result.settings.to_json()["decimation"] > 1 else "held"
+    return result.model.to_json() | {"intersample": held, "identification": result.to_json()}
 
 
 def mode_lines(modes: Sequence[Mode]) -> list[str]:
@@ -138,6 +139,8 @@ def mode_lines(modes: Sequence[Mode]) -> list[str]:
     for mode in modes:
         where = max(mode.shares, key=lambda n: mode.shares[n])
         harmonic = f", {mode.rotor_order} x rotor speed" if mode.rotor_order else ""
+        if mode.folded_from_hz is not None:
+            harmonic += f", perhaps the image of {mode.folded_from_hz:.4g} Hz"
         frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
         lines.append(
             f"  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}"

@@ -10,11 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from aeolid.identify.correlation import correlation, explained_share, lagged_correlation, whiten
+from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
+
 Array = NDArray[np.float64]
+AT_ONCE = 0.2  # of an innovation's variance: less may be a loop within the sample that its past does not show
 LEVEL = 0.01  # chance that any of the tests alarms on an exact model
 MATERIAL = 0.01  # part of an innovation's variance; below it a finding is true but does not matter
 EXACT = 1e-6  # of an output's deviation; innovations below it are the rounding of files, whatever they follow
-WHITENING_ORDER = 30  # of the autoregression that whitens an input before it is correlated
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ def run_residual_tests(
     """
     N = len(innovations)
     white = np.column_stack([whiten(u[:, j]) for j in range(u.shape[1])]) if u.shape[1] else np.zeros((N, 0))
+    columns = [*innovations.T, *white.T]
+    sources = {name: correlation(x, lags) for name, x in zip((*outputs, *inputs), columns, strict=True)}
     found = []
     for i, output in enumerate(outputs):
         for j, other in enumerate(outputs):
@@ -82,32 +87,41 @@ def run_residual_tests(
             found.append((output, name, "input", rho))
     statistics = np.array([N * float(np.sum(rho**2)) for *_, rho in found])
     p_values = _holm(chi2.sf(statistics, lags))
-    tests = []
+    tests = _within_the_sample(innovations, u, white, outputs, inputs, nrmse)
     for (output, other, kind, rho), statistic, p in zip(found, statistics, p_values, strict=True):
-        predictable = max(float(np.sum(rho**2)) - lags / N, 0.0)
+        predictable = max(explained_share(rho, sources[other]) - lags / N, 0.0)
         material = predictable > MATERIAL and (nrmse is None or not nrmse[output] < EXACT)
         verdict = "pass" if p > LEVEL else "fail" if material else "immaterial"
         tests.append(ResidualTest(output, other, kind, float(statistic), float(p), predictable, verdict))
     return ResidualReport(tuple(tests), lags, LEVEL)
 
 
-def lagged_correlation(x: Array, past: Array, lags: int) -> Array:
-    """Return the correlation of x_k with past_{k−τ}, τ = 1 … lags, as (lags,)."""
-    x, past = x - x.mean(), past - past.mean()
-    size = float(np.sqrt((x @ x) * (past @ past))) or 1.0
-    return np.array([x[t:] @ past[:-t] / size for t in range(1, lags + 1)])
+def _within_the_sample(
+    e: Array, u: Array, white: Array, outputs: tuple[str, ...], inputs: tuple[str, ...],
+    nrmse: Mapping[str, float] | None,
+) -> list[ResidualTest]:  # fmt: skip
+    """Test for inputs that act on an output within the sample and have no feedthrough, or a wrong one.
 
-
-def whiten(u: Array, order: int = WHITENING_ORDER) -> Array:
-    """Return the prediction errors (N,) of an autoregression fitted to u; the first `order` samples are zero."""
-    u = u - u.mean()
-    order = min(order, len(u) // 10)
-    if order == 0 or not u.any():
-        return u
-    rows = np.lib.stride_tricks.sliding_window_view(u[:-1], order)  # (N − order, order)
-    target = u[order:]
-    coefficients = np.linalg.lstsq(rows.T @ rows, rows.T @ target, rcond=1e-12)[0]
-    return np.concatenate([np.zeros(order), target - rows @ coefficients])
+    An input that past innovations move is in a loop, which may compute it from the outputs of the sample: it is left
+    out, and so is one that explains less than a fifth, since a loop whose past does not show may explain as much. One
+    test an input, level 1 % over all (Bonferroni); the output that shows it most is named.
+    """
+    if not inputs or len(e) < 10 * (len(outputs) + len(inputs)):
+        return []
+    p_values, most = lag_zero(e, white)
+    found = []
+    for j, name in enumerate(inputs):
+        p = min(1.0, float(p_values[j]) * len(inputs))
+        if p > LEVEL or loop_p_value(e, u[:, j]) < LOOP_LEVEL:
+            continue
+        output = outputs[most[j]]
+        rho = float(np.corrcoef(e[:, most[j]], white[:, j])[0, 1])
+        predictable = max(rho**2 - 1 / len(e), 0.0)
+        if predictable < AT_ONCE:
+            continue
+        verdict = "immaterial" if nrmse is not None and nrmse[output] < EXACT else "fail"
+        found.append(ResidualTest(output, name, "feedthrough", rho**2 * len(e), p, predictable, verdict))
+    return found
 
 
 def _holm(p: Array) -> Array:

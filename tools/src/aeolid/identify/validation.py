@@ -58,6 +58,13 @@ class Validation:
                 "Identify with a longer past window or a higher order; if the noise has changed since, identify from "
                 "this recording too." + (" A free run predicts better here than K does." if one > free else "")
             )
+        direct = _worst([t for t in failed if t.kind == "feedthrough"])
+        if direct is not None:
+            found.append(
+                f"{direct.against} explains {direct.predictable:.1%} of the innovations of {direct.output} of the same "
+                "sample, and past outputs do not move it: it acts at once. Identify with --feedthrough "
+                f"{direct.against}, or auto."
+            )
         dynamics = _worst([t for t in failed if t.kind == "input"])
         if dynamics is not None:
             found.append(
@@ -81,11 +88,14 @@ class Validation:
         lines.append(f"innovations: {self.residuals.verdict} ({len(self.residuals.tests)} tests, level 1 % together)")
         for test in self.residuals.tests:
             if test.verdict != "pass":
-                past = "its own" if test.against == test.output else f"{test.against}'s"
-                lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} past ({test.verdict})")
+                past = "its own past" if test.against == test.output else f"{test.against}'s past"
+                if test.kind == "feedthrough":
+                    past = f"{test.against} of the same sample"
+                lines.append(f"  {test.output}: {test.predictable:.1%} predictable from {past} ({test.verdict})")
         if self.residuals.verdict == "immaterial":
             lines.append(
-                "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; nothing to do"
+                "  immaterial: there beyond chance, but below 1 % of the variance or in rounding; one-step predictions "
+                "lose nothing by it"
             )
         return "\n".join([*lines, *self.advice])
 
@@ -99,12 +109,16 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
 
     steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
     """
-    found = _measured(model, record, steps)
+    found, part = _measured(model, record, steps), free_stretch(model, record)
+    return replace(found, divergence=diverged(model, part, model.simulate(part)))
+
+
+def free_stretch(model: Model, record: Record) -> Record:
+    """Return the longest stretch of a recording in which nothing that drives the model is missing."""
     driven = (*model.inputs, *(model.state_space.scheduling if isinstance(model, LpvModel) else ()))
     runs = complete_stretches(np.column_stack([matched(record, driven), record.time_s]), SHORTEST)
     start, stop = max(runs, key=lambda r: r[1] - r[0], default=(0, len(record)))
-    part = record.slice(start, stop)
-    return replace(found, divergence=diverged(model, part, model.simulate(part)))
+    return record.slice(start, stop)
 
 
 def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validation:

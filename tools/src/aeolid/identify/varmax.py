@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
-from aeolid.identify.decimate import decimate
 from aeolid.identify.extended import Samples, collect
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
@@ -17,6 +17,7 @@ from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
+from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 PASSES, FORGETTING = 3, 1.0
@@ -51,12 +52,15 @@ def identify_varmax(
     then by residual whitening where that helps. States and matrices follow as in VARX, (17)–(22), (26), (27).
 
     records … stable: as in `identify_varx`, but the default regularization "gcv" takes Ξ from the last pass, which
-    weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate); others
-    take Ξ by least squares with the last e. markov: Ξ of a VARMAX filter, with its innovations; no pass is run then.
-    passes: 0 … 1000, default 3; more change nothing on the papers' systems. forgetting: λ of the first pass, 0.9 … 1;
-    pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes. Default 1: less forgets the wrong e of
-    the start sooner, but where data leave directions open (fewer noise sources than outputs) Ξ wanders there and
-    singular values grow tenfold. uncertainty … refined: as in `identify_varx`, with e as found.
+    weighs 1/10 of a sample against leaving the Ξ before (cross-validation does not know that e is an estimate) where
+    noise reaches every direction of the outputs. Where it does not (`positive_real.RANK`), e_k is nearly a combination
+    of fewer numbers, a sample's weight tells its columns apart by what recursion leaves in them, and Ξ is taken by
+    least squares with the last e, as the other choices always take it. markov: Ξ of a VARMAX filter, with its
+    innovations; no pass is run then. passes: 0 … 1000, default 3; more change nothing on the papers' systems.
+    forgetting: λ of the first pass, 0.9 … 1; pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes.
+    Default 1: less forgets the wrong e of the start sooner and changes little; what the data leave open (fewer noise
+    sources than outputs) is held at the start of the pass. uncertainty … refined: as in `identify_varx`, with e as
+    found.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
@@ -67,7 +71,7 @@ def identify_varmax(
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
-    records = [decimate(r, decimation) for r in records]
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
@@ -87,14 +91,16 @@ def identify_varmax(
             found = again
             windows, verdict = _judge(records, samples, found, plain, extended, through)
     estimate = estimate_markov(windows.whole, through, regularization)
-    if found.theta is not None and regularization == "gcv":
+    if found.theta is not None and regularization == "gcv" and verdict.rank == verdict.outputs:
         estimate = with_theta(estimate, found.theta, windows.whole)
     notes = [*found.notes, verdict.text]
     if markov is not None:
         estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
         notes += more
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
-    return assemble(windows, records, estimate, settings, notes, extra)
+    result = assemble(windows, records, estimate, settings, notes, extra)
+    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
+    return replace(result, modes=modes, notes=told)
 
 
 def _check_passes(passes: int, forgetting: float) -> None:

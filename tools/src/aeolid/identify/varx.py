@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from aeolid.identify.assemble import assemble, compress
-from aeolid.identify.decimate import decimate
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import find_scaling
+from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 
@@ -54,7 +56,7 @@ def identify_varx(
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     settings = with_choices(settings, refined, order_criterion)
-    records = [decimate(r, decimation) for r in records]
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past)
@@ -62,4 +64,6 @@ def identify_varx(
     notes: tuple[str, ...] = ()
     if markov is not None:
         estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
-    return assemble(windows, records, estimate, settings, notes)
+    result = assemble(windows, records, estimate, settings, notes)
+    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
+    return replace(result, modes=modes, notes=told)

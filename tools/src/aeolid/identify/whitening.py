@@ -283,7 +283,7 @@ def _run_passes(
     keep = [*range(width), *(width + i for i in present)]
     theta, e = np.ascontiguousarray(full[:, keep]), np.zeros_like(first)
     for factor in forgetting:
-        run_pass(problem.samples, plain.past, present, theta, e, factor, RHO)
+        run_pass(problem.samples, plain.past, present, theta, e, factor, RHO, held=factor < 1)
         if not log_power(problem.samples, e, plain.past) < log_power(problem.samples, first, plain.past) + 1.0:
             return full, first, ["the passes of extended least squares diverged; e starts from the residuals of VARX"]
     full[:, keep] = theta

@@ -24,6 +24,7 @@ class Mode:
     in the z-plane with Im ≥ 0; shares maps each output to its part of the mode's motion, in units of the outputs'
     scales, sum 1.
     rotor_order is k where the mode sits on k times the rotor speed and is more likely its harmonic than a mode.
+    folded_from_hz is a peak beyond Nyquist whose image the mode may be, in a decimated recording.
     """
 
     frequency_hz: float
@@ -33,6 +34,7 @@ class Mode:
     damping_std: float | None
     shares: dict[str, float]
     rotor_order: int | None = None
+    folded_from_hz: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
@@ -44,6 +46,7 @@ class Mode:
             "eigenvalue": [self.eigenvalue.real, self.eigenvalue.imag],
             "outputs": self.shares,
             "rotor_order": self.rotor_order,
+            "folded_from_hz": self.folded_from_hz,
         }
 
 

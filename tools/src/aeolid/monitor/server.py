@@ -34,7 +34,7 @@ PLOTLY = Path(plotly.__file__).resolve().parent / "package_data"
 TICK_S = 1.0
 ANSWER_S = 20.0  # within which a browser has to take an answer
 FAREWELL_S = 1.2  # for pages, which ask once a second, to hear that it is over
-CLOSE_S = 0.3  # for answers under way to break off
+CLOSE_S = 0.4  # for answers under way to break off, and for the threads to end
 CACHED_BYTES = 1 << 23  # of answers kept until there is something new
 UNTAKEN_BYTES = 1 << 24  # of answers that clients have not taken yet; whoever asks meanwhile is told to come again
 POLICY = (
@@ -66,6 +66,7 @@ class PageServer:
         self.answers: dict[Any, bytes] = {}  # by what was asked for, of the facts as they are now
         self.untaken = 0  # bytes of answers
         self.asked = self.told = -math.inf  # when a page last asked, and last heard of the present facts
+        self._over = -math.inf  # when the reception ended
         self._loop = asyncio.new_event_loop()
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="page", daemon=True)
@@ -84,7 +85,7 @@ class PageServer:
         for task in (tasks := asyncio.all_tasks(self._loop)):
             task.cancel()
         if tasks:
-            self._loop.run_until_complete(asyncio.wait(tasks, timeout=CLOSE_S))
+            self._loop.run_until_complete(asyncio.wait(tasks, timeout=CLOSE_S / 2))
         self._loop.close()
 
     def _tick(self) -> None:
@@ -118,20 +119,26 @@ class PageServer:
         return made
 
     def farewell(self, reason: str) -> None:
-        """Let pages that are open hear that the reception is over."""
+        """Let pages that are open hear, until `close` has waited for one of them, that the reception is over."""
+        self._closing.set()
         self.board.end(reason)
         self._spell()
-        over = time.monotonic()
-        if self.asked > over - 3 * TICK_S:  # somebody looks
-            while self.told <= over and time.monotonic() < over + FAREWELL_S:
-                time.sleep(0.02)
+        self._over = time.monotonic()
 
     def close(self) -> None:
-        """Stop serving; connections are closed."""
+        """Stop serving: connections are closed. Takes at most FAREWELL_S since `farewell`, and CLOSE_S."""
         self._closing.set()
+        while self._is_heard_of_soon():
+            time.sleep(0.02)
         self._loop.call_soon_threadsafe(self._loop.stop)
-        self._ticker.join(FAREWELL_S)
-        self._thread.join(FAREWELL_S)  # both are daemons: neither holds up the end
+        until = time.monotonic() + CLOSE_S
+        for thread in (self._thread, self._ticker):
+            thread.join(max(0.0, until - time.monotonic()))  # both are daemons: neither holds up the end
+
+    def _is_heard_of_soon(self) -> bool:
+        """Tell whether a page that is open may still ask and hear of the end; somebody looks at it who asked lately."""
+        over = self._over
+        return self.asked > over - 3 * TICK_S and self.told <= over and time.monotonic() < over + FAREWELL_S
 
 
 def _application(server: PageServer) -> tornado.web.Application:

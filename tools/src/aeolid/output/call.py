@@ -13,6 +13,7 @@ from aeolid.errors import UsageError
 from aeolid.output import ledger
 
 FORCE = "--force"
+PART = ".part."  # in the name of a file that grows
 _MOST_INSIDE = 1000  # files of a folder given as an input that are looked at
 
 
@@ -66,6 +67,11 @@ class Call:
         """Return the output that a file belongs to."""
         found = next((o for o in self.outputs if o.covers(path.absolute())), None)
         return found or Output("", path)
+
+    def completes(self, path: Path) -> bool:
+        """Tell whether a file is what a call that was killed has left and this one reads; writing to it is refused."""
+        facts = path.lstat()
+        return PART in path.name and (facts.st_dev, facts.st_ino) in self.inputs
 
     def label(self, output: Output) -> str:
         """Return what the ledger says of a file of an output."""
@@ -151,7 +157,7 @@ def declare(
     for output in (o for o in call.outputs if not o.folder):
         check_file(output.path)
         for other in sorted(output.path.parent.iterdir()) if output.several else ():
-            if other.name != output.path.name and output.is_of(other.name):
+            if other.name != output.path.name and output.is_of(other.name) and not call.completes(other):
                 check_file(other)
     return call
 

@@ -16,6 +16,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 MEAN_MATTERS = 0.3  # of a standard deviation: a channel farther from zero asks for free constants
+SCALINGS = ("range", "none", "centre", "standard")
 LARGEST = 0.1  # scaled deviation of a scheduling channel from its mean
 COLLINEAR = 1e-6  # smallest singular value of the scheduling relative to its largest
 
@@ -24,7 +25,8 @@ COLLINEAR = 1e-6  # smallest singular value of the scheduling relative to its la
 class LpvScaling:
     """Hold what makes channels comparable: z = (value − offset)/scale, inputs first, then outputs; μ likewise.
 
-    offset, scale (r + l,); scheduling names with offset and scale (m − 1,): μ = [1, (s − offset)/scale]. A shift or a
+    offset, scale (r + l,); scheduling names with offset and scale (m − 1,): μ = [1, (s − offset)/scale]; mu_mean
+    (m − 1,) of the scheduling, in its units. A shift or a
     scale of the scheduling leaves the class of models as it is; about the mean, "the first local model" is that of the
     mean operating point, whose powers build the observability matrix. Scaled to |μ_i| ≤ 1/10 a product of many factors
     weighs little in the penalty and in the smallest solution, as it should: on the benchmark of paper 001 without noise
@@ -35,6 +37,7 @@ class LpvScaling:
     scheduling: tuple[str, ...]
     mu_offset: Array
     mu_scale: Array
+    mu_mean: Array
 
     @property
     def parameters(self) -> int:
@@ -99,9 +102,13 @@ def scheduling_names(records: Sequence[Record], asked: Sequence[str]) -> tuple[s
     return names
 
 
-def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, centre: bool | None) -> LpvScaling:
+def find_lpv_scaling(
+    records: Sequence[Record], scheduling: Sequence[str], *, centre: bool | None, scaling: str = "range"
+) -> LpvScaling:
     """Return offsets and scales; centre: whether inputs and outputs are taken about their means, None lets them decide.
 
+    scaling of the scheduling: "range" (default: about its mean, |μ_i| ≤ 1/10), "none" (as recorded, as paper 001
+    prints its algorithms), "centre" (about its mean, in its units) or "standard" (about its mean, unit deviation).
     Raises NotIdentifiable on a constant input, output or scheduling channel and on collinear scheduling channels.
     """
     signals = find_scaling(records)
@@ -119,9 +126,14 @@ def find_lpv_scaling(records: Sequence[Record], scheduling: Sequence[str], *, ce
     complete = values[np.isfinite(values).all(axis=1)]
     if not len(complete):
         raise NotIdentifiable(f"{records[0].source}: scheduling {', '.join(scheduling)}: no sample with a value in all")
-    offset = complete.mean(axis=0)
-    _require_varying(records[0], scheduling, complete, offset, complete.std(axis=0))
-    return LpvScaling(signals, tuple(scheduling), offset, abs(complete - offset).max(axis=0) / LARGEST)
+    mean, spread = complete.mean(axis=0), complete.std(axis=0)
+    _require_varying(records[0], scheduling, complete, mean, spread)
+    offset, scale = np.zeros_like(mean) if scaling == "none" else mean, np.ones_like(mean)
+    if scaling == "standard":
+        scale = spread
+    elif scaling == "range":
+        scale = abs(complete - mean).max(axis=0) / LARGEST
+    return LpvScaling(signals, tuple(scheduling), offset, scale, mean)
 
 
 def gather(records: Sequence[Record], scaling: LpvScaling, past: int) -> LpvData:

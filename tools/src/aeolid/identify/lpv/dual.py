@@ -46,13 +46,15 @@ def solve_dual(
     regularization: str | float,
     kernel_rows: int | None,
     selection: str,
+    tolerance: float | None = None,
 ) -> Estimate:
-    """Estimate the states by Algorithm 2, or 3 with a number of rows."""
+    """Estimate the states by Algorithm 2, or 3 with a number of rows or with a tolerance ε (see `select_rows`)."""
     kernel = Kernel.of(data, structure)
-    if kernel_rows is None or kernel_rows >= data.windows:
+    count = data.windows if kernel_rows is None else min(kernel_rows, data.windows)
+    if tolerance is None and count == data.windows:
         solution = _solve_full(kernel, regularization)
     else:
-        solution = _solve_rows(kernel, regularization, kernel_rows, selection)
+        solution = _solve_rows(kernel, regularization, count, selection, tolerance)
     stacked = kernel.states_rows(solution.alpha, future, solution.rows)
     _, s, right = decompose(stacked)
     kept = largest_kept(s, ROUNDING)
@@ -63,6 +65,7 @@ def solve_dual(
         "of": data.windows,
         "rank": solution.rank,
         "selection": None if used == data.windows else selection,
+        "tolerance": tolerance,
     }
     return Estimate(
         StateSequence(s / np.sqrt(data.windows), X), solution.rank, data.windows, solution.penalty,
@@ -118,10 +121,12 @@ def _solve_full(kernel: Kernel, regularization: str | float) -> DualSolution:
     return DualSolution(alpha, None, len(s), penalty / s[0], factors.sum(axis=1))
 
 
-def _solve_rows(kernel: Kernel, regularization: str | float, count: int, selection: str) -> DualSolution:
+def _solve_rows(
+    kernel: Kernel, regularization: str | float, count: int, selection: str, tolerance: float | None
+) -> DualSolution:
     """Regress on the features the selected rows span, L with L Lᵀ ≈ G: the penalty is that of the primal problem."""
     data = kernel.data
-    L, rows = select_rows(kernel, count, selection)
+    L, rows = select_rows(kernel, count, selection, tolerance)
     P, s, Vt = decompose(L)
     keep = s > s[0] * np.sqrt(data.windows * np.finfo(float).eps)
     P, s, Vt = P[:, keep], s[keep], Vt[keep]
@@ -133,17 +138,20 @@ def _solve_rows(kernel: Kernel, regularization: str | float, count: int, selecti
     return DualSolution(alpha, rows, len(s), penalty / s[0], factors.sum(axis=1))
 
 
-def select_rows(kernel: Kernel, count: int, selection: str) -> tuple[Array, Indices]:
+def select_rows(kernel: Kernel, count: int, selection: str, tolerance: float | None = None) -> tuple[Array, Indices]:
     """Return the partial Cholesky factor L (N, ≤ M) of the kernel and the rows it was built on, Algorithm 3.
 
     greedy: the next row is the one whose feature lies farthest from the span of those taken; first: rows 1 … M in
     turn. Rows within rounding of that span are passed over. Memory M N: the kernel itself is never formed.
+    tolerance: ε of Algorithm 3, relative to the largest squared feature: a row is taken only while more than that is
+    left of its squared feature; "first" then looks at every row in turn, as the paper prints it.
     """
     if selection not in SELECTIONS:
         raise UsageError(f"kernel selection {selection!r} is none of {', '.join(SELECTIONS)}")
     N = kernel.data.windows
     left = kernel.diagonal()
-    floor = float(left.max()) * N * np.finfo(float).eps
+    floor = float(left.max()) * max(N * float(np.finfo(float).eps), tolerance or 0.0)
+    last = min(count, N) if tolerance is None else N  # rows that "first" looks at
     L = np.zeros((N, min(count, N)), order="F")
     rows: list[int] = []
     tried = 0
@@ -154,7 +162,7 @@ def select_rows(kernel: Kernel, count: int, selection: str) -> tuple[Array, Indi
                 break
         else:
             candidate, tried = tried, tried + 1
-            if candidate >= min(count, N):
+            if candidate >= last:
                 break
             if left[candidate] <= floor:
                 continue

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.decimate import decimate
 from aeolid.identify.excitation import require_told_apart
 from aeolid.identify.fit import Fit
+from aeolid.identify.lpv.choose_scaling import AUTO, check_scaling, choose_scaling
 from aeolid.identify.lpv.data import LpvData, LpvScaling, find_lpv_scaling, gather, scheduling_names
-from aeolid.identify.lpv.dual import SELECTIONS, require_kernel, solve_dual
+from aeolid.identify.lpv.dual import SELECTIONS, kernel_bytes, require_kernel, solve_dual
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.lpv.matrices import ScaledLpv, choose_gain, require_distinct
-from aeolid.identify.lpv.order import Head, choose_lpv_order, solve_head
+from aeolid.identify.lpv.order import Head, choose_lpv_order, solve_head, unseen_loss
 from aeolid.identify.lpv.primal import require_primal, solve_primal
 from aeolid.identify.lpv.refine import Refinement, refine
 from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
@@ -28,6 +28,7 @@ from aeolid.identify.settings import check_feedthrough, check_windows, require_s
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
 from aeolid.models.model_file import Signal
+from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -51,8 +52,10 @@ def identify_lpv(
     decimation: int = 1,
     kernel_rows: int | None = None,
     kernel_selection: str = "greedy",
+    kernel_tolerance: float | None = None,
     memory_gb: float = MEMORY_GB,
     refined: bool = True,
+    scheduling_scaling: str = "range",
 ) -> LpvIdentification:
     """Identify x⁺ = A(μ) x + B(μ) u + K(μ) e, y = C x + D u + e with a measured scheduling μ, open or closed loop.
 
@@ -65,31 +68,35 @@ def identify_lpv(
     filter applied), "none" or a number, λ relative to the largest singular value. offsets: whether signals are taken
     about their mean with free constants b(μ) and c; default: where a mean exceeds 0.3 standard deviations. decimation:
     whole factor by which the sample rate is lowered first. kernel_rows: M rows of the kernel (Algorithm 3; memory M N),
-    default all; kernel_selection: "greedy" or "first". memory_gb: refuse what would need more. refined: whether the
-    subspace model is the start of prediction-error steps, default because the bias of a short past window goes away
-    with them and the modes get standard deviations; False is the paper's algorithm.
+    default all; kernel_selection: "greedy" or "first". kernel_tolerance: the ε of Algorithm 3, 0 … 1 of the largest
+    squared feature: rows are taken until no other is farther from their span, at most kernel_rows. memory_gb: refuse
+    what would need more. refined: whether the subspace model is the start of prediction-error steps, default because
+    the bias of a short past window goes away with them and the modes get standard deviations; False is the paper's
+    algorithm. scheduling_scaling: how the scheduling enters μ, which changes what penalty and smallest solution spare:
+    "range" (default: about its mean, |μ_i| ≤ 1/10), "none" (as recorded, as the paper prints its algorithms), "centre",
+    "standard", or "auto": the one whose subspace model of the first 70 % of each recording predicts the rest best
+    (costs a fit each).
     Raises NotIdentifiable where scheduling or inputs do not vary enough, windows are too few, the order is too large or
     memory too small; DataError on missing roles or recordings that differ; UsageError on bad options.
     """
     names = _check(
         records, method, past, future, order, scheduling, feedthrough, kernel_rows, kernel_selection, memory_gb
     )
+    _check_tolerance(method, kernel_tolerance)
+    check_scaling(scheduling_scaling)
     settings = LpvSettings(
         method, past, past if future is None else future, order, names, tuple(sorted(parse_varying(varying))),
         tuple(feedthrough), regularization, False, decimation, kernel_rows, kernel_selection, memory_gb,
-        refined,
+        refined, kernel_tolerance=kernel_tolerance,
     )  # fmt: skip
-    records = [decimate(r, decimation) for r in records]
-    scaling = find_lpv_scaling(records, names, centre=offsets)
-    settings = replace(settings, offsets=bool(scaling.signals.offset.any()))
-    structure = _structure(settings, scaling)
-    data = gather(records, scaling, past)
-    _require_data(data, structure, settings, scaling.signals.inputs, records[0].source)
+    records = [decimate_causally(r, decimation) for r in records]
+    chosen, said = _rule(records, settings, offsets, scheduling_scaling)
+    scaling, settings, structure, data = _prepare(records, settings, offsets, chosen)
     estimate = _solve(data, structure, settings, records[0].source)
     choice, scaled, gain_method, refinement = _model(data, structure, settings, estimate, records[0].source)
     model, fit = _measured(_in_units(scaled, scaling, records[0]), records)
     s = np.concatenate([r.columns(names) for r in records])
-    spread = (scaling.mu_offset, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
+    spread = (scaling.mu_mean, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
     return LpvIdentification(
         model=model,
         points=operating_points(
@@ -98,6 +105,7 @@ def identify_lpv(
             scaling.signals.scale[structure.inputs :],
             None if refinement is None else refinement.covariance,
             scaling.mu_scale,
+            scaling.mu_offset,
         ),
         estimate=estimate,
         order_choice=choice,
@@ -108,9 +116,43 @@ def identify_lpv(
         skipped=data.skipped,
         gain_method=gain_method,
         refinement=refinement,
-        notes=_notes(data, settings, model, spread),
+        notes=(*_notes(data, settings, model, spread), *said),
         version=aeolid.__version__,
     )
+
+
+def _prepare(
+    records: Sequence[Record], settings: LpvSettings, offsets: bool | None, rule: str
+) -> tuple[LpvScaling, LpvSettings, Structure, LpvData]:
+    """Return scaling, settings as they are then, structure and windows; raises NotIdentifiable on unfit data."""
+    scaling = find_lpv_scaling(records, settings.scheduling, centre=offsets, scaling=rule)
+    settings = replace(settings, offsets=bool(scaling.signals.offset.any()), scheduling_scaling=rule)
+    structure = _structure(settings, scaling)
+    data = gather(records, scaling, settings.past)
+    _require_data(data, structure, settings, scaling.signals.inputs, records[0].source)
+    return scaling, settings, structure, data
+
+
+def _rule(
+    records: Sequence[Record], settings: LpvSettings, offsets: bool | None, asked: str
+) -> tuple[str, tuple[str, ...]]:
+    """Return the scaling of the scheduling and, where it was left to choose, why."""
+    if asked != AUTO:
+        return asked, ()
+    chosen, text = choose_scaling(lambda rule: _try_scaling(records, settings, offsets, rule))
+    return chosen, (text,)
+
+
+def _try_scaling(records: Sequence[Record], settings: LpvSettings, offsets: bool | None, rule: str) -> float:
+    """Return the held-out log error power of the subspace model with this scaling of the scheduling.
+
+    Where too few windows could be held out, that of the model of all windows: of one order all have as many numbers.
+    """
+    _, settings, structure, data = _prepare(records, settings, offsets, rule)
+    head = solve_head(data, structure, lambda part: _solve(part, structure, settings, records[0].source))
+    if head is None:
+        head = Head(data, _solve(data, structure, settings, records[0].source))
+    return unseen_loss(data, structure, head, settings.order)
 
 
 def _check(
@@ -131,6 +173,24 @@ def _check(
     if selection not in SELECTIONS:
         raise UsageError(f"kernel selection {selection!r} is none of {', '.join(SELECTIONS)}")
     return scheduling_names(records, scheduling)
+
+
+def _check_tolerance(method: str, tolerance: float | None) -> None:
+    if tolerance is None:
+        return
+    if method == "lpv":
+        raise UsageError("a kernel tolerance belongs to method lpv-kernel")
+    if not 0 <= tolerance < 1:
+        raise UsageError(
+            f"kernel tolerance {tolerance:g} is not within 0 … 1 (relative to the largest squared feature)"
+        )
+
+
+def _kernel_rows(data: LpvData, settings: LpvSettings) -> int | None:
+    """Return the rows a kernel may have: with a tolerance alone, what memory holds."""
+    if settings.kernel_tolerance is None or settings.kernel_rows is not None:
+        return settings.kernel_rows
+    return max(min(data.windows, int(settings.memory_gb * 1e9 / kernel_bytes(data, 1))), 1)
 
 
 def _structure(settings: LpvSettings, scaling: LpvScaling) -> Structure:
@@ -169,7 +229,7 @@ def _require_data(
     if settings.method == "lpv":
         require_primal(data, structure, source, settings.memory_gb * 1e9)
     else:
-        require_kernel(data, structure, source, settings.kernel_rows, settings.memory_gb * 1e9)
+        require_kernel(data, structure, source, _kernel_rows(data, settings), settings.memory_gb * 1e9)
 
 
 def _solve(data: LpvData, structure: Structure, settings: LpvSettings, source: str) -> Estimate:
@@ -177,8 +237,9 @@ def _solve(data: LpvData, structure: Structure, settings: LpvSettings, source: s
         require_primal(data, structure, source, np.inf)
         return solve_primal(data, structure, settings.future, settings.regularization)
     return solve_dual(
-        data, structure, settings.future, settings.regularization, settings.kernel_rows, settings.kernel_selection
-    )
+        data, structure, settings.future, settings.regularization, _kernel_rows(data, settings),
+        settings.kernel_selection, settings.kernel_tolerance,
+    )  # fmt: skip
 
 
 def _order(

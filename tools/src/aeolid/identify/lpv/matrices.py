@@ -19,6 +19,7 @@ from aeolid.models.model_file import Signal
 
 Array = NDArray[np.float64]
 RESOLVED = 1e-10  # of an output's power; below it a prediction is exact to what a kernel can resolve
+CENTRED = 0.3  # standard deviations from zero up to which the scheduling of some windows counts as about its mean
 LONGEST = 5000  # windows that choose between gains
 
 
@@ -106,7 +107,7 @@ def choose_gain(data: LpvData, X: Array, structure: Structure) -> tuple[ScaledLp
     """
     fitted = fit_matrices(data, X, structure)
     mean = np.zeros_like(fitted.K)
-    mean[0] = fitted.K[0]  # the scheduling is about its mean
+    mean[0] = np.tensordot(mean_of(data), fitted.K, axes=1)
     none = (replace(fitted, K=np.zeros_like(mean)), "none: no gain predicts better", 0)
     candidates = [(fitted, "least squares", int(np.count_nonzero(fitted.K)))]
     if "K" in structure.varying:
@@ -119,6 +120,13 @@ def choose_gain(data: LpvData, X: Array, structure: Structure) -> tuple[ScaledLp
         costs.append(part.windows * structure.outputs * loss + count * np.log(part.windows))
     model, method, _ = candidates[int(np.argmin(costs))]
     return model, method
+
+
+def mean_of(data: LpvData) -> Array:
+    """Return μ (m,) at the mean of the windows, exactly 0 beside the leading one where μ is taken about its mean."""
+    mu = data.mu[data.targets]
+    mean, spread = mu.mean(axis=0), mu.std(axis=0)
+    return np.asarray(np.where(abs(mean) > CENTRED * spread, mean, 0.0))
 
 
 def prediction_loss(

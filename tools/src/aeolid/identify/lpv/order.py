@@ -40,6 +40,22 @@ def solve_head(data: LpvData, structure: Structure, solve: Callable[[LpvData], E
         return None
 
 
+def unseen_loss(data: LpvData, structure: Structure, fitted: Head, order: int | None) -> float:
+    """Return the log error power, on windows it has not seen, of a fitted model of an order, of the best where None.
+
+    A model fitted to all windows is judged on all of them. Infinite where it shows fewer states than asked for.
+    """
+    X, whole = fitted.estimate.states.X, fitted.data.windows == data.windows
+    held_out = None if whole else data.place >= FIT_PART
+    orders = range(1, min(X.shape[1], MOST_ORDERS) + 1) if order is None else [order]
+    losses = [
+        prediction_loss(choose_gain(fitted.data, X[:, :n], structure)[0], data, held_out)
+        for n in orders
+        if n <= X.shape[1]
+    ]
+    return min(losses, default=float(np.inf))
+
+
 def choose_lpv_order(data: LpvData, structure: Structure, head: Head | None, whole: Estimate) -> OrderChoice:
     """Choose the smallest order whose held-out one-step error is within 5 % per output of the best.
 

@@ -37,6 +37,8 @@ class LpvSettings:
     kernel_selection: str
     memory_gb: float
     refined: bool
+    scheduling_scaling: str = "range"
+    kernel_tolerance: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -145,11 +147,12 @@ def operating_points(
     output_scale: Array,
     covariance: Array | None,
     mu_scale: Array,
+    mu_offset: Array,
 ) -> tuple[OperatingPoint, ...]:
     """Freeze the model at the mean of the scheduling and at the extremes of each channel, the others at their mean.
 
     spread: mean, low, high (m − 1,), in the channels' units; output_scale (l,) makes outputs comparable in the modes'
-    shares; covariance of the entries of [A⁽¹⁾ A⁽²⁾ …] for the scheduling about its mean over mu_scale, or None.
+    shares; covariance of the entries of [A⁽¹⁾ A⁽²⁾ …] for the scheduling about mu_offset over mu_scale, or None.
     """
     mean, low, high = spread
     names = [s.name for s in model.scheduling]
@@ -162,7 +165,7 @@ def operating_points(
     points = []
     for where, at in places:
         frozen = model.frozen(at)
-        mu = np.concatenate([[1.0], (at - mean) / mu_scale])
+        mu = np.concatenate([[1.0], (at - mu_offset) / mu_scale])
         uncertain = None if covariance is None else pole_covariance(frozen.A, mu, covariance)
         modes = modes_of(frozen, output_scale=output_scale, pole_covariance=uncertain)
         scheduling = {n: float(v) for n, v in zip(names, at, strict=True)}

@@ -28,18 +28,22 @@ RESPONSES = ("fit", "theorem")
 
 @dataclass(frozen=True, eq=False)
 class Loop:
-    """Hold a decomposed window factor, from which subsystems and plants of any order follow."""
+    """Hold a decomposed window factor, from which subsystems and plants of any order follow.
+
+    deterministic_order: n_d of the deterministic subsystem, None where it has the order n_s of the stochastic one.
+    """
 
     factor: WindowFactor
     layout: Layout
     lq: Lq
     spectra: Spectra
+    deterministic_order: int | None = None
 
     @classmethod
-    def of(cls, factor: WindowFactor, layout: Layout) -> Loop:
+    def of(cls, factor: WindowFactor, layout: Layout, deterministic_order: int | None = None) -> Loop:
         """Decompose the factor of windows of p + f + 1 samples."""
         lq = decompose_windows(factor, layout)
-        return cls(factor, layout, lq, find_spectra(lq, factor.windows))
+        return cls(factor, layout, lq, find_spectra(lq, factor.windows), deterministic_order)
 
     @property
     def most(self) -> int:
@@ -60,9 +64,14 @@ class Loop:
         return find_states(self.factor, theta, self.layout.future)
 
     def subsystems(self, order: int) -> tuple[Deterministic, Stochastic]:
-        """Return the deterministic and the stochastic subsystem of this order."""
+        """Return the deterministic and the stochastic subsystem, n_s = order and n_d = `deterministic_order` or n_s.
+
+        T = Γ_s^† Γ_d (n_s, n_d) joins them whichever is the larger: with n_d < n_s it puts the deterministic states
+        where they belong among the stochastic ones, with n_d > n_s it drops what those do not show.
+        """
         stochastic = realise_stochastic(self.spectra, self.factor, self.lq, self.layout, order)
-        return realise_deterministic(self.spectra, self.lq, self.layout, order), stochastic
+        own = self.deterministic_order or order
+        return realise_deterministic(self.spectra, self.lq, self.layout, own), stochastic
 
     def plant(self, joint: tuple[Deterministic, Stochastic], order: int, response: str) -> tuple[ScaledModel, Array]:
         """Return the plant of this order, scaled, and the values (n_s,) by which states were kept.

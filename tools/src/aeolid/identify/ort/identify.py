@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.assemble import find_modes, model_in_units, with_innovations, with_start
-from aeolid.identify.decimate import decimate
 from aeolid.identify.fit import Fit
+from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches
 from aeolid.identify.ort.estimate import RESPONSES, Loop, compatibility
@@ -25,6 +25,7 @@ from aeolid.identify.quantify import in_order_of
 from aeolid.identify.settings import check_feedthrough, require_some
 from aeolid.identify.subspace import ScaledModel, equilibrium, stabilise
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows
+from aeolid.models.rate import decimate_causally
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
@@ -40,6 +41,7 @@ def identify_ort(
     future: int | None = None,
     order: int | None = None,
     joint_order: int | None = None,
+    deterministic_order: int | None = None,
     feedthrough: Sequence[str] | None = None,
     response: str = "fit",
     decimation: int = 1,
@@ -55,32 +57,37 @@ def identify_ort(
     window spans two of them. past, future: p and f samples of the two halves of a window, f default p, f above the
     order of plant and controller together; (A − K C)ᵖ should be negligible, for K (A − K C)ᵖ⁺ᶠ: PBSIDopt of the same
     windows gives it where that predicts better. order: n of the plant; joint_order: n of
-    plant and controller together, of both subsystems; both by default chosen on held-out data. feedthrough: names of
+    plant and controller together, of both subsystems; both by default chosen on held-out data. deterministic_order: n_d
+    of what the disturbance explains, default that of the rest, n_s = joint_order (footnote 2 of the paper lets them
+    differ: modes that the disturbance hardly moves, or noise filters with modes of their own). feedthrough: names of
     disturbances that act on the outputs within the sample, default all (D of a feedback-free signal has no bias).
     response: "fit" (default) fits B and D of the disturbances again given the rest, which halves their scatter on the
     paper's example; "theorem" keeps those of Theorem 5. decimation: whole factor by which the sample rate is lowered
-    first. stable: move poles on or outside the unit circle inside.
-    The poles' deviations come from leaving out a twentieth of each recording at a time.
+    first. stable: move poles on or outside the unit circle inside. The poles' deviations come from leaving out a
+    twentieth of each recording at a time.
     Raises NotIdentifiable where disturbance or inputs lack excitation, windows are too few or an order is too large;
     DataError on missing roles; UsageError on bad options. Cost: 2 N q² + 60 q³, q = (p + f + 1) channels.
     """
     settings = _settings(records, past, future, order, joint_order, feedthrough, response, decimation, stable)
-    records = [decimate(r, decimation) for r in records]
+    settings = _with_deterministic(settings, deterministic_order)
+    raw, records = records, [decimate_causally(r, decimation) for r in records]
     scaling, layout, groups, held_out = _gather(records, settings)
     whole, source = merged(groups), records[0].source
     require_windows(records, layout.past + layout.future, scaling.channels, whole.windows)
     condition = require_disturbance(whole, layout, scaling, source)
-    loop = Loop.of(whole, layout)
+    loop = Loop.of(whole, layout, settings.deterministic_order)
     require_own_noise(loop.lq, layout, scaling, source)
     _require_orders(loop, settings, source)
-    part = _fit_part(merged(groups[: round(FIT_PART * GROUPS)]), layout, scaling)
+    part = _fit_part(merged(groups[: round(FIT_PART * GROUPS)]), layout, scaling, settings.deterministic_order)
     orders = _choose(loop, part, held_out, settings)
     scaled, values, gap = _solve(loop, orders, settings)
-    spread = jackknife(groups, np.linalg.eigvals(scaled.A).astype(complex), _poles(layout, orders))
+    spread = jackknife(
+        groups, np.linalg.eigvals(scaled.A).astype(complex), _poles(layout, orders, settings.deterministic_order)
+    )
     final, model, fit = _finish(scaled, whole, scaling, records, settings.stable)
     spread = in_order_of(spread, scaled.A, final.A)
     tests = check_feedback(whole, layout, settings.disturbances)
-    return OrtIdentification(
+    result = OrtIdentification(
         model=model,
         modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
         singular_values=values,
@@ -100,6 +107,13 @@ def identify_ort(
         notes=_notes(whole, model, fit, past, condition, tests),
         version=aeolid.__version__,
     )
+    return _told(result, raw)
+
+
+def _told(result: OrtIdentification, raw: Sequence[Record]) -> OrtIdentification:
+    """Return the result with what decimation folds down; raw: the recordings before it."""
+    modes, notes = tell_of_folding(result.modes, result.notes, raw, result.settings.decimation)
+    return replace(result, modes=modes, notes=notes)
 
 
 def _settings(
@@ -135,6 +149,13 @@ def _settings(
     return OrtSettings(past, chosen, order, joint_order, disturbances, through, response, decimation, stable)
 
 
+def _with_deterministic(settings: OrtSettings, asked: int | None) -> OrtSettings:
+    """Return the settings with n_d; raises UsageError on one that leaves the plant no response to the disturbance."""
+    if asked is not None and asked < 1:
+        raise UsageError(f"deterministic order {asked} is not at least 1")
+    return replace(settings, deterministic_order=asked)
+
+
 def _gather(
     records: Sequence[Record], settings: OrtSettings
 ) -> tuple[Scaling, Layout, list[WindowFactor], list[Array]]:
@@ -163,7 +184,11 @@ def _gather(
 
 
 def _require_orders(loop: Loop, settings: OrtSettings, source: str) -> None:
-    asked = (("joint order", settings.joint_order, loop.most), ("order", settings.order, loop.most_plant))
+    asked = (
+        ("joint order", settings.joint_order, loop.most),
+        ("order", settings.order, loop.most_plant),
+        ("deterministic order", settings.deterministic_order, loop.most),
+    )
     for name, value, most in asked:
         if value is not None and value > most:
             raise NotIdentifiable(
@@ -172,13 +197,13 @@ def _require_orders(loop: Loop, settings: OrtSettings, source: str) -> None:
             )
 
 
-def _fit_part(fitted: WindowFactor, layout: Layout, scaling: Scaling) -> Loop | None:
+def _fit_part(fitted: WindowFactor, layout: Layout, scaling: Scaling, deterministic_order: int | None) -> Loop | None:
     """Return the loop of the part that chooses the orders; None where it does not determine the windows by itself."""
     if fitted.windows <= 2 * len(fitted.R):
         return None
     try:
         require_disturbance(fitted, layout, scaling, "the fit part")
-        part = Loop.of(fitted, layout)
+        part = Loop.of(fitted, layout, deterministic_order)
         require_own_noise(part.lq, layout, scaling, "the fit part")
     except NotIdentifiable:  # a disturbance or a dither that begins late
         return None
@@ -220,9 +245,11 @@ def _finish(
     return scaled, *with_innovations(model, records)
 
 
-def _poles(layout: Layout, orders: tuple[OrderChoice, OrderChoice]) -> Callable[[WindowFactor], NDArray[np.complex128]]:
+def _poles(
+    layout: Layout, orders: tuple[OrderChoice, OrderChoice], deterministic_order: int | None
+) -> Callable[[WindowFactor], NDArray[np.complex128]]:
     """Return what estimates the poles of these orders from another factor."""
-    return lambda factor: Loop.of(factor, layout).poles(orders[0].order, orders[1].order)
+    return lambda factor: Loop.of(factor, layout, deterministic_order).poles(orders[0].order, orders[1].order)
 
 
 def _notes(

@@ -31,6 +31,7 @@ class OrtSettings:
     response: str
     decimation: int
     stable: bool
+    deterministic_order: int | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

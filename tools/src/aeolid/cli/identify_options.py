@@ -1,0 +1,78 @@
+"""Refuse options of `aeolid identify` that do not go together, before anything is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from aeolid.cli.common import BLOCKS, FILTERS
+from aeolid.errors import UsageError
+
+METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
+SCHEDULED = METHODS[2:4]
+
+
+def check_method(method: str, past: str) -> None:
+    """Refuse a method that `identify` does not have, saying what a filter's name is for, and a window that is none."""
+    if method in METHODS:
+        from aeolid.identify.choose_past import read_past
+
+        read_past(past, 1.0)
+        return
+    if method in (*FILTERS, *BLOCKS):
+        raise UsageError(f"{method} is a filter: aeolid filter --method {method}, and what it writes to --markov here")
+    raise UsageError(f"method {method!r} is unknown; this release has {', '.join(METHODS)}")
+
+
+def check_scheduled(given: dict[str, Any], method: str, markov: Path | None, stable: bool) -> None:
+    """Refuse options of scheduled models elsewhere, and with them what only time-invariant ones have."""
+    if given and method not in SCHEDULED:
+        option = "--" + next(iter(given)).removesuffix("_gb").replace("_", "-")
+        raise UsageError(f"{option} belongs to --method lpv and lpv-kernel")
+    if method in SCHEDULED and (markov is not None or stable):
+        option = "--stable" if stable else "--markov"
+        raise UsageError(f"{option} is for time-invariant models; leave it out with --method {method}")
+
+
+def check_ort_and_fir(given: dict[str, Any], method: str, markov: Path | None, regularize: str, stable: bool) -> None:
+    """Refuse options of ort elsewhere, and with ort and fir what they do not have."""
+    if given and method != "ort":
+        raise UsageError(f"--{next(iter(given)).replace('_', '-')} belongs to --method ort")
+    if method in ("ort", "fir") and markov is not None:
+        raise UsageError(f"--markov holds a predictor with outputs; --method {method} takes recordings only")
+    if method == "ort" and regularize != "gcv":
+        raise UsageError("--regularize has no meaning with --method ort; leave it out")
+    if method == "fir" and stable:
+        raise UsageError("--stable is not for --method fir: a plant it can identify forgets, lengthen --past instead")
+
+
+def check_passes(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse options of the VARMAX passes where no pass is run."""
+    if given and method != "varmax":
+        raise UsageError("--passes and --forget belong to --method varmax")
+    if given and markov is not None:
+        raise UsageError("with --markov no pass is run; leave --passes and --forget out")
+
+
+def check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse a choice of uncertainty where the method has its own, and options of a bootstrap without one."""
+    if given and method not in METHODS[:2]:
+        option = "--" + next(iter(given)).replace("_", "-")
+        raise UsageError(f"{option} is for --method varx and varmax; --method {method} has deviations of its own")
+    chosen = given.get("uncertainty", "asymptotic")
+    if chosen != "bootstrap" and len(given) > ("uncertainty" in given):
+        raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
+    if chosen == "bootstrap" and markov is not None:
+        raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
+
+
+def check_finish(given: dict[str, Any], method: str, order: str) -> None:
+    """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
+    if "refined" in given and method not in METHODS[:4]:
+        raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
+    if "order_criterion" not in given:
+        return
+    if method not in METHODS[:2]:
+        raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
+    if order != "auto":
+        raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")

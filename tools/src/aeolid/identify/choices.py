@@ -1,0 +1,158 @@
+"""Choose what the user left to the data before a fit: past window and feedthrough; check the window that was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.identify.choose_feedthrough import choose_feedthrough
+from aeolid.identify.choose_past import Ladder, check_window, choose_past, climb, longest_past, read_past
+from aeolid.identify.feedthrough import Feedthrough
+from aeolid.identify.result import Identification
+from aeolid.identify.settings import check_feedthrough
+from aeolid.identify.streamed import StreamedMarkov
+from aeolid.identify.truncation import WindowCheck
+from aeolid.identify.windows import find_scaling, require_windows
+from aeolid.models.rate import decimate_causally
+from aeolid.record import Record
+
+Result = TypeVar("Result")
+TESTED = 0.3  # of the longest window allowed, in which feedthrough is tested where the window is not given
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Hold the window and the inputs with feedthrough that are taken, and what is to be said of them.
+
+    tested: the answer for each input, empty where not asked; missing: inputs that act within the sample against what
+    was given; check: of the window, None where it was not checked.
+    """
+
+    past: int
+    feedthrough: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    tested: tuple[Feedthrough, ...] = ()
+    check: WindowCheck | None = None
+    past_reason: str | None = None
+    missing: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the choices as JSON facts."""
+        return {
+            "past": {"value": self.past, "reason": self.past_reason},
+            "feedthrough": {"value": list(self.feedthrough), "inputs": [t.to_json() for t in self.tested]},
+        }
+
+
+def choose(
+    records: Sequence[Record], past: str | int, feedthrough: Sequence[str] | str, *, decimation: int = 1,
+    regularization: str | float = "gcv", checked: bool = True, markov: StreamedMarkov | None = None,
+) -> Choices:  # fmt: skip
+    """Return window and feedthrough, those given as they are, "auto" by the data.
+
+    past: samples, seconds as "12s" (of the decimated samples), or "auto"; feedthrough: names, () or "auto"; checked:
+    whether the window is checked (the methods varx and varmax). With a stream of Markov parameters "auto" is what its
+    filter had. Raises UsageError or NotIdentifiable as `identify_varx`.
+    """
+    if markov is not None:
+        return _of_stream(records, past, feedthrough, markov)
+    given = read_past(str(past), records[0].sample_time_s * decimation)
+    if feedthrough != "auto":
+        check_feedthrough(records, feedthrough)
+    records = [decimate_causally(r, decimation) for r in records]
+    scaling = find_scaling(records)
+    if given is not None:
+        if given < 1:
+            raise UsageError(f"past window {given} is not at least 1")
+        require_windows(records, given, scaling.channels)
+    most = longest_past(records, scaling.channels)
+    ladder = _ladder(records, scaling, most if given is None else max(min(4 * given, most), given))
+    names = scaling.inputs
+    tested: tuple[Feedthrough, ...] = ()
+    missing: tuple[Feedthrough, ...] = ()
+    if checked or feedthrough == "auto":
+        at = given if given is not None else max(round(TESTED * ladder.longest), 1)
+        tested = choose_feedthrough(records, scaling, ladder.at(min(at, ladder.longest))[1])
+    on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)
+    through = tuple(n in on for n in names)
+    if feedthrough == "auto":
+        said = [_say(t) for t in tested if t.on or not t.sure]
+    else:
+        missing = tuple(t for t in tested if t.on and t.name not in on)
+        said = [_say_missing(t) for t in missing]
+    made = _with_past(ladder, given, on, through, regularization, checked, said, tested)
+    return replace(made, missing=tuple(t.name for t in missing))
+
+
+def with_choices_made(result: Result, made: Choices) -> Result:
+    """Return the result with the notes and facts of the choices; bands_hold is False where the window is too short.
+
+    Results of methods that leave nothing to choose are returned as they are.
+    """
+    if not isinstance(result, Identification):
+        return result
+    check = made.check
+    facts: dict[str, Any] = {"choices": made.to_json()}
+    notes = list(made.notes)
+    if check is not None:
+        reasons = [check.reason] if check.reason else []
+        reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
+        holds = check.holds is True and not made.missing
+        facts |= {"bands_hold": holds, "bands_reason": "; ".join(reasons) or None, "window": check.to_json()}
+        if check.reason:
+            notes.append(f"WARNING: {check.reason}; lengthen --past, or --decimate")
+    return replace(result, notes=(*result.notes, *notes), extra=result.extra | facts)
+
+
+def _ladder(records: Sequence[Record], scaling: Any, longest: int) -> Ladder:
+    ladder = climb(records, scaling, longest)
+    while longest > 1 and ladder.fitted.windows < 2 * (longest + 1) * scaling.channels:
+        longest = max(longest // 2, 1)  # missing samples left fewer windows than lengths promise
+        ladder = climb(records, scaling, longest)
+    if ladder.fitted.windows == 0 or ladder.held_out.windows == 0:
+        raise NotIdentifiable(
+            f"{records[0].source}: no complete window of {longest + 1} samples on either side of 70 % of it; "
+            "give --past and --feedthrough, or record without gaps"
+        )
+    return ladder
+
+
+def _with_past(
+    ladder: Ladder, given: int | None, on: tuple[str, ...], through: tuple[bool, ...], regularization: str | float,
+    checked: bool, said: list[str], tested: tuple[Feedthrough, ...],
+) -> Choices:  # fmt: skip
+    if given is None:
+        choice = choose_past(ladder, through, regularization)
+        return Choices(choice.past, on, (choice.reason, *said), tested, choice.check, choice.reason)
+    check = check_window(ladder, given, through, regularization) if checked and ladder.longest >= given else None
+    return Choices(given, on, tuple(said), tested, check)
+
+
+def _say(found: Feedthrough) -> str:
+    return f"feedthrough of {found.name}: {found.reason}" if found.sure else f"WARNING: {found.warning()}"
+
+
+def _say_missing(found: Feedthrough) -> str:
+    return (
+        f"WARNING: input {found.name!r} acts on {found.output!r} within the sample and has no feedthrough: modes and "
+        f"deviations do not hold; give --feedthrough {found.name}, or auto"
+    )
+
+
+def _of_stream(
+    records: Sequence[Record], past: str | int, feedthrough: Sequence[str] | str, markov: StreamedMarkov
+) -> Choices:
+    """Return what the filter of a stream had, where that is asked for."""
+    origin, window = markov.origin, read_past(str(past), records[0].sample_time_s)
+    if origin is None and window is None:
+        raise DataError(f"{markov.source}: it does not say which past window its filter had; give --past")
+    if window is None and origin is not None:
+        window = origin.past
+    names = records[0].names("input")
+    if feedthrough == "auto":
+        have = () if origin is None else origin.feedthrough
+        feedthrough = tuple(names[i] for i in have if i < len(names))
+    reason = f"past window {window} and feedthrough are those of the filter" if str(past) == "auto" else None
+    return Choices(int(window or 1), tuple(feedthrough), () if reason is None else (reason,), past_reason=reason)

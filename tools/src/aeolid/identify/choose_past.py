@@ -1,0 +1,166 @@
+"""Choose the past window: long enough for the held-out one-step error, and for poles that a longer window confirms.
+
+The held-out error alone takes windows that are too short where modes are slow for the sample rate: what the truncated
+predictor loses is little of the error and much of the poles. Poles alone do not say when a longer window is but noise.
+So the shortest window whose held-out error is within what chance explains of the least is taken first, and then doubled
+until the poles agree with those of twice the window (see `truncation`). All windows are had from one factor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import UsageError
+from aeolid.identify.order import FIT_PART
+from aeolid.identify.short_factors import product_factor, shorter
+from aeolid.identify.truncation import WindowCheck, WindowFit, compare_windows, fit_window, held_out_power
+from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+SHORTEST, LONGEST = 10, 400
+WIDEST = 640  # coefficients of the longest window tried: the work grows with their cube
+A_COEFFICIENT = 4  # windows a coefficient of the longest window tried, 3 of 10 of them held out
+STEP = 2**0.5  # between windows tried
+SECONDS = re.compile(r"([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*s")
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """Hold the factors of the longest window: of the part that is fitted, of the held-out part, of everything."""
+
+    fitted: WindowFactor
+    held_out: WindowFactor
+    whole: WindowFactor
+    sample_time_s: float
+
+    @property
+    def longest(self) -> int:
+        """Return the longest window in samples."""
+        return self.whole.past
+
+    def at(self, past: int) -> tuple[tuple[WindowFactor, WindowFactor], WindowFactor]:
+        """Return the factors of a window, halves and whole."""
+        return (shorter(self.fitted, past), shorter(self.held_out, past)), shorter(self.whole, past)
+
+
+@dataclass(frozen=True)
+class PastChoice:
+    """Hold the chosen window in samples, one sentence that says why, and whether a longer one confirms its poles."""
+
+    past: int
+    reason: str
+    check: WindowCheck
+
+
+def read_past(text: str, sample_time_s: float) -> int | None:
+    """Return the samples of a window given as samples ("30") or as seconds ("12s"); None for "auto".
+
+    sample_time_s: of the samples that are identified, s. Raises UsageError on anything else.
+    """
+    if text == "auto":
+        return None
+    seconds = SECONDS.fullmatch(text.strip())
+    if seconds is not None:
+        return max(round(float(seconds[1]) / sample_time_s), 1)
+    try:
+        return int(text)
+    except ValueError:
+        raise UsageError(f"--past {text!r} is neither a number of samples, nor seconds such as 12s, nor auto") from None
+
+
+def longest_past(records: Sequence[Record], channels: int) -> int:
+    """Return the longest window that the data and the work allow, samples; at least 1."""
+    samples = sum(len(r) for r in records)
+    width = min(samples // A_COEFFICIENT, WIDEST)
+    shortest = min(len(r) for r in records)
+    return max(min(width // channels - 1, LONGEST, shortest // 4), 1)
+
+
+def climb(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
+    """Return the factors of all windows up to `longest` samples. Cost: 2 N m q operations."""
+    fitted = product_factor(records, scaling, longest, last=FIT_PART)
+    held_out = product_factor(records, scaling, longest, first=FIT_PART)
+    return Ladder(fitted, held_out, fitted.merge(held_out), records[0].sample_time_s)
+
+
+def choose_past(ladder: Ladder, through: tuple[bool, ...], regularization: str | float) -> PastChoice:
+    """Choose the window of a ladder; through: for each input whether it has feedthrough."""
+    tried = _windows(ladder.longest)
+    losses = np.array([held_out_power(ladder.at(p)[0], through, regularization) for p in tried])
+    chance = 2.0 / np.sqrt(max(ladder.held_out.windows, 1)) * 0.1
+    past = tried[int(np.flatnonzero(losses <= losses.min() + chance)[0])]
+    first = past
+    fits: dict[tuple[int, int | None], WindowFit] = {}
+    while True:
+        check = check_window(ladder, past, through, regularization, fits)
+        if check.holds is not False or past >= ladder.longest:
+            break
+        past = min(2 * past, ladder.longest)
+    step = ladder.sample_time_s
+    reason = f"past window {past} samples ({past * step:.4g} s): "
+    reason += "the shortest whose held-out one-step error is within chance of the least"
+    if past > first:
+        reason = (
+            f"past window {past} samples ({past * step:.4g} s): the held-out error would do with {first}, poles not"
+        )
+    if check.holds is None or past == ladder.longest:
+        reason += f"; {ladder.longest} is the most that the data allow"
+    return PastChoice(past, reason, check)
+
+
+def check_window(
+    ladder: Ladder, past: int, through: tuple[bool, ...], regularization: str | float,
+    fits: dict[tuple[int, int | None], WindowFit] | None = None,
+) -> WindowCheck:  # fmt: skip
+    """Compare the poles of a window with those of twice and four times its length, as far as the ladder goes.
+
+    fits: those that are known, by window and order; added to. Where the ladder ends below half as much again, a shorter
+    window is compared, and holds is None where the poles still move.
+    """
+    fits = {} if fits is None else fits
+
+    def fit(p: int, order: int | None) -> WindowFit:
+        if (p, order) not in fits:
+            halves, whole = ladder.at(p)
+            fits[p, order] = fit_window(whole, halves, through, regularization, order)
+        return fits[p, order]
+
+    twice = min(2 * past, ladder.longest)
+    if twice < 1.5 * past:
+        return _by_shorter(fit, past, ladder.sample_time_s)
+    short, check = fit(past, None), None
+    for longer in sorted({twice, min(4 * past, ladder.longest)}):
+        check = compare_windows(short, [fit(longer, short.order), fit(longer, None)], ladder.sample_time_s)
+        if not check.holds:
+            return check
+    assert check is not None
+    return check
+
+
+def _by_shorter(fit: Callable[[int, int | None], WindowFit], past: int, sample_time_s: float) -> WindowCheck:
+    """Judge a window that cannot be made longer by one of two thirds of it: poles that agree with it have settled."""
+    less = max(round(past / 1.5), 1)
+    own = fit(past, None)
+    found = compare_windows(fit(less, own.order), [own], sample_time_s) if less < past else None
+    if found is not None and found.holds:
+        return WindowCheck(True, past, less, None, found.apart, "")
+    frequency = None if found is None else found.frequency_hz
+    near = "" if frequency is None else f" near {frequency:.3g} Hz"
+    return WindowCheck(
+        None, past, less, frequency, 0.0 if found is None else found.apart,
+        f"whether the past window of {past} samples ({past * sample_time_s:.4g} s) is long enough cannot be said: the "
+        f"data allow none much longer, and poles{near} still move with it: standard deviations may be too small",
+    )  # fmt: skip
+
+
+def _windows(longest: int) -> list[int]:
+    tried = [min(SHORTEST, longest)]
+    while tried[-1] * STEP < longest:
+        tried.append(max(round(tried[-1] * STEP), tried[-1] + 1))
+    return tried
