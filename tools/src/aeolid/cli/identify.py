@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aeolid.cli.common import FILTERS, ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.identify_channels import of_parts, read_delay, say_rival, turn_angles
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -44,7 +46,8 @@ def identify(
         typer.Option(
             "--method",
             help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling; "
-            "ort: closed loop without a test signal, a measured disturbance; fir: open loop, coloured noise.",
+            "ort: a measured disturbance as instrument (as an input of varx it mostly tells more); "
+            "fir: open loop, coloured noise.",
             autocompletion=one_of(*METHODS),
         ),
     ] = "varx",
@@ -78,6 +81,22 @@ def identify(
     ] = None,
     forget: Annotated[
         float | None, typer.Option("--forget", help="varmax: forgetting of the first pass, 0.9 to 1; default 1.")
+    ] = None,
+    delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--delay",
+            help="varx, varmax, fir: NAME=SAMPLES by which an input acts late, repeatable; auto (default), or none.",
+            autocompletion=one_of("auto", "none"),
+        ),
+    ] = None,
+    angle: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--angle",
+            help="Channel to replace by its cosine and sine; repeatable. auto: those that wrap (default), or none.",
+            autocompletion=one_of("auto", "none"),
+        ),
     ] = None,
     scheduling: Annotated[
         list[str] | None, typer.Option("--scheduling", help="lpv: channel to schedule with; default those of the role.")
@@ -149,6 +168,7 @@ def identify(
         offsets=offsets, memory_gb=memory,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
+    late = _given(delays=read_delay(delay, method, markov))
     finish = _given(order_criterion=order_criterion, refined=refine)
     _check_finish(finish, method, order)
     joint = _given(joint_order=joint_order, response=response)
@@ -161,6 +181,7 @@ def identify(
     table = Roles.load(roles)
     with waiting("reading"):
         records = [read_record(path, table) for path in recordings]
+    records, turned = turn_angles(records, angle, scheduled, markov)
     with waiting(f"identifying from {sum(map(len, records))} samples"):
         common: dict[str, Any] = {
             "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
@@ -168,7 +189,10 @@ def identify(
         }  # fmt: skip
         if method == "ort":
             common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+        common["feedthrough"] = of_parts(common["feedthrough"], turned)
+        result = _run(method, records, common, own | doubt | scheduled | joint | finish | late, markov, stable)
+        more = turned.notes + say_rival(method, records, result)
+    result = replace(result, notes=(*result.notes, *more))
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)

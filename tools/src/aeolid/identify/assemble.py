@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
+from aeolid.identify.closed_loop import require_outside_excitation
 from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
@@ -102,10 +103,17 @@ def assemble(
     require_order(choice.order, largest_useful_order(basis), records[0].source)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
     require_states(factor, estimate.excited, choice.order, through, records[0].source)
+    require_outside_excitation(
+        factor, scaling.inputs, choice.order, settings.future, through, settings.regularization, records[0].source
+    )
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
     rest, done = equilibrium(factor, T, scaled), _refine(windows, settings, through, scaled)
+    if done is not None:
+        from aeolid.identify.keep_better import keep_better
+
+        done = keep_better(done, (scaled, rest), records, lambda m, at: model_in_units(m, at, scaling, records[0]))
     if done is not None and done.steps:
         scaled, rest = done.model, done.equilibrium()
     known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings, done)

@@ -10,7 +10,7 @@ long a window: varx or varmax there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 import aeolid
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
 from aeolid.identify.decimate import decimate
+from aeolid.identify.delay import find_delays
+from aeolid.identify.delay_states import with_delays, without_delays
 from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
 from aeolid.identify.jackknife import jackknife, merged
@@ -73,19 +75,22 @@ def identify_fir(
     feedthrough: Sequence[str] = (),
     regularization: str | float = "gcv",
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
 ) -> Identification:
     """Identify x⁺ = A x + B u, y = C x + D u + noise of any colour, in open loop.
 
     records: one experiment set, merged exactly. past: p samples after which the plant has forgotten (Aᵖ negligible; a
-    note says so where the last coefficients are not small). future, order, feedthrough, regularization, decimation: as
-    in `identify_varx`; the order by the held-out error of a free run, the smallest within one standard error of the
-    best. The model has no K: the noise is not modelled. Deviations of the poles come from leaving out a twentieth of
-    each recording at a time, since coloured noise voids the formula of varx.
+    note says so where the last coefficients are not small). future, order, feedthrough, regularization, decimation,
+    delays: as in `identify_varx`; the order by the held-out error of a free run, the smallest within one standard error
+    of the best. The model has no K: the noise is not modelled. Deviations of the poles come from leaving out a
+    twentieth of each recording at a time, since coloured noise voids the formula of varx.
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
     settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
     settings = replace(settings, uncertainty="jackknife")
-    records = [decimate(r, decimation) for r in records]
+    late = [decimate(r, decimation) for r in records]
+    found = find_delays(late, past, settings.feedthrough, delays)
+    records = without_delays(late, found)
     scaling, source = find_scaling(records), records[0].source
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
@@ -106,7 +111,7 @@ def identify_fir(
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
     model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
     model = with_start(replace(model, K=None, innovation_covariance=None), records)
-    return Identification(
+    result = Identification(
         model=model,
         modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
         singular_values=basis.singular_values,
@@ -123,6 +128,7 @@ def identify_fir(
         notes=_notes(whole, estimate, model),
         version=aeolid.__version__,
     )
+    return with_delays(result, late, found, delays == "auto")
 
 
 def _order(

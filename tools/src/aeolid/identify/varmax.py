@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
 from aeolid.identify.decimate import decimate
+from aeolid.identify.delay import find_delays
+from aeolid.identify.delay_states import with_delays, without_delays
 from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
@@ -33,6 +35,7 @@ def identify_varmax(
     regularization: str | float = "gcv",
     markov: StreamedMarkov | None = None,
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
     stable: bool = False,
     passes: int = PASSES,
     forgetting: float = FORGETTING,
@@ -67,7 +70,9 @@ def identify_varmax(
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
-    records = [decimate(r, decimation) for r in records]
+    late = [decimate(r, decimation) for r in records]
+    found_delays = find_delays(late, past, settings.feedthrough, delays)
+    records = without_delays(late, found_delays)
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
@@ -94,7 +99,8 @@ def identify_varmax(
         estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
         notes += more
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
-    return assemble(windows, records, estimate, settings, notes, extra)
+    result = assemble(windows, records, estimate, settings, notes, extra)
+    return with_delays(result, late, found_delays, delays == "auto")
 
 
 def _check_passes(passes: int, forgetting: float) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from aeolid.identify.assemble import assemble, compress
 from aeolid.identify.decimate import decimate
+from aeolid.identify.delay import find_delays
+from aeolid.identify.delay_states import with_delays, without_delays
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
@@ -25,6 +27,7 @@ def identify_varx(
     regularization: str | float = "gcv",
     markov: StreamedMarkov | None = None,
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
     stable: bool = False,
     uncertainty: str = "asymptotic",
     bootstrap_runs: int = BOOTSTRAP_RUNS,
@@ -40,7 +43,8 @@ def identify_varx(
     sample, default none because D of an input cannot be identified without bias when its controller has feedthrough
     itself. regularization: "gcv" (default: costs nothing where data are rich), "none" or a number, λ relative to the
     largest singular value. markov: Ξ from a stream in place of eq. (23). decimation: whole factor by which the sample
-    rate is lowered first. stable: move poles on or outside the unit circle inside.
+    rate is lowered first. stable: move poles on or outside the unit circle inside. delays: samples by which inputs act
+    late, by name, "auto" (see `delay`) or None: the windows are then free of them, the model has them as states.
     uncertainty: of modes and frequency response, "asymptotic" (default: costs nothing), "bootstrap" (see there; also
     where innovations are not white or change their power) or "none". bootstrap_runs: 20 … 10 000, default 200, which
     leave 5 % on a deviation; bootstrap_seed: of its signs. order_criterion: "held-out" (default: needs no assumption on
@@ -54,7 +58,9 @@ def identify_varx(
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     settings = with_choices(settings, refined, order_criterion)
-    records = [decimate(r, decimation) for r in records]
+    late = [decimate(r, decimation) for r in records]
+    found = find_delays(late, past, settings.feedthrough, delays)
+    records = without_delays(late, found)
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past)
@@ -62,4 +68,5 @@ def identify_varx(
     notes: tuple[str, ...] = ()
     if markov is not None:
         estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
-    return assemble(windows, records, estimate, settings, notes)
+    result = assemble(windows, records, estimate, settings, notes)
+    return with_delays(result, late, found, delays == "auto")
