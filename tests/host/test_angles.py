@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from small_cases import write_case
 
-from aeolid.angles import find_angles, split_angles, turn_of, with_parts, wraps
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
 from aeolid.identify.varx import identify_varx
 from aeolid.identify.windows import find_scaling
 from aeolid.magnitudes import LARGEST, SMALLEST, require_magnitude
+from aeolid.models.angles import find_angles, split_angles, turn_of, with_parts, wraps
 from aeolid.record import Channel, Record
 
 RNG = np.random.default_rng(0)

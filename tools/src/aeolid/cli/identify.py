@@ -168,9 +168,9 @@ def identify(
         offsets=offsets, memory_gb=memory,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
-    late = _given(delays=read_delay(delay, method, markov))
     finish = _given(order_criterion=order_criterion, refined=refine)
     _check_finish(finish, method, order)
+    finish |= _given(delays=read_delay(delay, method, markov))
     joint = _given(joint_order=joint_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
     files = {"--out": out, "--report": report, "--json": json_target}
@@ -184,25 +184,27 @@ def identify(
     records, turned = turn_angles(records, angle, scheduled, markov)
     with waiting(f"identifying from {sum(map(len, records))} samples"):
         common: dict[str, Any] = {
-            "past": past, "future": future, "order": _order(order), "feedthrough": feedthrough or (),
+            "past": past, "future": future, "order": _order(order),
             "regularization": _regularization(regularize), "decimation": decimate,
         }  # fmt: skip
-        if method == "ort":
-            common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        common["feedthrough"] = of_parts(common["feedthrough"], turned)
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish | late, markov, stable)
-        more = turned.notes + say_rival(method, records, result)
-    result = replace(result, notes=(*result.notes, *more))
+        asked = () if feedthrough == ["none"] and method == "ort" else feedthrough
+        common["feedthrough"] = of_parts(asked if method == "ort" else feedthrough or (), turned)
+        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+        result = replace(result, notes=(*result.notes, *turned.notes, *say_rival(method, records, result)))
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
         console.print(f"model written to {out}")
     if report is not None:
-        from aeolid.report import identification_facts, render_identification
-
-        title = f"Identification of {', '.join(p.name for p in recordings)}"
-        render_identification(identification_facts(result.model_json(), title=title), report)
+        _write_report(result, recordings, report)
     emit_json(result.to_json(), json_target)
+
+
+def _write_report(result: Any, recordings: list[Path], report: Path) -> None:
+    from aeolid.report import identification_facts, render_identification
+
+    title = f"Identification of {', '.join(p.name for p in recordings)}"
+    render_identification(identification_facts(result.model_json(), title=title), report)
 
 
 def _run(

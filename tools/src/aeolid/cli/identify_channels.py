@@ -30,7 +30,7 @@ def turn_angles(
 
     A stream of Markov parameters belongs to the channels as they are: with one only what is asked for is split.
     """
-    from aeolid.angles import renamed, split_angles
+    from aeolid.models.angles import renamed, split_angles
 
     alone = None if asked is None or asked == ["auto"] else asked
     if asked == ["none"] or (alone is None and markov is not None):
@@ -56,7 +56,8 @@ def read_delay(asked: list[str] | None, method: str, markov: Path | None) -> Any
 
 
 def of_parts(names: Sequence[str] | None, turned: Turned) -> Sequence[str] | None:
-    from aeolid.angles import renamed
+    """Return channels with each angle replaced by its two parts, None for None."""
+    from aeolid.models.angles import renamed
 
     return None if names is None else renamed(names, turned.angles)
 

@@ -86,18 +86,14 @@ def identify_fir(
     twentieth of each recording at a time, since coloured noise voids the formula of varx.
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
-    settings = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
-    settings = replace(settings, uncertainty="jackknife")
+    settings = _settings(records, past, future, order, feedthrough, regularization, decimation)
     late = [decimate(r, decimation) for r in records]
-    found = find_delays(late, past, settings.feedthrough, delays)
-    records = without_delays(late, found)
+    records = without_delays(late, found := find_delays(late, past, feedthrough, delays))
     scaling, source = find_scaling(records), records[0].source
-    through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    through = tuple(name in feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
-    parts = [
-        InputFactor.of(factorise(records, scaling, past, first=g / GROUPS, last=(g + 1) / GROUPS))
-        for g in range(GROUPS)
-    ]
+    edges = [(g / GROUPS, (g + 1) / GROUPS) for g in range(GROUPS)]
+    parts = [InputFactor.of(factorise(records, scaling, past, first=a, last=b)) for a, b in edges]
     whole = merged(parts)
     require_windows(records, past, len(scaling.inputs), whole.windows)
     estimate = estimate_markov(whole, through, regularization)
@@ -107,13 +103,13 @@ def identify_fir(
     require_order(choice.order, largest_useful_order(basis), source)
     require_own_excitation(whole, scaling.inputs, choice.order, through, source)
     T = basis.state_map(choice.order)
-    scaled = fit_matrices(whole, T, through)
+    scaled, count = fit_matrices(whole, T, through), len(scaling.inputs)
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
-    model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
-    model = with_start(replace(model, K=None, innovation_covariance=None), records)
+    bare = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
+    model = with_start(replace(bare, K=None, innovation_covariance=None), records)
     result = Identification(
         model=model,
-        modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
+        modes=find_modes(model, scaling.scale[count:], spread, records),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=measure_fit(model, records),
@@ -129,6 +125,14 @@ def identify_fir(
         version=aeolid.__version__,
     )
     return with_delays(result, late, found, delays == "auto")
+
+
+def _settings(
+    records: Sequence[Record], past: int, future: int | None, order: int | None, feedthrough: Sequence[str],
+    regularization: str | float, decimation: int,
+) -> Settings:  # fmt: skip
+    made = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
+    return replace(made, uncertainty="jackknife")
 
 
 def _order(

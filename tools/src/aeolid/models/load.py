@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 
-from aeolid.angles import with_parts
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
+from aeolid.models.angles import with_parts
 from aeolid.models.divergence import Divergence, divergence_of
 from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
