@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,33 +10,31 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.identify_channels import of_parts, read_delay, say_rival, turn_angles
 from aeolid.cli.identify_options import (
     METHODS,
-    SCHEDULED,
     check_finish,
     check_method,
     check_ort_and_fir,
     check_passes,
     check_scheduled,
     check_uncertainty,
+    read_order,
+    read_regularization,
 )
-from aeolid.errors import UsageError
+from aeolid.cli.identify_run import choose_for, mask_of, run_method
 from aeolid.output import declare
 
 if TYPE_CHECKING:
-    from aeolid.identify.choices import Choices
     from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
-    from aeolid.identify.streamed import StreamedMarkov
-    from aeolid.record import Record
 
 EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
-CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
 def register(app: typer.Typer) -> None:
@@ -61,7 +59,8 @@ def identify(
         typer.Option(
             "--method",
             help="varx; varmax: a short window does; lpv, lpv-kernel: depends on a measured scheduling; "
-            "ort: closed loop without a test signal, a measured disturbance; fir: open loop, coloured noise.",
+            "ort: a measured disturbance as instrument (as an input of varx it mostly tells more); "
+            "fir: open loop, coloured noise.",
             autocompletion=one_of(*METHODS),
         ),
     ] = "varx",
@@ -97,6 +96,22 @@ def identify(
     ] = None,
     forget: Annotated[
         float | None, typer.Option("--forget", help="varmax: forgetting of the first pass, 0.9 to 1; default 1.")
+    ] = None,
+    delay: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--delay",
+            help="varx, varmax, fir: NAME=SAMPLES by which an input acts late, repeatable; auto (default), or none.",
+            autocompletion=one_of("auto", "none"),
+        ),
+    ] = None,
+    angle: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--angle",
+            help="Channel to replace by its cosine and sine; repeatable. auto: those that wrap (default), or none.",
+            autocompletion=one_of("auto", "none"),
+        ),
     ] = None,
     scheduling: Annotated[
         list[str] | None, typer.Option("--scheduling", help="lpv: channel to schedule with; default those of the role.")
@@ -193,8 +208,11 @@ def identify(
     check_scheduled(scheduled, method, markov, stable)
     finish = _given(order_criterion=order_criterion, refined=refine)
     check_finish(finish, method, order)
+    asked = read_delay(delay, method, markov)
     joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
     check_ort_and_fir(joint, method, markov, regularize, stable)
+    common: dict[str, Any] = {"future": future, "order": read_order(order), "decimation": decimate}
+    common["regularization"] = read_regularization(regularize)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
     from aeolid.formats import read_record
@@ -205,15 +223,17 @@ def identify(
 
     with waiting("reading"):
         records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
-    with waiting(f"looking at {sum(map(len, records))} samples for feedthrough and past window"):
-        common: dict[str, Any] = {"future": future, "order": _order(order), "decimation": decimate}
-        common["regularization"] = _regularization(regularize)
+    records, turned = turn_angles(records, angle, scheduled, markov)
+    through = of_parts(feedthrough, turned)
+    with waiting(f"looking at {sum(map(len, records))} samples for feedthrough, dead times and past window"):
         streamed = None if markov is None else StreamedMarkov.load(markov)
-        made = _choose(method, records, past, feedthrough, common, streamed)
-        common |= {"past": made.past, "feedthrough": _mask(method, feedthrough, made)}
+        made = choose_for(method, records, past, through, common, streamed, asked)
+        common |= {"past": made.past, "feedthrough": mask_of(method, through, made)}
+        finish |= _given(delays=made.delays)
     with waiting(f"identifying with a past window of {made.past} samples"):
-        run = partial(_run, method, records, common, own | doubt | scheduled | joint | finish, streamed)
+        run = partial(run_method, method, records, common, own | doubt | scheduled | joint | finish, streamed)
         result = with_choices_made(identify_soundly(run, records, stable, allow_unstable), made)
+        result = replace(result, notes=(*result.notes, *turned.notes, *say_rival(method, records, result)))
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -232,78 +252,6 @@ def _report(
     render_identification(identification_facts(result.model_json(), title=title), report)
 
 
-def _mask(method: str, feedthrough: list[str] | None, made: Choices) -> Sequence[str] | None:
-    """Return the inputs with feedthrough; with ort the disturbances, None for all."""
-    if method != "ort":
-        return made.feedthrough
-    return () if feedthrough == ["none"] else feedthrough
-
-
-def _choose(
-    method: str, records: list[Record], past: str, feedthrough: list[str] | None, common: dict[str, Any],
-    streamed: StreamedMarkov | None,
-) -> Choices:  # fmt: skip
-    """Return window and feedthrough of every method but ort's, which has a mask of its own."""
-    from aeolid.identify.choices import Choices, choose
-    from aeolid.identify.choose_past import read_past
-
-    named: list[str] | str = "auto" if feedthrough in (None, ["auto"]) else feedthrough or ()  # type: ignore[assignment]
-    if named == ["none"]:
-        named = []
-    if method not in CHOOSING[:2] and past == "auto":
-        raise UsageError(f"--past auto is for --method varx and varmax; give --method {method} a window, 30 or 12s")
-    if method in CHOOSING:
-        return choose(
-            records, past, named, decimation=common["decimation"], regularization=common["regularization"],
-            checked=method != "fir", markov=streamed,
-        )  # fmt: skip
-    window = read_past(past, records[0].sample_time_s * common["decimation"]) or 0
-    return Choices(window, () if named == "auto" else tuple(named))
-
-
-def _run(
-    method: str, records: list[Record], common: dict[str, Any], own: dict[str, Any], streamed: StreamedMarkov | None,
-    stable: bool,
-) -> Identification | LpvIdentification | OrtIdentification:  # fmt: skip
-    """Identify; common: options of every method, own: those of this one."""
-    if method in SCHEDULED:
-        from aeolid.identify.lpv import identify_lpv
-
-        return identify_lpv(records, method=method, **common, **own)
-    if method == "ort":
-        from aeolid.identify.ort import identify_ort
-
-        common = {key: value for key, value in common.items() if key != "regularization"}
-        return identify_ort(records, stable=stable, **common, **own)
-    if method == "fir":
-        from aeolid.identify.fir import identify_fir
-
-        return identify_fir(records, **common)
-    from aeolid.identify.varmax import identify_varmax
-    from aeolid.identify.varx import identify_varx
-
-    run: Callable[..., Identification] = identify_varx if method == "varx" else identify_varmax
-    return run(records, markov=streamed, stable=stable, **common, **own)
-
-
 def _given(**options: Any) -> dict[str, Any]:
     """Return the options that were given."""
     return {name: value for name, value in options.items() if value is not None}
-
-
-def _order(text: str) -> int | None:
-    if text == "auto":
-        return None
-    try:
-        return int(text)
-    except ValueError:
-        raise UsageError(f"--order {text!r} is neither a whole number nor auto") from None
-
-
-def _regularization(text: str) -> str | float:
-    if text in ("gcv", "none"):
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"--regularize {text!r} is none of gcv, none or a number") from None

@@ -10,6 +10,7 @@ from aeolid.errors import UsageError
 
 METHODS = ("varx", "varmax", "lpv", "lpv-kernel", "ort", "fir")
 SCHEDULED = METHODS[2:4]
+CHOOSING = ("varx", "varmax", "fir")  # the methods with --feedthrough auto; of them varx and varmax with --past auto
 
 
 def check_method(method: str, past: str) -> None:
@@ -76,3 +77,23 @@ def check_finish(given: dict[str, Any], method: str, order: str) -> None:
         raise UsageError(f"--order-criterion is for --method varx and varmax; --method {method} chooses its own way")
     if order != "auto":
         raise UsageError(f"--order-criterion decides where --order is auto, not {order}; leave one of them out")
+
+
+def read_order(text: str) -> int | None:
+    """Return the order asked for, None for auto; raises UsageError on anything else."""
+    if text == "auto":
+        return None
+    try:
+        return int(text)
+    except ValueError:
+        raise UsageError(f"--order {text!r} is neither a whole number nor auto") from None
+
+
+def read_regularization(text: str) -> str | float:
+    """Return gcv, none, or the number asked for; raises UsageError on anything else."""
+    if text in ("gcv", "none"):
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--regularize {text!r} is none of gcv, none or a number") from None

@@ -20,7 +20,8 @@ from aeolid.children import guard_imports
 from aeolid.cli import guard
 
 PLUMBING = {
-    "main", "common", "guard", "identify_options", "listen_facts", "listen_modes", "listen_rules", "listen_view",
+    "main", "common", "guard", "identify_channels", "identify_options", "identify_run", "listen_facts",
+    "listen_modes", "listen_rules", "listen_view",
     "receiving", "reference",
 }  # fmt: skip
 HELP = """Identify and diagnose wind-turbine models from controller recordings.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
+from aeolid.identify.closed_loop import require_outside_excitation
 from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
@@ -102,10 +103,12 @@ def assemble(
     require_order(choice.order, largest_useful_order(basis), records[0].source)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
     require_states(factor, estimate.excited, choice.order, through, records[0].source)
+    _require_loop_shows(windows, settings, choice.order, through)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
     scaled = stabilise(factor, fitted, T) if settings.stable else fitted
     rest, done = equilibrium(factor, T, scaled), _refine(windows, settings, through, scaled)
+    done = _kept(done, (scaled, rest), records, scaling)
     if done is not None and done.steps:
         scaled, rest = done.model, done.equilibrium()
     known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings, done)
@@ -130,6 +133,21 @@ def assemble(
         extra=(extra or {}) | known.facts | ({} if done is None else {"refinement": done.to_json()}),
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
     )
+
+
+def _require_loop_shows(windows: Windows, settings: Settings, order: int, through: tuple[bool, ...]) -> None:
+    names, source = windows.scaling.inputs, windows.records[0].source
+    require_outside_excitation(windows.whole, names, order, settings.future, through, settings.regularization, source)
+
+
+def _kept(
+    done: Refinement | None, before: tuple[ScaledModel, Array], records: Sequence[Record], scaling: Scaling
+) -> Refinement | None:
+    if done is None:
+        return None
+    from aeolid.identify.keep_better import keep_better
+
+    return keep_better(done, before, records, lambda m, at: model_in_units(m, at, scaling, records[0]))
 
 
 def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]) -> StateBasis:

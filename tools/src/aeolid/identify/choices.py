@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.choose_feedthrough import choose_feedthrough
 from aeolid.identify.choose_past import Ladder, check_window, choose_past, climb, longest_past, read_past
+from aeolid.identify.delay import AUTO, find_delays
+from aeolid.identify.delay_states import without_delays
 from aeolid.identify.feedthrough import Feedthrough
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import check_feedthrough
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.truncation import WindowCheck
-from aeolid.identify.windows import find_scaling, require_windows
+from aeolid.identify.windows import Scaling, find_scaling, require_windows
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
@@ -27,7 +29,8 @@ class Choices:
     """Hold the window and the inputs with feedthrough that are taken, and what is to be said of them.
 
     tested: the answer for each input, empty where not asked; missing: inputs that act within the sample against what
-    was given; check: of the window, None where it was not checked.
+    was given; check: of the window, None where it was not checked; delays: samples by which inputs act late, None for
+    none.
     """
 
     past: int
@@ -37,24 +40,28 @@ class Choices:
     check: WindowCheck | None = None
     past_reason: str | None = None
     missing: tuple[str, ...] = ()
+    delays: Mapping[str, int] | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the choices as JSON facts."""
         return {
             "past": {"value": self.past, "reason": self.past_reason},
             "feedthrough": {"value": list(self.feedthrough), "inputs": [t.to_json() for t in self.tested]},
+            "delays": dict(self.delays or {}),
         }
 
 
 def choose(
     records: Sequence[Record], past: str | int, feedthrough: Sequence[str] | str, *, decimation: int = 1,
     regularization: str | float = "gcv", checked: bool = True, markov: StreamedMarkov | None = None,
+    delays: Mapping[str, int] | str | None = None,
 ) -> Choices:  # fmt: skip
-    """Return window and feedthrough, those given as they are, "auto" by the data.
+    """Return window, feedthrough and dead times, those given as they are, "auto" by the data.
 
     past: samples, seconds as "12s" (of the decimated samples), or "auto"; feedthrough: names, () or "auto"; checked:
-    whether the window is checked (the methods varx and varmax). With a stream of Markov parameters "auto" is what its
-    filter had. Raises UsageError or NotIdentifiable as `identify_varx`.
+    whether the window is checked (the methods varx and varmax); delays: as in `find_delays`, after feedthrough, for an
+    input that acts at once is not late. With a stream of Markov parameters "auto" is what its filter had. Raises
+    UsageError or NotIdentifiable as `identify_varx`.
     """
     if markov is not None:
         return _of_stream(records, past, feedthrough, markov)
@@ -62,28 +69,36 @@ def choose(
     if feedthrough != "auto":
         check_feedthrough(records, feedthrough)
     records = [decimate_causally(r, decimation) for r in records]
+    scaling, ladder = _climbed(records, given)
+    tested: tuple[Feedthrough, ...] = ()
+    at = min(given if given is not None else max(round(TESTED * ladder.longest), 1), ladder.longest)
+    if checked or feedthrough == "auto":
+        tested = choose_feedthrough(records, scaling, ladder.at(at)[1])
+    on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)
+    missing = () if feedthrough == "auto" else tuple(t for t in tested if t.on and t.name not in on)
+    said = _said(tested, missing, feedthrough == "auto")
+    late = find_delays(records, at, on, delays)
+    if late:
+        scaling, ladder = _climbed(without_delays(records, late), given)
+        said += [f"the delay of {n} is estimated; --delay none leaves it to the model" for n in late if delays == AUTO]
+    through = tuple(n in on for n in scaling.inputs)
+    made = _with_past(ladder, given, on, through, regularization, checked, said, tested)
+    return replace(made, missing=tuple(t.name for t in missing), delays=late or None)
+
+
+def _climbed(records: Sequence[Record], given: int | None) -> tuple[Scaling, Ladder]:
+    """Return scaling and windows of the recordings, as long as the given one needs to be checked, or all it allows."""
     scaling = find_scaling(records)
     if given is not None:
         if given < 1:
             raise UsageError(f"past window {given} is not at least 1")
         require_windows(records, given, scaling.channels)
     most = longest_past(records, scaling.channels)
-    ladder = _ladder(records, scaling, most if given is None else max(min(4 * given, most), given))
-    names = scaling.inputs
-    tested: tuple[Feedthrough, ...] = ()
-    missing: tuple[Feedthrough, ...] = ()
-    if checked or feedthrough == "auto":
-        at = given if given is not None else max(round(TESTED * ladder.longest), 1)
-        tested = choose_feedthrough(records, scaling, ladder.at(min(at, ladder.longest))[1])
-    on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)
-    through = tuple(n in on for n in names)
-    if feedthrough == "auto":
-        said = [_say(t) for t in tested if t.on or not t.sure]
-    else:
-        missing = tuple(t for t in tested if t.on and t.name not in on)
-        said = [_say_missing(t) for t in missing]
-    made = _with_past(ladder, given, on, through, regularization, checked, said, tested)
-    return replace(made, missing=tuple(t.name for t in missing))
+    return scaling, _ladder(records, scaling, most if given is None else max(min(4 * given, most), given))
+
+
+def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], auto: bool) -> list[str]:
+    return [_say(t) for t in tested if t.on or not t.sure] if auto else [_say_missing(t) for t in missing]
 
 
 def with_choices_made(result: Result, made: Choices) -> Result:
@@ -106,7 +121,7 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     return replace(result, notes=(*result.notes, *notes), extra=result.extra | facts)
 
 
-def _ladder(records: Sequence[Record], scaling: Any, longest: int) -> Ladder:
+def _ladder(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
     ladder = climb(records, scaling, longest)
     while longest > 1 and ladder.fitted.windows < 2 * (longest + 1) * scaling.channels:
         longest = max(longest // 2, 1)  # missing samples left fewer windows than lengths promise

@@ -10,7 +10,7 @@ long a window: varx or varmax there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +20,10 @@ import aeolid
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, find_modes, model_in_units, with_start
 from aeolid.identify.excitation import require_own_excitation
 from aeolid.identify.fit import measure_fit
-from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.jackknife import jackknife, merged
 from aeolid.identify.markov import MarkovEstimate, estimate_markov, require_excitation
 from aeolid.identify.order import FIT_PART, OrderChoice, held_out_stretches, largest_gap, require_order
+from aeolid.identify.prepare import prepare
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.settings import make_settings
 from aeolid.identify.subspace import (
@@ -35,7 +35,6 @@ from aeolid.identify.subspace import (
     least_squares,
 )
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling, require_windows, triangularise
-from aeolid.models.rate import decimate_causally
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
@@ -74,21 +73,23 @@ def identify_fir(
     feedthrough: Sequence[str] = (),
     regularization: str | float = "gcv",
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
 ) -> Identification:
     """Identify x⁺ = A x + B u, y = C x + D u + noise of any colour, in open loop.
 
     records: one experiment set, merged exactly. past: p samples after which the plant has forgotten (Aᵖ negligible; a
-    note says so where the last coefficients are not small). future, order, feedthrough, regularization, decimation: as
-    in `identify_varx`; the order by the held-out error of a free run, the smallest within one standard error of the
-    best. The model has no K: the noise is not modelled. Deviations of the poles come from leaving out a twentieth of
-    each recording at a time, since coloured noise voids the formula of varx.
+    note says so where the last coefficients are not small). future, order, feedthrough, regularization, decimation,
+    delays: as in `identify_varx`; the order by the held-out error of a free run, the smallest within one standard error
+    of the best. The model has no K: the noise is not modelled. Deviations of the poles come from leaving out a
+    twentieth of each recording at a time, since coloured noise voids the formula of varx.
     Raises as `identify_varx`. Cost: 2 N q² operations, q = (p + 1)(r + l).
     """
     asked = make_settings("fir", records, past, future, order, feedthrough, regularization, None, decimation, False)
-    settings, raw = replace(asked, uncertainty="jackknife"), records
-    records = [decimate_causally(r, decimation) for r in records]
+    settings = replace(asked, uncertainty="jackknife")
+    prepared = prepare(records, settings, delays)
+    records = prepared.records
     scaling, source = find_scaling(records), records[0].source
-    through = tuple(name in settings.feedthrough for name in scaling.inputs)
+    through = tuple(name in feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
     spans = [(g / GROUPS, (g + 1) / GROUPS) for g in range(GROUPS)]
     parts = [InputFactor.of(factorise(records, scaling, past, first=a, last=b)) for a, b in spans]
@@ -101,13 +102,13 @@ def identify_fir(
     require_order(choice.order, largest_useful_order(basis), source)
     require_own_excitation(whole, scaling.inputs, choice.order, through, source)
     T = basis.state_map(choice.order)
-    scaled = fit_matrices(whole, T, through)
+    scaled, count = fit_matrices(whole, T, through), len(scaling.inputs)
     spread = jackknife(parts, np.linalg.eigvals(scaled.A).astype(complex), _poles(settings, choice.order, through))
     model = model_in_units(scaled, equilibrium(whole, T, scaled), scaling, records[0])
     model = with_start(replace(model, K=None, innovation_covariance=None), records)
     result = Identification(
         model=model,
-        modes=find_modes(model, scaling.scale[len(scaling.inputs) :], spread, records),
+        modes=find_modes(model, scaling.scale[count:], spread, records),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=measure_fit(model, records),
@@ -122,13 +123,7 @@ def identify_fir(
         notes=_notes(whole, estimate, model),
         version=aeolid.__version__,
     )
-    return _told(result, raw)
-
-
-def _told(result: Identification, raw: Sequence[Record]) -> Identification:
-    """Return the result with what decimation folds down; raw: the recordings before it."""
-    modes, notes = tell_of_folding(result.modes, result.notes, raw, result.settings.decimation)
-    return replace(result, modes=modes, notes=notes)
+    return prepared.finish(result)
 
 
 def _order(

@@ -3,7 +3,8 @@
 Damped Gauss–Newton steps on log det of the errors' covariance Λ, in the tangent space of models that differ in more
 than their basis (`sensitivity`). For every model tried, what it is free to choose of the recordings is solved for
 exactly: the first state of each stretch of complete samples, and a constant error of each output, which is all that
-constants in both equations can do to a stable predictor. A model is admitted while A − K C is stable.
+constants in both equations can do to a stable predictor. A model is admitted while A − K C is stable and forgets
+within the recording.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ RESOLVED = 1e-20  # error power in scaled units below which a prediction is exac
 DECAYED = 1e-12  # of a first state's size in the errors, below which it is forgotten
 LONGEST_ANSWER = 50_000  # samples that are asked for a first state
 HELD_OUT_LEAST = 20  # samples per channel that must be held out
+MEMORIES = 3.0  # time constants of the predictor's slowest pole that a recording must hold: e⁻³ = 5 % are left of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +66,9 @@ class Refinement:
     """Hold a refined model, how it was found and how far it can be trusted.
 
     constant (l,): mean error that belongs to it; steps taken; held_out: by which part the steps lowered the error power
-    of the fit part's model on what is held out, and gain that of everything, mean over outputs, 0 … 1; root (npar, ·):
-    cov θ = root rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite.
+    of the fit part's model on what is held out, and gain that of everything, mean over outputs, 0 … 1; held_out_error:
+    that error before and after them, in standard deviations, None where none is held out; root (npar, ·): cov θ = root
+    rootᵀ of θ = [A B K], [C D] row by row, None where the data are exact or the information is not finite.
     """
 
     model: ScaledModel
@@ -76,11 +79,15 @@ class Refinement:
     root: Array | None
     feedthrough: tuple[bool, ...]
     stopped: str
+    held_out_error: tuple[float, float] | None = None
 
     def to_json(self) -> dict[str, float | str | None]:
         """Return the facts for JSON."""
+        before, after = self.held_out_error or (None, None)
         return {
             "steps": self.steps,
+            "held_out_error_before": before,
+            "held_out_error_after": after,
             "held_out_error_power_lower_by": self.held_out,
             "error_power_lower_by": self.gain,
             "stopped": self.stopped,
@@ -92,8 +99,14 @@ class Refinement:
             return f"not refined: {self.stopped}"
         return (
             f"refined in {self.steps} prediction-error steps: error power {self.held_out or 0:.2%} lower on the "
-            f"held-out last {1 - FIT_PART:.0%}, {self.gain:.2%} on everything"
+            f"held-out last {1 - FIT_PART:.0%}{self._pair}, {self.gain:.2%} on everything"
         )
+
+    @property
+    def _pair(self) -> str:
+        if self.held_out_error is None:
+            return ""
+        return f" (error {self.held_out_error[0]:.4g} before, {self.held_out_error[1]:.4g} after)"
 
     def spread(self) -> MatrixSpread | None:
         """Return the covariance of the entries of [A B; C D] in scaled units, None where it is not known."""
@@ -143,14 +156,23 @@ def refine(
     losses = [held_out_loss(model, stretches) for model in trial]
     best = int(np.argmin(losses))
     if best == 0:
-        return descent.result([start], 0.0, "no step lowers the error on what is held out")
+        same = (_size(losses[0]),) * 2 if np.isfinite(losses[0]) else None
+        return replace(
+            descent.result([start], 0.0, "no step lowers the error on what is held out"), held_out_error=same
+        )
     ended = best == len(trial) - 1  # the descent itself ended: so it may on everything
     path = descent.path(start, MOST_STEPS if ended else best)
     gain = 1 - float(np.exp(losses[best] - losses[0])) if np.isfinite(losses[0]) else 1.0
     stopped = "no step gains" if ended else f"the held-out error is least after {best} steps"
     if len(path) > MOST_STEPS:
         stopped = f"{MOST_STEPS} steps are the most"
-    return descent.result(path, gain, stopped)
+    pair = (_size(losses[0]), _size(losses[best])) if np.isfinite(losses[0]) else None
+    return replace(descent.result(path, gain, stopped), held_out_error=pair)
+
+
+def _size(loss: float) -> float:
+    """Return the error in standard deviations of the outputs, from its mean log power."""
+    return float(np.exp(loss / 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,13 +187,16 @@ class Descent:
         """Return the start and the models after each step."""
         if not admitted(start):
             return [start]
+        slowest = max(self._slowest(), spectral_radius(start.A - start.K @ start.C))
         covariance = run_model(start, self.stretches, np.eye(len(start.C))).covariance()
         least = FLOOR * float(np.linalg.eigvalsh(covariance)[-1])
         weight = _weight(covariance)
         at = lru_cache(maxsize=1)(lambda model: Coordinates.at(model, self.feedthrough))  # one for all damped steps
 
         def loss(model: ScaledModel) -> float:
-            return _log_det(run_model(model, self.stretches, weight).covariance(), least) if admitted(model) else np.inf
+            if not admitted(model, slowest):
+                return np.inf
+            return _log_det(run_model(model, self.stretches, weight).covariance(), least)
 
         def factor(model: ScaledModel) -> Array:
             run = run_model(model, self.stretches, weight)
@@ -182,6 +207,14 @@ class Descent:
             return replace(moved, A=move_inside(moved.A)) if self.stable else moved
 
         return list(descend(start, loss, factor, move, steps=steps, floor=np.log(RESOLVED) + 1e-9))
+
+    def _slowest(self) -> float:
+        """Return the largest magnitude of a predictor's pole that the longest stretch can show, below 1.
+
+        A memory longer than the recording is a second constant for every stretch: it lowers the errors there and
+        nowhere else.
+        """
+        return float(np.exp(-MEMORIES / max(len(s.y) for s in self.stretches)))
 
     def result(self, path: Sequence[ScaledModel], held_out: float | None, stopped: str) -> Refinement:
         """Return the end of a path, its gain over the start and the covariance of its numbers."""
@@ -233,10 +266,13 @@ class Descent:
         return whole[outputs:, outputs:]
 
 
-def admitted(model: ScaledModel) -> bool:
-    """Return whether the predictor is stable."""
+def admitted(model: ScaledModel, slowest: float = 1.0) -> bool:
+    """Return whether the predictor is stable, and no pole of it larger than `slowest`, 0 … 1."""
     closed = model.A - model.K @ model.C
-    return bool(np.isfinite(closed).all()) and spectral_radius(closed) < 1
+    if not np.isfinite(closed).all():
+        return False
+    radius = spectral_radius(closed)
+    return radius < 1 and radius <= slowest * (1 + 1e-12)
 
 
 def run_model(model: ScaledModel, stretches: Sequence[Stretch], weight: Array) -> Run:

@@ -26,7 +26,8 @@ class Settings:
 
     passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
     says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
-    decides where order is None; refined: whether prediction-error steps follow.
+    decides where order is None; refined: whether prediction-error steps follow. delays: inputs with the
+    samples by which they act late.
     """
 
     method: str
@@ -45,10 +46,13 @@ class Settings:
     bootstrap_seed: int | None = None
     refined: bool = False
     order_criterion: str = "held-out"
+    delays: tuple[tuple[str, int], ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
-        return self.__dict__ | {"feedthrough": list(self.feedthrough), "order": self.order or "auto"}
+        return self.__dict__ | {
+            "feedthrough": list(self.feedthrough), "order": self.order or "auto", "delays": dict(self.delays)
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
 from aeolid.identify.extended import Samples, collect
-from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
+from aeolid.identify.prepare import prepare
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.whitening import Whitening, extend, follow, start_again, whiten
 from aeolid.identify.windows import Scaling, find_scaling, require_windows
-from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 PASSES, FORGETTING = 3, 1.0
@@ -34,6 +33,7 @@ def identify_varmax(
     regularization: str | float = "gcv",
     markov: StreamedMarkov | None = None,
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
     stable: bool = False,
     passes: int = PASSES,
     forgetting: float = FORGETTING,
@@ -71,7 +71,8 @@ def identify_varmax(
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
-    raw, records = records, [decimate_causally(r, decimation) for r in records]
+    prepared = prepare(records, settings, delays)
+    records = prepared.records
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
@@ -98,9 +99,7 @@ def identify_varmax(
         estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
         notes += more
     extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
-    result = assemble(windows, records, estimate, settings, notes, extra)
-    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
-    return replace(result, modes=modes, notes=told)
+    return prepared.finish(assemble(windows, records, estimate, settings, notes, extra))
 
 
 def _check_passes(passes: int, forgetting: float) -> None:

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 from aeolid.identify.assemble import assemble, compress
-from aeolid.identify.folding import tell_of_folding
 from aeolid.identify.markov import estimate_markov
+from aeolid.identify.prepare import prepare
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import find_scaling
-from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 
@@ -27,6 +25,7 @@ def identify_varx(
     regularization: str | float = "gcv",
     markov: StreamedMarkov | None = None,
     decimation: int = 1,
+    delays: Mapping[str, int] | str | None = None,
     stable: bool = False,
     uncertainty: str = "asymptotic",
     bootstrap_runs: int = BOOTSTRAP_RUNS,
@@ -42,7 +41,8 @@ def identify_varx(
     sample, default none because D of an input cannot be identified without bias when its controller has feedthrough
     itself. regularization: "gcv" (default: costs nothing where data are rich), "none" or a number, λ relative to the
     largest singular value. markov: Ξ from a stream in place of eq. (23). decimation: whole factor by which the sample
-    rate is lowered first. stable: move poles on or outside the unit circle inside.
+    rate is lowered first. stable: move poles on or outside the unit circle inside. delays: samples by which inputs act
+    late, by name, "auto" (see `delay`) or None: the windows are then free of them, the model has them as states.
     uncertainty: of modes and frequency response, "asymptotic" (default: costs nothing), "bootstrap" (see there; also
     where innovations are not white or change their power) or "none". bootstrap_runs: 20 … 10 000, default 200, which
     leave 5 % on a deviation; bootstrap_seed: of its signs. order_criterion: "held-out" (default: needs no assumption on
@@ -56,7 +56,8 @@ def identify_varx(
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     settings = with_choices(settings, refined, order_criterion)
-    raw, records = records, [decimate_causally(r, decimation) for r in records]
+    prepared = prepare(records, settings, delays)
+    records = prepared.records
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past)
@@ -64,6 +65,4 @@ def identify_varx(
     notes: tuple[str, ...] = ()
     if markov is not None:
         estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
-    result = assemble(windows, records, estimate, settings, notes)
-    modes, told = tell_of_folding(result.modes, result.notes, raw, decimation)
-    return replace(result, modes=modes, notes=told)
+    return prepared.finish(assemble(windows, records, estimate, settings, notes))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack, svd
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.magnitudes import require_magnitude
 from aeolid.record import Record, require_same_layout
 
 Array = NDArray[np.float64]
@@ -145,6 +146,8 @@ def find_scaling(records: Sequence[Record]) -> Scaling:
     count, mean, square = (np.zeros(len(inputs + outputs)) for _ in range(3))
     for record in records:
         columns = _columns(record, inputs + outputs)
+        for name, column in zip(inputs + outputs, columns, strict=True):
+            require_magnitude(record.source, name, record.values[:, column])
         for start in range(0, len(record), 1 << 16):
             chunk = record.values[start : start + (1 << 16), columns]
             if np.isinf(chunk).any():
