@@ -72,6 +72,30 @@ def identify(
         str,
         typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.", autocompletion=one_of("gcv", "none")),
     ] = "gcv",
+    missing: Annotated[
+        str | None,
+        typer.Option(
+            "--missing",
+            help="varx, varmax: auto (default) draws single missing cells from the others, or leave-out.",
+            autocompletion=one_of("auto", "leave-out"),
+        ),
+    ] = None,
+    detrend: Annotated[
+        str | None,
+        typer.Option(
+            "--detrend",
+            help="varx, varmax: none, offset of each recording (default), linear, or high-pass.",
+            autocompletion=one_of("none", "offset", "linear", "high-pass"),
+        ),
+    ] = None,
+    robust: Annotated[
+        str | None,
+        typer.Option(
+            "--robust",
+            help="varx, varmax: spikes of outputs taken for missing: auto (default), always, or never.",
+            autocompletion=one_of("auto", "always", "never"),
+        ),
+    ] = None,
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     passes: Annotated[
         int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
@@ -151,6 +175,8 @@ def identify(
     _check_scheduled(scheduled, method, markov, stable)
     finish = _given(order_criterion=order_criterion, refined=refine)
     _check_finish(finish, method, order)
+    first = _given(missing=missing, detrend=detrend, robust=robust)
+    _check_first(first, method, markov)
     joint = _given(joint_order=joint_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
     files = {"--out": out, "--report": report, "--json": json_target}
@@ -168,7 +194,7 @@ def identify(
         }  # fmt: skip
         if method == "ort":
             common["feedthrough"] = () if feedthrough == ["none"] else feedthrough
-        result = _run(method, records, common, own | doubt | scheduled | joint | finish, markov, stable)
+        result = _run(method, records, common, own | doubt | scheduled | joint | finish | first, markov, stable)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -260,6 +286,15 @@ def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) 
         raise UsageError(f"--bootstrap-runs and --bootstrap-seed need --uncertainty bootstrap, not {chosen}")
     if chosen == "bootstrap" and markov is not None:
         raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
+
+
+def _check_first(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse what is done to recordings first where the method, or the stream, does not have it."""
+    if given and method not in METHODS[:2]:
+        raise UsageError(f"--{next(iter(given))} is for --method varx and varmax, not {method}; leave it out")
+    for name in ("missing", "robust"):
+        if name in given and markov is not None:
+            raise UsageError(f"--{name} changes samples that the filter of --markov has used; leave one of them out")
 
 
 def _check_finish(given: dict[str, Any], method: str, order: str) -> None:
