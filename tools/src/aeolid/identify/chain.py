@@ -62,7 +62,7 @@ def fit_chain(factor: WindowFactor) -> Chain:
     error = now - past @ theta.T
     covariance = error.T @ error / max(factor.windows - 1, 1) + FLOOR * np.eye(m)
     lags = theta.reshape(m, q, m).transpose(1, 0, 2)[::-1]
-    W: Array = np.linalg.inv(covariance)
+    W = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     return Chain(np.concatenate([np.eye(m)[None], -lags]), W)
 
 

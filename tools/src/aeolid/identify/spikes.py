@@ -146,7 +146,7 @@ def _robust(chain: Chain, filled: list[Array], order: int) -> Chain:
     size = np.maximum(MEDIAN * np.median(abs(e), axis=0), 1e-5)
     clipped = np.clip(e, -2.5 * size, 2.5 * size)
     covariance = clipped.T @ clipped / len(e) + 1e-10 * np.eye(e.shape[1])
-    W: Array = np.linalg.inv(covariance)
+    W = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
     return replace(chain, W=W)
 
 
