@@ -17,6 +17,7 @@ from aeolid.cli.identify_options import (
     check_method,
     check_ort_and_fir,
     check_passes,
+    check_preparation,
     check_scheduled,
     check_uncertainty,
     read_order,
@@ -90,6 +91,30 @@ def identify(
         str,
         typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.", autocompletion=one_of("gcv", "none")),
     ] = "gcv",
+    missing: Annotated[
+        str | None,
+        typer.Option(
+            "--missing",
+            help="varx, varmax: auto (default) draws single missing cells from the others, or leave-out.",
+            autocompletion=one_of("auto", "leave-out"),
+        ),
+    ] = None,
+    detrend: Annotated[
+        str | None,
+        typer.Option(
+            "--detrend",
+            help="varx, varmax: none, offset of each recording (default), linear, or high-pass.",
+            autocompletion=one_of("none", "offset", "linear", "high-pass"),
+        ),
+    ] = None,
+    robust: Annotated[
+        str | None,
+        typer.Option(
+            "--robust",
+            help="varx, varmax: spikes of outputs taken for missing: auto (default), always, or never.",
+            autocompletion=one_of("auto", "always", "never"),
+        ),
+    ] = None,
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     passes: Annotated[
         int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
@@ -209,6 +234,8 @@ def identify(
     finish = _given(order_criterion=order_criterion, refined=refine)
     check_finish(finish, method, order)
     asked = read_delay(delay, method, markov)
+    first = _given(missing=missing, detrend=detrend, robust=robust)
+    check_preparation(first, method, markov)
     joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
     check_ort_and_fir(joint, method, markov, regularize, stable)
     common: dict[str, Any] = {"future": future, "order": read_order(order), "decimation": decimate}
@@ -227,11 +254,11 @@ def identify(
     through = of_parts(feedthrough, turned)
     with waiting(f"looking at {sum(map(len, records))} samples for feedthrough, dead times and past window"):
         streamed = None if markov is None else StreamedMarkov.load(markov)
-        made = choose_for(method, records, past, through, common, streamed, asked)
+        made = choose_for(method, records, past, through, common, first, streamed, asked)
         common |= {"past": made.past, "feedthrough": mask_of(method, through, made)}
         finish |= _given(delays=made.delays)
     with waiting(f"identifying with a past window of {made.past} samples"):
-        run = partial(run_method, method, records, common, own | doubt | scheduled | joint | finish, streamed)
+        run = partial(run_method, method, records, common, own | doubt | scheduled | joint | finish | first, streamed)
         result = with_choices_made(identify_soundly(run, records, stable, allow_unstable), made)
         result = replace(result, notes=(*result.notes, *turned.notes, *say_rival(method, records, result)))
     emit_json(result.model_json(), str(out))

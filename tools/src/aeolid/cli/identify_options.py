@@ -67,6 +67,15 @@ def check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) -
         raise UsageError("--uncertainty bootstrap needs the recording's own regression; leave it or --markov out")
 
 
+def check_preparation(given: dict[str, Any], method: str, markov: Path | None) -> None:
+    """Refuse what is done to recordings first where the method, or the stream, does not have it."""
+    if given and method not in METHODS[:2]:
+        raise UsageError(f"--{next(iter(given))} is for --method varx and varmax, not {method}; leave it out")
+    for name in ("missing", "robust"):
+        if name in given and markov is not None:
+            raise UsageError(f"--{name} changes samples that the filter of --markov has used; leave one of them out")
+
+
 def check_finish(given: dict[str, Any], method: str, order: str) -> None:
     """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
     if "refined" in given and method not in METHODS[:4]:

@@ -16,14 +16,20 @@ if TYPE_CHECKING:
     from aeolid.identify.streamed import StreamedMarkov
     from aeolid.record import Record
 
+PREPARED = {"missing": "auto", "detrend": "offset", "robust": "auto"}  # what varx and varmax do unless asked otherwise
+
 
 def choose_for(
     method: str, records: Sequence[Record], past: str, feedthrough: Sequence[str] | None, common: dict[str, Any],
-    streamed: StreamedMarkov | None, delays: Mapping[str, int] | str | None,
+    first: dict[str, Any], streamed: StreamedMarkov | None, delays: Mapping[str, int] | str | None,
 ) -> Choices:  # fmt: skip
-    """Return window, dead times and feedthrough; of ort, whose mask is of its own, and of lpv the window alone."""
+    """Return window, dead times and feedthrough; of ort, whose mask is of its own, and of lpv the window alone.
+
+    first: what is done to recordings before, as asked for; varx and varmax do it, so that they are looked at like that.
+    """
     from aeolid.identify.choices import Choices, choose
     from aeolid.identify.choose_past import read_past
+    from aeolid.identify.prepare import at_a_glance
 
     given = list(feedthrough or ())
     named: list[str] | str = "auto" if feedthrough is None or given == ["auto"] else given
@@ -32,6 +38,9 @@ def choose_for(
     if method not in CHOOSING[:2] and past == "auto":
         raise UsageError(f"--past auto is for --method varx and varmax; give --method {method} a window, 30 or 12s")
     if method in CHOOSING:
+        if method in CHOOSING[:2] and streamed is None:
+            asked = PREPARED | first
+            records = at_a_glance(records, asked["missing"], asked["detrend"], asked["robust"])
         return choose(
             records, past, named, decimation=common["decimation"], regularization=common["regularization"],
             checked=method != "fir", markov=streamed, delays=delays,

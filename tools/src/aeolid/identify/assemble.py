@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.identify.closed_loop import require_outside_excitation
+from aeolid.identify.enough import require_enough
 from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
+from aeolid.identify.missing import Completed
 from aeolid.identify.order import (
     FIT_PART,
     OrderChoice,
@@ -75,14 +77,18 @@ class Windows:
         return self.scaling.scale[first : first + len(self.scaling.outputs)]
 
 
-def compress(records: Sequence[Record], scaling: Scaling, past: int) -> Windows:
+def compress(records: Sequence[Record], scaling: Scaling, past: int, completed: Completed | None = None) -> Windows:
     """Return the factor of the part that chooses the order from what is held out, and the factor of everything.
+
+    completed: with the recordings of further draws of missing cells, over which the factors are averaged.
 
     Raises NotIdentifiable where there are fewer complete windows than unknowns. Cost: 2 N q² operations, q = (p + 1) m.
     """
     require_windows(records, past, scaling.channels)
-    fitted = factorise(records, scaling, past, last=FIT_PART)
-    whole = fitted.merge(factorise(records, scaling, past, first=FIT_PART))
+    known = Completed(records) if completed is None else completed
+    sets = (records, *known.others)
+    fitted = known.average([factorise(s, scaling, past, last=FIT_PART) for s in sets])
+    whole = fitted.merge(known.average([factorise(s, scaling, past, first=FIT_PART) for s in sets]))
     require_windows(records, past, scaling.channels, whole.windows)
     return Windows(records, scaling, fitted, whole)
 
@@ -101,6 +107,8 @@ def assemble(
     basis = find_states(factor, estimate.theta, settings.future)
     choice = _order(windows, settings, through, basis)
     require_order(choice.order, largest_useful_order(basis), records[0].source)
+    lost = factor.skipped > 0 or bool((extra or {}).get("preparation", {}).get("cells_drawn"))
+    few = require_enough(factor.windows, choice.order, factor.inputs, factor.outputs, records[0].source, lost)
     require_own_excitation(factor, scaling.inputs, choice.order, through, records[0].source)
     require_states(factor, estimate.excited, choice.order, through, records[0].source)
     _require_loop_shows(windows, settings, choice.order, through)
@@ -128,7 +136,7 @@ def assemble(
         windows=factor.windows,
         skipped=factor.skipped,
         gain_method=scaled.gain_method,
-        notes=(*_notes(factor, estimate, model), *notes, *_say_refinement(settings, done)),
+        notes=(*_notes(factor, estimate, model), *((few,) if few else ()), *notes, *_say_refinement(settings, done)),
         version=aeolid.__version__,
         extra=(extra or {}) | known.facts | ({} if done is None else {"refinement": done.to_json()}),
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),

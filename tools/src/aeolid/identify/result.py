@@ -27,7 +27,7 @@ class Settings:
     passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
     says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
     decides where order is None; refined: whether prediction-error steps follow. delays: inputs with the
-    samples by which they act late.
+    samples by which they act late. missing, detrend and robust say what was done to the recordings first.
     """
 
     method: str
@@ -47,6 +47,9 @@ class Settings:
     refined: bool = False
     order_criterion: str = "held-out"
     delays: tuple[tuple[str, int], ...] = ()
+    missing: str = "leave-out"
+    detrend: str = "none"
+    robust: str = "never"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""
@@ -111,4 +114,5 @@ class Identification:
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
-        return "\n".join([self.order_choice.reason, *mode_lines(self.modes), *fit_lines(self.fit), *self.notes])
+        used = f"{self.windows} windows used, {self.skipped} left out for missing samples"
+        return "\n".join([self.order_choice.reason, used, *mode_lines(self.modes), *fit_lines(self.fit), *self.notes])

@@ -9,8 +9,9 @@ from aeolid.errors import UsageError
 from aeolid.identify.assemble import Windows, assemble, compress
 from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, with_theta
+from aeolid.identify.missing import Completed
 from aeolid.identify.positive_real import PositiveReal, check_positive_real, least_moving_average
-from aeolid.identify.prepare import prepare
+from aeolid.identify.prepare import prepare, with_preparation
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
@@ -42,6 +43,9 @@ def identify_varmax(
     bootstrap_seed: int = 0,
     order_criterion: str = "held-out",
     refined: bool = False,
+    missing: str = "auto",
+    detrend: str = "offset",
+    robust: str = "auto",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by VARMAX-based PBSIDopt (paper 000), open or closed loop.
 
@@ -59,15 +63,15 @@ def identify_varmax(
     innovations; no pass is run then. passes: 0 … 1000, default 3; more change nothing on the papers' systems.
     forgetting: λ of the first pass, 0.9 … 1; pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes.
     Default 1: less forgets the wrong e of the start sooner and changes little; what the data leave open (fewer noise
-    sources than outputs) is held at the start of the pass. uncertainty … refined: as in `identify_varx`, with e as
-    found.
+    sources than outputs) is held at the start of the pass. uncertainty … robust: as in `identify_varx`, with e as
+    found; missing cells are drawn once.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
         "varmax", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_choices(settings, refined, order_criterion)
+    settings = with_preparation(with_choices(settings, refined, order_criterion), missing, detrend, robust)
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)
@@ -77,7 +81,8 @@ def identify_varmax(
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     extended = extend(scaling)
     require_windows(records, past, extended.channels, lead=2 * past)
-    plain = compress(records, scaling, past)
+    known = replace(prepared.completed, others=())
+    plain = compress(records, scaling, past, known)
     samples = collect(records, scaling, past)
     start = estimate_markov(plain.whole, through, regularization)
     if markov is None:
@@ -85,20 +90,20 @@ def identify_varmax(
     else:
         theta = markov.scaled(extended, past, through)
         found = follow(records, samples, extended, plain.whole, start, theta, markov)
-    windows, verdict = _judge(records, samples, found, plain, extended, through)
+    windows, verdict = _judge(records, samples, found, plain, extended, through, known)
     if not verdict.holds and markov is None:
         again = start_again(records, samples, extended, scaling, found, past, through, regularization)
         if again is not None:
             found = again
-            windows, verdict = _judge(records, samples, found, plain, extended, through)
+            windows, verdict = _judge(records, samples, found, plain, extended, through, known)
     estimate = estimate_markov(windows.whole, through, regularization)
     if found.theta is not None and regularization == "gcv" and verdict.rank == verdict.outputs:
         estimate = with_theta(estimate, found.theta, windows.whole)
-    notes = [*found.notes, verdict.text]
+    notes = [*prepared.notes, *found.notes, verdict.text]
     if markov is not None:
         estimate, more = markov.replace_in(estimate, windows.records, windows.whole, extended, through)
         notes += more
-    extra = {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
+    extra = prepared.facts | {"varmax": {**found.to_json(), "positive_real": verdict.to_json()}}
     return prepared.finish(assemble(windows, records, estimate, settings, notes, extra))
 
 
@@ -113,11 +118,11 @@ def _check_passes(passes: int, forgetting: float) -> None:
 
 def _judge(
     records: Sequence[Record], samples: Samples, found: Whitening, plain: Windows, extended: Scaling,
-    through: tuple[bool, ...],
+    through: tuple[bool, ...], known: Completed,
 ) -> tuple[Windows, PositiveReal]:  # fmt: skip
     """Return the VARMAX windows and the verdict on (25); windows whose e is not known count as no missing sample."""
     past = plain.whole.past
-    windows = compress(found.records, extended, past)
+    windows = compress(found.records, extended, past, known)
     windows = replace(windows, whole=replace(windows.whole, skipped=plain.whole.skipped))
     e = found.e[samples.used(past)]
     theta = least_moving_average(windows.whole, through)

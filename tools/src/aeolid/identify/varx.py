@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from aeolid.identify.assemble import assemble, compress
 from aeolid.identify.markov import estimate_markov
-from aeolid.identify.prepare import prepare
+from aeolid.identify.prepare import prepare, with_preparation
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
@@ -32,6 +32,9 @@ def identify_varx(
     bootstrap_seed: int = 0,
     order_criterion: str = "held-out",
     refined: bool = False,
+    missing: str = "auto",
+    detrend: str = "offset",
+    robust: str = "auto",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -48,6 +51,9 @@ def identify_varx(
     leave 5 % on a deviation; bootstrap_seed: of its signs. order_criterion: "held-out" (default: needs no assumption on
     the noise), "aic", "bic" or "gap" (see `order`). refined: whether prediction-error steps follow (see `refine`),
     default no: with little noise they gain a few percent for ten times the work.
+    missing: "auto" (default) draws single missing cells where they cost more than 5 % of the windows (see `missing`),
+    "leave-out" leaves all windows with one out. detrend: "none", "offset" of each recording (default), "linear" or
+    "high-pass" (see `detrend`). robust: "auto" (default), "always" or "never" takes spikes for missing (see `spikes`).
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -55,14 +61,15 @@ def identify_varx(
         "varx", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_choices(settings, refined, order_criterion)
+    settings = with_preparation(with_choices(settings, refined, order_criterion), missing, detrend, robust)
     prepared = prepare(records, settings, delays)
     records = prepared.records
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
-    windows = compress(records, scaling, past)
+    windows = compress(records, scaling, past, prepared.completed)
     estimate = estimate_markov(windows.whole, through, regularization)
-    notes: tuple[str, ...] = ()
+    notes = prepared.notes
     if markov is not None:
-        estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
-    return prepared.finish(assemble(windows, records, estimate, settings, notes))
+        estimate, more = markov.replace_in(estimate, records, windows.whole, scaling, through)
+        notes += tuple(more)
+    return prepared.finish(assemble(windows, records, estimate, settings, notes, prepared.facts))
