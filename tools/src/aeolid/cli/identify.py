@@ -72,6 +72,14 @@ def identify(
         str,
         typer.Option("--regularize", help="gcv, none, or a relative λ in 0 … 1.", autocompletion=one_of("gcv", "none")),
     ] = "gcv",
+    solution: Annotated[
+        str | None,
+        typer.Option(
+            "--solution",
+            help="varx, singular data: Markov parameters that are smallest, pivoted (on fewest channels), or auto.",
+            autocompletion=one_of("auto", "smallest", "pivoted"),
+        ),
+    ] = None,
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     passes: Annotated[
         int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
@@ -149,7 +157,7 @@ def identify(
         offsets=offsets, memory_gb=memory,
     )  # fmt: skip
     _check_scheduled(scheduled, method, markov, stable)
-    finish = _given(order_criterion=order_criterion, refined=refine)
+    finish = _given(order_criterion=order_criterion, refined=refine, solution=solution)
     _check_finish(finish, method, order)
     joint = _given(joint_order=joint_order, response=response)
     _check_ort_and_fir(joint, method, markov, regularize, stable)
@@ -264,6 +272,8 @@ def _check_uncertainty(given: dict[str, Any], method: str, markov: Path | None) 
 
 def _check_finish(given: dict[str, Any], method: str, order: str) -> None:
     """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
+    if "solution" in given and method != "varx":
+        raise UsageError(f"--solution is for --method varx; leave it out with --method {method}")
     if "refined" in given and method not in METHODS[:4]:
         raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
     if "order_criterion" not in given:

@@ -53,13 +53,14 @@ class Windows:
     """Hold the windows of an experiment set.
 
     records: with innovation channels where the scaling names some; fitted: factor of the part that chooses the order;
-    whole: factor of everything.
+    whole: factor of everything; solution: which Ξ is taken where the data are singular (see `solution`).
     """
 
     records: Sequence[Record]
     scaling: Scaling
     fitted: WindowFactor
     whole: WindowFactor
+    solution: str = "smallest"
 
     @property
     def input_scale(self) -> Array:
@@ -135,7 +136,9 @@ def assemble(
 def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...], given: Array | None) -> StateBasis:
     """Return the states by the part that chooses the order alone; given: Ξ of a stream, where it is to be taken."""
     # with few samples the fit part alone may not determine the predictor; its own estimate keeps the rest unseen
-    theta = estimate_markov(windows.fitted, through, settings.regularization).theta if given is None else given
+    theta = given
+    if theta is None:
+        theta = estimate_markov(windows.fitted, through, settings.regularization, windows.solution).theta
     return find_states(windows.fitted, theta, settings.future)
 
 
@@ -242,7 +245,8 @@ def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) ->
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the data tell {estimate.rank} of {estimate.regressors} regressors apart (fewer noise sources than "
-            "outputs, or an input without excitation); the smallest solution was taken"
+            "outputs, or an input without excitation); "
+            + ("as many columns were taken" if estimate.columns else "the smallest solution was taken")
         )
     growing = int(np.count_nonzero(abs(np.linalg.eigvals(model.A)) > 1))
     if growing:

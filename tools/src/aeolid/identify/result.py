@@ -26,7 +26,8 @@ class Settings:
 
     passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
     says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
-    decides where order is None; refined: whether prediction-error steps follow.
+    decides where order is None; refined: whether prediction-error steps follow; solution:
+    which Ξ is taken where data are singular.
     """
 
     method: str
@@ -45,6 +46,7 @@ class Settings:
     bootstrap_seed: int | None = None
     refined: bool = False
     order_criterion: str = "held-out"
+    solution: str = "smallest"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from aeolid.identify.assemble import assemble, compress
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, assemble, compress
 from aeolid.identify.decimate import decimate
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
+from aeolid.identify.solution import choose_solution, with_solution
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import find_scaling
 from aeolid.record import Record
@@ -31,6 +32,7 @@ def identify_varx(
     bootstrap_seed: int = 0,
     order_criterion: str = "held-out",
     refined: bool = False,
+    solution: str = "auto",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -46,6 +48,7 @@ def identify_varx(
     leave 5 % on a deviation; bootstrap_seed: of its signs. order_criterion: "held-out" (default: needs no assumption on
     the noise), "aic", "bic" or "gap" (see `order`). refined: whether prediction-error steps follow (see `refine`),
     default no: with little noise they gain a few percent for ten times the work.
+    solution: of singular data, "smallest", "pivoted" or "auto" (default: by held-out error; see `solution`).
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -53,13 +56,13 @@ def identify_varx(
         "varx", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_choices(settings, refined, order_criterion)
+    settings = with_solution(with_choices(settings, refined, order_criterion), solution)
     records = [decimate(r, decimation) for r in records]
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past)
-    estimate = estimate_markov(windows.whole, through, regularization)
-    notes: tuple[str, ...] = ()
+    windows, notes, facts = choose_solution(windows, through, settings, LARGEST_AUTO_ORDER)
+    estimate = estimate_markov(windows.whole, through, regularization, windows.solution)
     if markov is not None:
         estimate, notes = markov.replace_in(estimate, records, windows.whole, scaling, through)
-    return assemble(windows, records, estimate, settings, notes)
+    return assemble(windows, records, estimate, settings, notes, facts)
