@@ -115,6 +115,14 @@ def identify(
             autocompletion=one_of("auto", "always", "never"),
         ),
     ] = None,
+    solution: Annotated[
+        str | None,
+        typer.Option(
+            "--solution",
+            help="varx, singular data: Markov parameters that are smallest, pivoted (on fewest channels), or auto.",
+            autocompletion=one_of("auto", "smallest", "pivoted"),
+        ),
+    ] = None,
     decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
     passes: Annotated[
         int | None, typer.Option("--passes", help="varmax: passes of extended least squares, 0 to 1000; default 3.")
@@ -231,7 +239,7 @@ def identify(
         offsets=offsets, memory_gb=memory, scheduling_scaling=scheduling_scaling, kernel_tolerance=kernel_tolerance,
     )  # fmt: skip
     check_scheduled(scheduled, method, markov, stable)
-    finish = _given(order_criterion=order_criterion, refined=refine)
+    finish = _given(order_criterion=order_criterion, refined=refine, solution=solution)
     check_finish(finish, method, order)
     asked = read_delay(delay, method, markov)
     first = _given(missing=missing, detrend=detrend, robust=robust)

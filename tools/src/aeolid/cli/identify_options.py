@@ -78,6 +78,8 @@ def check_preparation(given: dict[str, Any], method: str, markov: Path | None) -
 
 def check_finish(given: dict[str, Any], method: str, order: str) -> None:
     """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
+    if "solution" in given and method != "varx":
+        raise UsageError(f"--solution is for --method varx; leave it out with --method {method}")
     if "refined" in given and method not in METHODS[:4]:
         raise UsageError(f"--refine is for --method varx, varmax, lpv and lpv-kernel, not {method}; leave it out")
     if "order_criterion" not in given:

@@ -57,13 +57,14 @@ class Windows:
     """Hold the windows of an experiment set.
 
     records: with innovation channels where the scaling names some; fitted: factor of the part that chooses the order;
-    whole: factor of everything.
+    whole: factor of everything; solution: which Ξ is taken where the data are singular (see `solution`).
     """
 
     records: Sequence[Record]
     scaling: Scaling
     fitted: WindowFactor
     whole: WindowFactor
+    solution: str = "smallest"
 
     @property
     def input_scale(self) -> Array:
@@ -164,7 +165,7 @@ def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]
     Ξ of a stream has learnt from every sample, with forgetting from the held-out ones most: its error on them falls
     with every order, and would choose another one than the samples do.
     """
-    theta = estimate_markov(windows.fitted, through, settings.regularization).theta
+    theta = estimate_markov(windows.fitted, through, settings.regularization, windows.solution).theta
     return find_states(windows.fitted, theta, settings.future)
 
 
@@ -271,7 +272,8 @@ def _notes(factor: WindowFactor, estimate: MarkovEstimate, model: StateSpace) ->
     if estimate.rank < estimate.regressors:
         notes.append(
             f"the data tell {estimate.rank} of {estimate.regressors} regressors apart (fewer noise sources than "
-            "outputs, or an input without excitation); the smallest solution was taken"
+            "outputs, or an input without excitation); "
+            + ("as many columns were taken" if estimate.columns else "the smallest solution was taken")
         )
     growing = int(np.count_nonzero(abs(np.linalg.eigvals(model.A)) > 1))
     if growing:

@@ -120,7 +120,7 @@ def run_bootstrap(
     Raises NotIdentifiable where more than a fifth of them lead to no model. Cost a run: that of the decomposition of ΓK
     and of the regressions; no sample is touched again.
     """
-    keep = regressor_columns(factor, through)
+    keep = markov.columns or regressor_columns(factor, through)
     block = max(block_length(factor.past, factor.windows), float(scores.length))
     drawn = signs(scores, block, runs, seed)
     poles, found, responses = np.linalg.eigvals(model.A).astype(complex), [], []

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.ridge import Spectrum, filter_factors
@@ -30,7 +31,8 @@ class MarkovEstimate:
     spread (p m + r, rank) and residual_covariance (l, l) give cov(vec Ξ) = residual_covariance ⊗ spread spreadᵀ (with
     the outputs' mean filter factors, where those differ). Where Ξ is a filter's, direct (p m + r, rank) is the spread
     of the fit to all windows, driven by the same noise, and bias (l, p m + r) what Ξ is off by; both None elsewhere.
-    NaN in `spread` says that it is not known.
+    NaN in `spread` says that it is not known. columns: those of a window that Ξ leans on, None where it is all that are
+    regressors.
     """
 
     theta: Array
@@ -43,6 +45,7 @@ class MarkovEstimate:
     direct: Array | None = None
     bias: Array | None = None
     excited: int = 0
+    columns: tuple[int, ...] | None = None
 
 
 def regressor_columns(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> list[int]:
@@ -51,7 +54,15 @@ def regressor_columns(factor: WindowFactor, feedthrough: tuple[bool, ...]) -> li
     return [*range(past), *(past + i for i, through in enumerate(feedthrough) if through)]
 
 
-def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regularization: str | float) -> MarkovEstimate:
+def pivot_columns(factor: WindowFactor, columns: list[int], rank: int) -> list[int]:
+    """Return the first `rank` of these columns by QR with pivoting: each the one farthest from those before it."""
+    order = qr(factor.R[:, columns], mode="r", pivoting=True)[1]
+    return [columns[i] for i in sorted(order[:rank])]
+
+
+def estimate_markov(
+    factor: WindowFactor, feedthrough: tuple[bool, ...], regularization: str | float, solution: str = "smallest"
+) -> MarkovEstimate:
     """Solve eq. (23) from the window factor.
 
     feedthrough: for each input, whether u_k acts on y_k; in a loop whose controller has feedthrough itself, D of that
@@ -59,17 +70,17 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     Singular values below max(N, q) ε of the largest are left out: they are rounding. So are those whose coefficient has
     a standard error above OPEN: where channels hang together to 1e-5 and less (exact data in binary32, or with few
     digits) and D of an input is held at zero, what that leaves would be sought there, by coefficients that ΓK brings to
-    where the channels do not hang together. Rank and excited say so.
+    where the channels do not hang together. Rank and excited say so. solution: "smallest", or "pivoted", on as many
+    columns as the rank has (see `solution`).
     """
-    keep = regressor_columns(factor, feedthrough)
+    keep = every = regressor_columns(factor, feedthrough)
+    U, s, Vt, R, rank, excited = _decomposed(factor, keep)
+    condition = float(s[0] / max(s[-1], TINY))
+    if solution == "pivoted":
+        keep = pivot_columns(factor, every, rank)
+        U, s, Vt, R, rank, _ = _decomposed(factor, keep)
     size, outputs = len(keep), factor.outputs
     targets = factor.past * factor.channels + factor.inputs
-    R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
-    U, s, Vt = decompose(R[:size, :size])
-    condition = float(s[0] / max(s[-1], TINY))
-    excited = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
-    error_size = float(np.sqrt((R[size:, size:] ** 2).sum(axis=0).max() / max(factor.windows, 1)))
-    rank = min(excited, int(np.count_nonzero(OPEN * s * np.sqrt(factor.windows) > error_size * s[0])))
     projected = U[:, :rank].T @ R[:size, size:]  # (rank, l)
     total = (R[:, size:] ** 2).sum(axis=0)  # (l,): power of each output
     outside = np.maximum(total - (projected**2).sum(axis=0), 0.0)  # power no regressor reaches
@@ -82,8 +93,20 @@ def estimate_markov(factor: WindowFactor, feedthrough: tuple[bool, ...], regular
     spread = np.zeros((targets, rank))
     spread[keep] = Vt[:rank].T * shrink.mean(axis=0)
     return MarkovEstimate(
-        theta, rank, size, condition, penalty / s.max(initial=TINY), spread, error @ error.T / freedom, excited=excited
-    )
+        theta, rank, len(every), condition, penalty / s.max(initial=TINY), spread, error @ error.T / freedom,
+        excited=excited, columns=tuple(keep) if solution == "pivoted" else None,
+    )  # fmt: skip
+
+
+def _decomposed(factor: WindowFactor, keep: list[int]) -> tuple[Array, Array, Array, Array, int, int]:
+    """Return U, s, Vᵀ of these columns, the factor R of columns and targets, and how many are told and excited."""
+    size = len(keep)
+    R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
+    U, s, Vt = decompose(R[:size, :size])
+    excited = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
+    error_size = float(np.sqrt((R[size:, size:] ** 2).sum(axis=0).max() / max(factor.windows, 1)))
+    rank = min(excited, int(np.count_nonzero(OPEN * s * np.sqrt(factor.windows) > error_size * s[0])))
+    return U, s, Vt, R, rank, excited
 
 
 def with_theta(estimate: MarkovEstimate, theta: Array, factor: WindowFactor) -> MarkovEstimate:

@@ -78,7 +78,8 @@ def quantify(
     z = on_circle(frequency, h)
     facts: dict[str, Any] = {}
     if settings.uncertainty == "bootstrap":
-        scores = collect_scores(records, scaling, factor, markov.theta, regressor_columns(factor, through))
+        keep = markov.columns or regressor_columns(factor, through)
+        scores = collect_scores(records, scaling, factor, markov.theta, keep)
         runs, seed = settings.bootstrap_runs or BOOTSTRAP_RUNS, settings.bootstrap_seed or 0
         draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed)
         poles, responses = in_order_of(_scatter(draws.poles), fitted.A, model.A), _scatter(draws.responses)

@@ -28,6 +28,7 @@ class Settings:
     says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
     decides where order is None; refined: whether prediction-error steps follow. delays: inputs with the
     samples by which they act late. missing, detrend and robust say what was done to the recordings first.
+    solution: which Ξ is taken where data are singular.
     """
 
     method: str
@@ -50,6 +51,7 @@ class Settings:
     missing: str = "leave-out"
     detrend: str = "none"
     robust: str = "never"
+    solution: str = "smallest"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

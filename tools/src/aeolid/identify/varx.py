@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from aeolid.identify.assemble import assemble, compress
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, assemble, compress
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.prepare import prepare, with_preparation
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
 from aeolid.identify.result import Identification
 from aeolid.identify.settings import make_settings, with_choices
+from aeolid.identify.solution import choose_solution, with_solution
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.windows import find_scaling
 from aeolid.record import Record
@@ -35,6 +36,7 @@ def identify_varx(
     missing: str = "auto",
     detrend: str = "offset",
     robust: str = "auto",
+    solution: str = "auto",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -54,6 +56,7 @@ def identify_varx(
     missing: "auto" (default) draws single missing cells where they cost more than 5 % of the windows (see `missing`),
     "leave-out" leaves all windows with one out. detrend: "none", "offset" of each recording (default), "linear" or
     "high-pass" (see `detrend`). robust: "auto" (default), "always" or "never" takes spikes for missing (see `spikes`).
+    solution: of singular data, "smallest", "pivoted" or "auto" (default: by held-out error; see `solution`).
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -62,14 +65,16 @@ def identify_varx(
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     settings = with_preparation(with_choices(settings, refined, order_criterion), missing, detrend, robust)
+    settings = with_solution(settings, solution)
     prepared = prepare(records, settings, delays)
     records = prepared.records
     scaling = find_scaling(records)
     through = tuple(name in settings.feedthrough for name in scaling.inputs)
     windows = compress(records, scaling, past, prepared.completed)
-    estimate = estimate_markov(windows.whole, through, regularization)
-    notes = prepared.notes
+    windows, notes, facts = choose_solution(windows, through, settings, LARGEST_AUTO_ORDER)
+    estimate = estimate_markov(windows.whole, through, regularization, windows.solution)
+    notes = (*prepared.notes, *notes)
     if markov is not None:
         estimate, more = markov.replace_in(estimate, records, windows.whole, scaling, through)
         notes += tuple(more)
-    return prepared.finish(assemble(windows, records, estimate, settings, notes, prepared.facts))
+    return prepared.finish(assemble(windows, records, estimate, settings, notes, prepared.facts | facts))
