@@ -21,6 +21,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +103,7 @@ def fresh(count: int, first: int, samples: int, noise: float) -> str:
     """Compare defaults with the right mask and window on fresh recordings."""
     records = [simulate_closed_loop(samples, first + i, excitation=Excitation(noise=noise)) for i in range(count + 1)]
     ours, right, taken = [], [], []
-    for record, following in zip(records[:-1], records[1:], strict=True):
+    for record, following in pairwise(records):
         model, facts = identify(record, ())
         settings = facts["settings"]
         taken.append(f"p {settings['past']} {'+'.join(settings['feedthrough']) or 'none'} order {facts['order']}"

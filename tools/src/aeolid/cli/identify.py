@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
-from aeolid.cli.identify_channels import of_parts, read_delay, say_rival, turn_angles
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of
+from aeolid.cli.identify_channels import read_delay
 from aeolid.cli.identify_options import (
     METHODS,
     check_finish,
@@ -23,7 +21,7 @@ from aeolid.cli.identify_options import (
     read_order,
     read_regularization,
 )
-from aeolid.cli.identify_run import choose_for, mask_of, run_method
+from aeolid.cli.identify_run import Asked, identify_recordings
 from aeolid.output import declare
 
 if TYPE_CHECKING:
@@ -250,25 +248,9 @@ def identify(
     common["regularization"] = read_regularization(regularize)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
-    from aeolid.formats import read_record
-    from aeolid.identify.choices import with_choices_made
-    from aeolid.identify.sound import identify_soundly
-    from aeolid.identify.streamed import StreamedMarkov
-    from aeolid.record import Roles
-
-    with waiting("reading"):
-        records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
-    records, turned = turn_angles(records, angle, scheduled, markov)
-    through = of_parts(feedthrough, turned)
-    with waiting(f"looking at {sum(map(len, records))} samples for feedthrough, dead times and past window"):
-        streamed = None if markov is None else StreamedMarkov.load(markov)
-        made = choose_for(method, records, past, through, common, first, streamed, asked)
-        common |= {"past": made.past, "feedthrough": mask_of(method, through, made)}
-        finish |= _given(delays=made.delays)
-    with waiting(f"identifying with a past window of {made.past} samples"):
-        run = partial(run_method, method, records, common, own | doubt | scheduled | joint | finish | first, streamed)
-        result = with_choices_made(identify_soundly(run, records, stable, allow_unstable), made)
-        result = replace(result, notes=(*result.notes, *turned.notes, *say_rival(method, records, result)))
+    others = own | doubt | scheduled | joint | finish | first
+    wanted = Asked(method, past, feedthrough, angle, asked, common, first, others, stable, allow_unstable)
+    result = identify_recordings(recordings, roles, markov, wanted)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
