@@ -194,21 +194,17 @@ def bad_values(kind):
 def test_data_that_carry_no_answer_end_in_one_sentence(folder, capsys, kind, code, words):
     write_recording(folder / "bad.csv", *bad_values(kind))
     capsys.readouterr()
-    assert (
-        run(
-            folder,
-            "identify",
-            folder / "bad.csv",
-            "--past",
-            10,
-            "--out",
-            folder / "x.json",
-        )
-        == code
-    )
+    options = ["--missing", "leave-out", "--past", 10, "--out", folder / "x.json"]
+    assert run(folder, "identify", folder / "bad.csv", *options) == code
     message = " ".join(capsys.readouterr().err.split())
     assert all(w in message for w in words), message
     assert "Traceback" not in message and not (folder / "x.json").exists()
+
+
+def test_an_input_that_lacks_every_eighth_sample_is_answered_without_its_windows(folder, capsys):
+    write_recording(folder / "bad.csv", *bad_values("mostly missing"))
+    assert run(folder, "identify", folder / "bad.csv", "--past", 10, "--order", 4, "--out", folder / "x.json") == 0
+    assert "50 missing cells" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(

@@ -399,4 +399,4 @@ def test_holes_that_leave_no_varmax_window_are_counted(loop_record):
     with pytest.raises(
         NotIdentifiable, match=r": 0 complete windows of 17 samples \(3984 more hold a missing sample\)"
     ):
-        identify_varmax([replace(loop_record, values=values)], past=8, order=4)
+        identify_varmax([replace(loop_record, values=values)], past=8, order=4, missing="leave-out")

@@ -61,22 +61,35 @@ def identify_recordings(recordings: Sequence[Path], roles: Path, markov: Path | 
     through = of_parts(asked.feedthrough, turned)
     with waiting(f"looking at {sum(map(len, records))} samples for feedthrough, dead times and past window"):
         streamed = None if markov is None else StreamedMarkov.load(markov)
-        made = choose_for(asked, records, through, streamed)
+        seen = _at_a_glance(asked, records, streamed)
+        made = choose_for(asked, seen, through, streamed)
         common = asked.common | {"past": made.past, "feedthrough": mask_of(asked.method, through, made)}
         others |= {} if made.delays is None else {"delays": made.delays}
     with waiting(f"identifying with a past window of {made.past} samples"):
         run = partial(run_method, asked.method, records, common, others, streamed)
-        result = with_choices_made(identify_soundly(run, records, asked.stable, asked.allow_unstable), made)
+        result = with_choices_made(identify_soundly(run, seen, asked.stable, asked.allow_unstable), made)
         return replace(result, notes=(*result.notes, *turned.notes, *say_rival(asked.method, records, result)))
+
+
+def _at_a_glance(asked: Asked, records: Sequence[Record], streamed: StreamedMarkov | None) -> Sequence[Record]:
+    """Return the recordings as varx and varmax will take them, for choices before the fit and the free run after it."""
+    from aeolid.identify.prepare import at_a_glance
+
+    if asked.method not in CHOOSING[:2] or streamed is not None:
+        return records
+    first = PREPARED | asked.first
+    return at_a_glance(records, first["missing"], first["detrend"], first["robust"])
 
 
 def choose_for(
     asked: Asked, records: Sequence[Record], through: Sequence[str] | None, streamed: StreamedMarkov | None
 ) -> Choices:
-    """Return window, dead times and feedthrough; of ort, whose mask is of its own, and of lpv the window alone."""
+    """Return window, dead times and feedthrough; of ort, whose mask is of its own, and of lpv the window alone.
+
+    records: as `_at_a_glance` gives them.
+    """
     from aeolid.identify.choices import Choices, choose
     from aeolid.identify.choose_past import read_past
-    from aeolid.identify.prepare import at_a_glance
 
     method, past, common, given = asked.method, asked.past, asked.common, list(through or ())
     named: list[str] | str = "auto" if through is None or given == ["auto"] else given
@@ -85,9 +98,6 @@ def choose_for(
     if method not in CHOOSING[:2] and past == "auto":
         raise UsageError(f"--past auto is for --method varx and varmax; give --method {method} a window, 30 or 12s")
     if method in CHOOSING:
-        if method in CHOOSING[:2] and streamed is None:
-            first = PREPARED | asked.first
-            records = at_a_glance(records, first["missing"], first["detrend"], first["robust"])
         return choose(
             records, past, named, decimation=common["decimation"], regularization=common["regularization"],
             checked=method != "fir", markov=streamed, delays=asked.delays,
