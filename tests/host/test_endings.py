@@ -69,6 +69,11 @@ def test_no_error_of_ours_has_code_1() -> None:
     assert {k.exit_code for k in kinds} <= {2, 3, 4}
 
 
+def heed() -> None:
+    """Let a child be interrupted where these tests run in the background, whose children ignore that."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def run(command: list[str], folder: Path, **how: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(["sh", "-c", *command], cwd=folder, stderr=subprocess.PIPE, text=True, timeout=3600, **how)  # type: ignore[call-overload,no-any-return]
 
@@ -126,7 +131,7 @@ sys.exit(main(["catalogue", "--json", "x.json"]))
 def test_interrupts_end_in_good_order(signals: list[int], code: int, tmp_path: Path) -> None:
     """The second Ctrl-C comes while the first one is being dealt with; nothing half made is left."""
     command = [sys.executable, "-c", SLOW, *(["stay"] if len(signals) > 1 else [])]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=heed) as process:
         assert process.stderr is not None
         for number in signals:
             assert process.stderr.readline() in ("ready\n", "again\n")
@@ -151,7 +156,8 @@ sys.exit(main(["catalogue"]))
 
 def test_an_interrupt_within_foreign_code_is_not_lost(tmp_path: Path) -> None:
     """A compiler's callback swallows it, with a traceback."""
-    done = subprocess.run([sys.executable, "-c", LOST], cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=3600)
+    done = subprocess.run([sys.executable, "-c", LOST], cwd=tmp_path, stderr=subprocess.PIPE, text=True, timeout=3600,
+                          preexec_fn=heed)  # fmt: skip
     assert (done.returncode, done.stderr) == (130, "aeolid: stopped\n")
 
 

@@ -13,7 +13,7 @@ from aeolid.diagnose.point import Segment
 from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
 from aeolid.errors import AeolidError
-from aeolid.identify.varx import identify_varx
+from aeolid.identify.plain import identify_plainly
 from aeolid.models.equations import Equations
 from aeolid.models.modes import Mode
 from aeolid.record import Channel, Record
@@ -86,7 +86,7 @@ def _mode(prepared: Prepared, outputs: Sequence[str], damping: Slot, near: float
     """Return the mode nearest to a frequency (Hz) that shows most in one of these outputs; None where there is none."""
     segments = [s for s in (*prepared.split.fit, *prepared.split.select) if len(s.y) > 2 * past]
     try:
-        modes = identify_varx(_records(prepared, segments), past=past).modes
+        modes = identify_plainly(_records(prepared, segments), past=past).modes
     except AeolidError:
         return None
     own = [

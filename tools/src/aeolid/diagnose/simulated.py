@@ -14,7 +14,7 @@ from aeolid.diagnose.modal import ModalForm, modal_form
 from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.varx import identify_varx
+from aeolid.identify.plain import identify_plainly
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import compile_equations
 from aeolid.record import Record
@@ -69,9 +69,9 @@ def surrogate(run: Record, order: int | None = None, deadline: Deadline | None =
     Raises NotIdentifiable where the run is too short or does not excite. Cost: 15 Gauss–Newton steps of n (r + 2 l)
     filter passes.
     """
-    found = identify_varx([run], past=_past(run), stable=True, order=order)
+    found = identify_plainly([run], past=_past(run), stable=True, order=order)
     if order is None and found.order > _MOST:
-        found = identify_varx([run], past=_past(run), order=_MOST, stable=True)
+        found = identify_plainly([run], past=_past(run), order=_MOST, stable=True)
     spreads = np.nanstd(run.matrix("output"), axis=0)
     form = modal_form(found.model, spreads)
     model = equations_of(form.model, shaped_noise=True, modal=form)
@@ -108,7 +108,7 @@ def check_run(run: Record) -> None:
 
 def is_simple(run: Record) -> bool:
     """Tell whether no more states than a surrogate may have describe the run at its own rate."""
-    return identify_varx([run], past=_past(run), stable=True).order <= _MOST
+    return identify_plainly([run], past=_past(run), stable=True).order <= _MOST
 
 
 def _past(run: Record) -> int:

@@ -13,7 +13,6 @@ from aeolid.formats.headings import check_unit, fault_of_name, find_heading, spl
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
 from aeolid.formats.timebase import uniform_grid
 from aeolid.inputs import regular_size
-from aeolid.magnitudes import require_magnitude
 from aeolid.record import Record, Roles, file_sha256
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log")
@@ -165,4 +164,3 @@ def _require_usable(table: Table, name: str, values: Array) -> None:
         )
     if np.isnan(values).all():
         raise DataError(f'{table.source}: channel {name!r} holds no value at all; give it the role "ignore"')
-    require_magnitude(table.source, name, values, table.place)

@@ -145,6 +145,8 @@ def assemble(
 
 
 def _require_loop_shows(windows: Windows, settings: Settings, order: int, through: tuple[bool, ...]) -> None:
+    if settings.unexcited == "take":
+        return
     names, source = windows.scaling.inputs, windows.records[0].source
     require_outside_excitation(windows.whole, names, order, settings.future, through, settings.regularization, source)
 

@@ -49,6 +49,9 @@ def require_outside_excitation(
     if not all(besides < TIED * own for own, besides in shares):
         return
     apart = disagreement(factor, order, future, feedthrough, regularization)
+    every = (True,) * factor.inputs
+    if apart.min() > DIFFERENT and feedthrough != every:  # D that is left out ties the input to the outputs as well
+        apart = np.minimum(apart, disagreement(factor, order, future, every, regularization))
     i = int(np.argmin(apart))
     if apart[i] > DIFFERENT:
         own, besides = shares[i]

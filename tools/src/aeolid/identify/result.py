@@ -27,8 +27,8 @@ class Settings:
     passes and forgetting are those of VARMAX; None for VARX and with a streamed Ξ, where no pass is run. uncertainty
     says how deviations were found; bootstrap_runs and bootstrap_seed are None without a bootstrap. order_criterion
     decides where order is None; refined: whether prediction-error steps follow. delays: inputs with the
-    samples by which they act late. missing, detrend and robust say what was done to the recordings first.
-    solution: which Ξ is taken where data are singular.
+    samples by which they act late. missing, detrend and robust say what was done to the recordings first. solution:
+    which Ξ is taken where data are singular. unexcited: "refuse" or "take" loops that nothing moves from outside.
     """
 
     method: str
@@ -51,6 +51,7 @@ class Settings:
     missing: str = "leave-out"
     detrend: str = "none"
     robust: str = "never"
+    unexcited: str = "refuse"
     solution: str = "smallest"
 
     def to_json(self) -> dict[str, Any]:

@@ -31,16 +31,19 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 SOLUTIONS = ("auto", "smallest", "pivoted")
+UNEXCITED = ("refuse", "take")
 AHEAD = 2  # past windows: as far as the future window reaches beyond the past one
 
 
-def with_solution(settings: Settings, solution: str) -> Settings:
-    """Return the settings with the solution asked for; raises UsageError on what does not exist."""
+def with_solution(settings: Settings, solution: str, unexcited: str = "refuse") -> Settings:
+    """Return the settings with the solution and what becomes of unexcited loops; raises UsageError on others."""
     if solution not in SOLUTIONS:
         raise UsageError(f"solution {solution!r} is none of {', '.join(SOLUTIONS)}")
     if solution == "pivoted" and settings.markov is not None:
         raise UsageError("with a streamed Ξ nothing is solved; leave the solution out")
-    return replace(settings, solution=solution)
+    if unexcited not in UNEXCITED:
+        raise UsageError(f"unexcited {unexcited!r} is none of {', '.join(UNEXCITED)}")
+    return replace(settings, solution=solution, unexcited=unexcited)
 
 
 def choose_solution(

@@ -37,6 +37,7 @@ def identify_varx(
     detrend: str = "offset",
     robust: str = "auto",
     solution: str = "auto",
+    unexcited: str = "refuse",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -57,6 +58,7 @@ def identify_varx(
     "leave-out" leaves all windows with one out. detrend: "none", "offset" of each recording (default), "linear" or
     "high-pass" (see `detrend`). robust: "auto" (default), "always" or "never" takes spikes for missing (see `spikes`).
     solution: of singular data, "smallest", "pivoted" or "auto" (default: by held-out error; see `solution`).
+    unexcited: "refuse" (default) loops whose recordings fit plants that differ, "take" them where no plant is sought.
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -65,7 +67,7 @@ def identify_varx(
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
     settings = with_preparation(with_choices(settings, refined, order_criterion), missing, detrend, robust)
-    settings = with_solution(settings, solution)
+    settings = with_solution(settings, solution, unexcited)
     prepared = prepare(records, settings, delays)
     records = prepared.records
     scaling = find_scaling(records)

@@ -13,7 +13,7 @@ from scipy.signal import welch
 from aeolid.diagnose.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame, side_of
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.varx import identify_varx
+from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode
 from aeolid.record import Channel, Record
 
@@ -96,7 +96,7 @@ def _modes(pair: Pair, sides: Sequence[Side], stride: int) -> Sequence[Mode]:
             )
         )
     past = min(LONGEST, min(map(len, slow)) // 20)
-    return identify_varx(slow, past=past, order=min(_ORDER, past), stable=True).modes
+    return identify_plainly(slow, past=past, order=min(_ORDER, past), stable=True).modes
 
 
 def _coarse(pair: Pair) -> int:

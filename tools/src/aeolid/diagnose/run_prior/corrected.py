@@ -14,7 +14,7 @@ from aeolid.diagnose.rotor_frame import to_fixed_frame
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.naming import Told
 from aeolid.diagnose.run_prior.pair import Pair
-from aeolid.identify.varx import identify_varx
+from aeolid.identify.plain import identify_plainly
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, InputFilter, Output, Parameter
 from aeolid.record import Record
@@ -33,7 +33,7 @@ def corrected_model(
     source = [to_fixed_frame(r, sets) for r in (records if lacking else runs)]
     past = int(min(_LONGEST, math.ceil(pair.past * pair.stride), min(map(len, source)) // 20))
     outputs = len(source[0].names("output"))
-    found = identify_varx(source, past=past, order=min(_STATES, past * outputs), stable=True, uncertainty="none")
+    found = identify_plainly(source, past=past, order=min(_STATES, past * outputs), stable=True, uncertainty="none")
     model = equations_of(found.model, shaped_noise=False)
     name = "the recordings" if lacking else "the simulation, with what it leaves out"
     model = replace(model, name=f"linear model of {name}")

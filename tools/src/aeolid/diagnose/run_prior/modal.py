@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.varx import identify_varx
+from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode, mark_harmonics
 from aeolid.record import Channel, Record
 
@@ -86,7 +86,7 @@ def _modes(pair: Pair, sides: Sequence[Side], turn: float | None) -> tuple[Mode,
             Record(np.arange(n, dtype=np.float64) * pair.block_s, values, channels, pair.block_s, side.source, "")
         )
     order = min(_STATES.get(len(pair.shown), _MOST_STATES), pair.past * len(pair.shown))
-    found = identify_varx(records, past=pair.past, order=order, stable=True).modes
+    found = identify_plainly(records, past=pair.past, order=order, stable=True).modes
     rates = [side.azimuth for side in sides if side.azimuth is not None]
     hz = _turning(rates, pair.step) if rates else (turn / (2 * np.pi) if turn else None)
     return tuple(mark_harmonics(found, hz)) if hz else tuple(found)
