@@ -58,13 +58,13 @@ def build(directory: Path, name: str, flags: list[str]) -> Path:
     if eigen is None:
         print("skipped: Eigen 3 is not installed")
         sys.exit(77)
-    include = [f"-I{path}" for path in (ROOT / "include", ROOT / "src", HERE, ROOT / "tests/family", eigen)]
+    include = [f"-I{path}" for path in (ROOT / "include", ROOT / "src", HERE, ROOT / "tests/family")]
     sources = [*(ROOT / "src").glob("*.c"), HERE / "bench.c", HERE / "naive.c", ROOT / "tests/family/family.c"]
     folder = directory / f"{name}-objects"
     folder.mkdir()
     commands = [
         ["gcc", "-std=c99", *flags, *include, "-c", *map(str, sources)],
-        ["g++", "-std=c++14", "-DNDEBUG", *flags, *include, "-c", str(HERE / "eigen.cpp")],
+        ["g++", "-std=c++14", "-DNDEBUG", *flags, *include, f"-isystem{eigen}", "-c", str(HERE / "eigen.cpp")],
         ["g++", *flags, *(f"{s.stem}.o" for s in sources), "eigen.o", "-lm", "-o", str(directory / name)],
     ]
     for command in commands:
