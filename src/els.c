@@ -12,6 +12,9 @@
 #define VARX_MIN    16u
 #define BACKOFF_MAX 6u
 #define SOUND_WAITS 16u
+/* Theta of scaled data stays below some tens, and what is left of an output below that output. */
+#define KEPT_MAX AEO_REAL(100)
+#define REST_MAX AEO_REAL(10)
 
 static int guard_is_on(const aeo_els_config_t *config)
 {
@@ -133,15 +136,18 @@ aeo_status_t aeo_els_start(aeo_els_t *self, const aeo_real_t *theta)
     return AEO_OK;
 }
 
-/* Back to VARX. What theta says of u and y stays as the new start: the fit of a VARX begins nearer to it than to 0. */
+/* Back to VARX. What theta says of u and y stays as the new start: the fit of a VARX begins nearer to it than to 0. But
+ * what no scaled data have was left by a fault, and would go into the yardstick that the start measures. */
 static void fall_back(aeo_els_t *self)
 {
     const uint32_t run = self->since > self->wait ? self->since - self->wait : 0u;
+    const size_t count = (size_t)self->config.regressors * self->config.outputs;
     clear_moving_average(self);
-    if (aeo_rls_start(&self->rls, self->rls.theta) != AEO_OK) {
-        aeo_rls_reset(&self->rls);
+    if (!aeo_linalg_all_within(self->rls.theta, count, KEPT_MAX)) {
+        memset(self->rls.theta, 0, count * sizeof *self->rls.theta);
     }
-    if (run >= SOUND_WAITS * self->wait) { /* wait <= 1e6 2^6: no overflow */
+    (void)aeo_rls_start(&self->rls, self->rls.theta); /* which refuses entries beyond 1e6 only */
+    if (run >= SOUND_WAITS * self->wait) {            /* wait <= 1e6 2^6: no overflow */
         self->backoff = 0u;
     } else if (self->backoff < BACKOFF_MAX) {
         self->backoff++;
@@ -184,12 +190,22 @@ static aeo_real_t predict_from_e(const aeo_els_t *self, const aeo_real_t *z, siz
     return sum;
 }
 
+/* Return what is left of output y without the terms in e. More than tenfold y and its scale is no livelier data but a
+ * theta far off, which must not stretch the yardstick that is to tell of it. */
+static aeo_real_t cut_rest(aeo_real_t rest, aeo_real_t y)
+{
+    const aeo_real_t most = REST_MAX * (aeo_is_between(y, AEO_REAL(-1), AEO_REAL(1)) ? AEO_REAL(1)
+                                        : y > AEO_REAL(0)                            ? y
+                                                                                     : -y);
+    return rest > most ? most : rest < -most ? -most : rest;
+}
+
 /* Show the guard each output; returns 1 when the innovations of one have grown. */
-static int watch(aeo_els_t *self, const aeo_real_t *z)
+static int watch(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y)
 {
     int grown = 0;
     for (size_t i = 0; i < self->config.outputs; i++) {
-        const aeo_real_t rest = self->rls.residual[i] + predict_from_e(self, z, i);
+        const aeo_real_t rest = cut_rest(self->rls.residual[i] + predict_from_e(self, z, i), y[i]);
         grown |= aeo_guard_watch(self->levels + i * AEO_GUARD_WORDS, self->rls.innovation[i], rest, self->since,
                                  self->wait, self->config.guard_ratio);
     }
@@ -222,7 +238,8 @@ static uint32_t count_starts(const aeo_els_t *self)
 
 /* What follows once the inner filter, started anew `starts` times before, has taken z; passes its status on. After a
  * fault of a sensor, too, the yardstick of the guard is to be measured again. */
-static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, uint32_t starts, aeo_status_t status)
+static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, const aeo_real_t *y, uint32_t starts,
+                           aeo_status_t status)
 {
     if (status != AEO_OK) {
         return status;
@@ -231,7 +248,7 @@ static aeo_status_t attend(aeo_els_t *self, const aeo_real_t *z, uint32_t starts
         notice_unfed(self, z);
     }
     aeo_count_up(&self->since);
-    if ((guard_is_on(&self->config) && watch(self, z)) || count_starts(self) != starts) {
+    if ((guard_is_on(&self->config) && watch(self, z, y)) || count_starts(self) != starts) {
         fall_back(self);
         return AEO_OK;
     }
@@ -249,7 +266,7 @@ aeo_status_t aeo_els_update(aeo_els_t *self, const aeo_real_t *z, const aeo_real
         return AEO_E_ARG;
     }
     const uint32_t starts = count_starts(self);
-    return attend(self, z, starts, aeo_rls_update(&self->rls, z, y));
+    return attend(self, z, y, starts, aeo_rls_update(&self->rls, z, y));
 }
 
 /* Update and attend are called one by one: this chain of calls is the deepest, and a frame less matters. */
@@ -267,8 +284,8 @@ aeo_status_t aeo_els_step(aeo_els_t *self, aeo_regressor_t *regressor, const aeo
         return status;
     }
     const uint32_t starts = count_starts(self);
-    const aeo_real_t *z = aeo_regressor_z(regressor);
-    status = attend(self, z, starts, aeo_rls_update(&self->rls, z, aeo_regressor_y(regressor)));
+    const aeo_real_t *z = aeo_regressor_z(regressor), *now = aeo_regressor_y(regressor);
+    status = attend(self, z, now, starts, aeo_rls_update(&self->rls, z, now));
     return status == AEO_OK ? aeo_regressor_set_innovation(regressor, self->feedback) : status;
 }
 

@@ -19,6 +19,9 @@
 #define FALL        AEO_REAL(256)
 #define RISE        AEO_REAL(4096)
 #define STAND_OUT   AEO_REAL(6)
+/* How much one sample may count for livelier data: 32 deviations raise their level 17 times; of a reading of 1e6 nothing
+ * more is believed either, or what it made of theta would pass unnoticed for 18 memories of the level. */
+#define LIVELIER_MAX AEO_REAL(1024)
 
 enum { POWER, REST, VARX, SHARE };
 
@@ -56,7 +59,8 @@ int aeo_guard_watch(aeo_real_t *levels, aeo_real_t innovation, aeo_real_t rest, 
     const uint32_t first = wait / 2u;
     const aeo_real_t power = square_of(innovation), left = square_of(rest);
     if (since > wait) {
-        levels[REST] += (left - levels[REST]) / MEMORY;
+        const aeo_real_t most = LIVELIER_MAX * at_least(levels[REST], POWER_MIN); /* at most 4e15 */
+        levels[REST] += (at_most(left, most) - levels[REST]) / MEMORY;
         const aeo_real_t limit = ratio * find_level(levels), share = find_share(levels);
         levels[POWER] += (at_most(power, OUTLIER_MAX * limit) - levels[POWER]) / MEMORY;
         levels[SHARE] += (share - levels[SHARE]) / (share < levels[SHARE] ? FALL : RISE);

@@ -373,10 +373,12 @@ static void start_afresh(aeo_lattice_t *self, const aeo_real_t *z)
 }
 
 /* Let the covariances start anew when they hold too much for the data of late; withheld: the gate kept this sample out.
- * The whole window counts: blocks that were only followed enter the covariances as targets of the ones behind. */
+ * All n entries count: blocks that were only followed enter the covariances as targets of the ones behind, and present
+ * inputs have a covariance of their own, which a gap right behind them leaves without any later z that brings them. */
 static void watch(aeo_lattice_t *self, const aeo_real_t *z, const aeo_real_t *y, int withheld)
 {
-    const aeo_real_t power = aeo_linalg_dot(z, z, (size_t)self->config.past * self->config.block);
+    const size_t n = (size_t)self->config.past * self->config.block + self->config.present;
+    const aeo_real_t power = aeo_linalg_dot(z, z, n);
     withheld += withheld && power >= self->gate * self->config.regularisation;
     if (aeo_watch_take(&self->watch, self->watched, self->config.outputs, y, power, self->config.forgetting,
                        withheld)) {

@@ -18,7 +18,9 @@
  *     the share being mean |innovation|^2 / mean |w|^2 of late: wind that makes everything livelier is none. Then the
  *     columns of e become 0, P = I / rho, the schedule starts again, and after varx_samples (twice as many each time it
  *     comes back soon, up to 64 times) feedback resumes. One sample counts four limits at most: an outlier is no burst.
- *     The same follows when rls.h releases P after a fault of a sensor, for the yardstick may be the fault's.
+ *     The same follows when rls.h releases P after a fault of a sensor, for the yardstick may be the fault's. Nor may
+ *     a fault stretch the yardstick: one |w|^2 counts 1024 of its mean at most, w ten times the output or its scale;
+ *     and theta beyond 100, which no scaled data have, does not stay but becomes 0.
  *   5 bounded feedback: a residual is cut at 6 times the root of that level, and always at 1e6, before it is fed back.
  *   With a short memory the H of a snapshot need not have a stable inverse: judge it before predicting with it.
  *

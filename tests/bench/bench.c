@@ -1,4 +1,5 @@
-/* bench.c: times one update of every filter, of the textbook RLS with Eigen and in plain C, over the same samples.
+/* bench.c: times one update of every filter, of the textbook RLS with Eigen in several forms and in plain C, over the
+ * same samples.
  *
  * bench REPETITIONS prints a line a contestant and size: name, r, l, p, n, nanoseconds an update. The regressors of a run
  * are recorded first and replayed from a fresh start each time, so that the regressor's own work is outside and a
@@ -17,7 +18,7 @@
 #include <valgrind/callgrind.h>
 #endif
 
-enum { WARM = 60, TIMED = 100, SAMPLES = WARM + TIMED, RIVALS = 3 };
+enum { WARM = 60, TIMED = 100, SAMPLES = WARM + TIMED, RIVALS = EIGEN_FORMS + 1 };
 
 static const family_size_t SIZES[] = {{4, 4, 5, 4},  {4, 4, 15, 4}, {2, 3, 5, 0},  {2, 3, 10, 0},
                                       {2, 3, 20, 0}, {2, 3, 50, 0}, {2, 3, 100, 0}};
@@ -82,12 +83,12 @@ static void record_samples(const family_filter_t *filter, family_size_t size)
     }
 }
 
-/* Contestants: the family, then Eigen in two forms, then plain C. */
+/* Contestants: the family, then Eigen in its forms, then plain C. */
 static void start(unsigned contestant, family_size_t size)
 {
     if (contestant < FAMILY_COUNT) {
         start_filter(&FAMILY[contestant], size);
-    } else if (contestant < FAMILY_COUNT + 2u) {
+    } else if (contestant < FAMILY_COUNT + EIGEN_FORMS) {
         eigen_start(n, l, LAMBDA, RHO);
     } else {
         memset(memory, 0, (n * n + n * l + n) * sizeof *memory);
@@ -101,7 +102,7 @@ static void update(unsigned contestant, size_t k)
 {
     if (contestant < FAMILY_COUNT) {
         (void)FAMILY[contestant].update(&object, z + k * n, y + k * l);
-    } else if (contestant < FAMILY_COUNT + 2u) {
+    } else if (contestant < FAMILY_COUNT + EIGEN_FORMS) {
         eigen_update(z + k * n, y + k * l, (int)(contestant - FAMILY_COUNT));
     } else {
         naive_update(memory, memory + n * n, memory + n * n + n * l, n, l, LAMBDA, z + k * n, y + k * l);
@@ -139,9 +140,13 @@ static double replay(unsigned contestant, family_size_t size, const char *label)
 }
 
 /* The textbook in two languages must agree, or one of them is not the textbook. */
-static void compare_rivals(void)
+static void compare_rivals(const char *label)
 {
     double most = 0.0;
+    start(FAMILY_COUNT + EIGEN_FORMS, (family_size_t){0, 0, 0, 0});
+    for (size_t k = 0; k < SAMPLES; k++) {
+        update(FAMILY_COUNT + EIGEN_FORMS, k);
+    }
     for (size_t i = 0; i < l; i++) {
         for (size_t j = 0; j < n; j++) {
             const double difference = (double)memory[n * n + i * n + j] - (double)eigen_theta()[j * l + i];
@@ -149,13 +154,15 @@ static void compare_rivals(void)
         }
     }
     if (!(most < 1e-2)) {
+        fprintf(stderr, "%s: ", label);
         fail("the textbook RLS in C and with Eigen disagree");
     }
 }
 
 static const char *name_of(unsigned contestant)
 {
-    static const char *const RIVAL[RIVALS] = {"eigen", "eigen_in_place", "naive"};
+    static const char *const RIVAL[RIVALS] = {"eigen",         "eigen_in_place", "eigen_lazy", "eigen_triangular",
+                                              "eigen_columns", "naive"};
     return contestant < FAMILY_COUNT ? FAMILY[contestant].name : RIVAL[contestant - FAMILY_COUNT];
 }
 
@@ -175,8 +182,8 @@ static void run(unsigned contestant, size_t s, unsigned repetitions)
         least = took < least ? took : least;
     }
     printf("%s %.1f\n", label, least);
-    if (contestant == FAMILY_COUNT + RIVALS - 1u) {
-        compare_rivals();
+    if (contestant >= FAMILY_COUNT && contestant < FAMILY_COUNT + EIGEN_FORMS) {
+        compare_rivals(label);
     }
 }
 

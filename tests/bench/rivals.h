@@ -13,8 +13,12 @@ extern "C" {
 void naive_update(aeo_real_t *p, aeo_real_t *theta, aeo_real_t *g, size_t n, size_t l, aeo_real_t lambda,
                   const aeo_real_t *z, const aeo_real_t *y);
 
-/* Start afresh with P = I / rho; one update, in one of two forms: 0 writes the new P in one expression, 1 subtracts the
- * outer product in place and divides then. Which is faster depends on size and flags. */
+/* The forms in which users of Eigen write P = (P - g g' / alpha) / lambda: one expression; the outer product subtracted
+ * in place, then the division; one expression whose product is not evaluated first (lazyProduct); the same for the lower
+ * triangle only; that triangle column after column. Which is the fastest depends on size, precision and flags. */
+enum { EIGEN_EXPRESSION, EIGEN_IN_PLACE, EIGEN_LAZY, EIGEN_TRIANGULAR, EIGEN_COLUMNS, EIGEN_FORMS };
+
+/* Start afresh with P = I / rho; one update in one of the forms. */
 void eigen_start(size_t n, size_t l, aeo_real_t lambda, aeo_real_t rho);
 void eigen_update(const aeo_real_t *z, const aeo_real_t *y, int form);
 

@@ -17,9 +17,9 @@
 
 enum { WORDS_MAX = 4096, THETA_MAX = 256, MEMORIES = 20 };
 
-typedef enum { NOISE, ALTERNATING, CONSTANT, RAMP, STUCK, AFTER_GAP, BETWEEN_GAPS, KINDS } kind_t;
-static const char *const KIND_NAMES[KINDS] = {"noise", "alternating",    "constant",    "ramp",
-                                              "stuck", "gap and offset", "between gaps"};
+typedef enum { NOISE, ALTERNATING, CONSTANT, RAMP, STUCK, AFTER_GAP, BETWEEN_GAPS, BEFORE_GAP, KINDS } kind_t;
+static const char *const KIND_NAMES[KINDS] = {"noise", "alternating",    "constant",     "ramp",
+                                              "stuck", "gap and offset", "between gaps", "offset and gap"};
 typedef enum { ALL, INPUTS, OUTPUTS, ONE_INPUT, ONE_OUTPUT, PLACES } place_t;
 static const char *const PLACE_NAMES[PLACES] = {"all", "the inputs", "the outputs", "one input", "one output"};
 
@@ -112,6 +112,7 @@ static void disturb(const case_t *c, unsigned k, aeo_real_t *x)
         case CONSTANT:
         case AFTER_GAP:
         case BETWEEN_GAPS:
+        case BEFORE_GAP:
         case KINDS:
         default:
             x[i] += a;
@@ -129,7 +130,7 @@ static void suffer(const case_t *c)
         disturb(c, k, x);
         push(&life, x);
     }
-    clock_us += c->kind == BETWEEN_GAPS ? 9000u : 0u;
+    clock_us += c->kind == BETWEEN_GAPS || c->kind == BEFORE_GAP ? 9000u : 0u;
 }
 
 static double find_distance(void)
