@@ -11,6 +11,7 @@ Facts = dict[str, Any]
 OUTCOMES = ("name", "open", "part", "family", "unnamed", "nothing", "wrong", "sure", "failed")
 SURE = ("named", "multiple", "parameter", "data_fault")  # verdicts that leave nothing open
 Z95 = 1.96
+_SAME_MODE = 0.15  # of a mode's frequency, within which a mode that is told is that one
 _SIZES = ("small", "medium", "large", "null")
 
 
@@ -53,7 +54,15 @@ def grouped(effects: Sequence[Facts]) -> list[list[Facts]]:
 
 def _is_right(effect: Facts, truth: Facts) -> bool:
     placed = truth["place"] is None or effect["location"]["entry"] == truth["place"]
-    return placed and effect["id"] in {*truth["ids"], *truth["also_accepted"]}
+    return placed and effect["id"] in {*truth["ids"], *truth["also_accepted"]} and not _is_elsewhere(effect, truth)
+
+
+def _is_elsewhere(effect: Facts, truth: Facts) -> bool:
+    """Tell whether a mode stands at a frequency that is not the true one's: another mode, whatever its family."""
+    true, told = truth["values"].get("frequency_hz"), effect["parameters"].get("frequency_hz")
+    if true is None or told is None or told["value"] is None:
+        return False
+    return bool(abs(told["value"] - true["value"]) > _SAME_MODE * true["value"])
 
 
 def _outcome(truth: Facts, answer: Facts, groups: Sequence[Sequence[Facts]]) -> str:
@@ -70,14 +79,15 @@ def _outcome(truth: Facts, answer: Facts, groups: Sequence[Sequence[Facts]]) -> 
         return "name"
     if any(_is_right(e, truth) for e in said):
         return "open"
-    if any(e["family"] in truth["families"] for e in first) and not _misplaced(first, truth):
+    if any(_is_near(e, truth) for e in first):
         return "family"
     return "sure" if verdict in SURE else "wrong"
 
 
-def _misplaced(first: Sequence[Facts], truth: Facts) -> bool:
-    """Tell whether a right name stands at a wrong input."""
-    return truth["place"] is not None and any(e["id"] in truth["ids"] for e in first)
+def _is_near(effect: Facts, truth: Facts) -> bool:
+    """Tell whether an effect is of a right family: no other mode, no right name at a wrong input."""
+    misplaced = truth["place"] is not None and effect["id"] in truth["ids"]
+    return effect["family"] in truth["families"] and not misplaced and not _is_elsewhere(effect, truth)
 
 
 def _diverges(said: Facts) -> bool:
