@@ -135,7 +135,7 @@ def _run_all(
 def _one_run(folder: Path, run: Run, runner: Runner) -> str:
     """Make a run beside its place and move it there when it is whole."""
     scratch = folder / "scratch"
-    own = scratch / f"making-{run.name}"
+    own = scratch / f"making-{os.getpid()}-{run.name}"  # a killed process may leave a simulator behind that still writes
     own.mkdir()
     begun = time.monotonic()
     wrong = runner(run, own, scratch)
