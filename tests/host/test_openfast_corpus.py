@@ -63,6 +63,7 @@ def test_making_stops_and_goes_on_and_leaves_nothing_half_made(tmp_path, monkeyp
     assert {c.name.rpartition("-")[0] for part in design.PARTS for c in (tmp_path / part).glob("*/")} == whole
 
     (tmp_path / "scratch" / "making-left").mkdir()  # of a process that was killed
+    (tmp_path / "scratch" / "making-left.truth.json").touch()
     before = {p: p.stat().st_mtime_ns for p in tmp_path.rglob("*.csv.gz")}
     assert making.make(tmp_path, fails_at_the_third, 1, None, said.append) is True
     assert made[len(names) :] == [missing] and not (tmp_path / "scratch").exists()

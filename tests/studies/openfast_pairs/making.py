@@ -103,7 +103,7 @@ def make(folder: Path, runner: Runner, workers: int, limit_s: float | None, say:
     with alone(folder):
         scratch = folder / "scratch"
         for left in [*scratch.glob("openfast-run-*"), *scratch.glob("making-*")]:
-            shutil.rmtree(left)
+            shutil.rmtree(left) if left.is_dir() else left.unlink()
         scratch.mkdir(exist_ok=True)
         write_cases(folder)
         missing = [r for r in runs_in_order() if not (folder / "runs" / r.name).is_dir()]
@@ -135,7 +135,7 @@ def _run_all(
 def _one_run(folder: Path, run: Run, runner: Runner) -> str:
     """Make a run beside its place and move it there when it is whole."""
     scratch = folder / "scratch"
-    own = scratch / f"making-{os.getpid()}-{run.name}"  # a killed process may leave a simulator behind that still writes
+    own = scratch / f"making-{os.getpid()}-{run.name}"  # where the simulator of a killed process does not write
     own.mkdir()
     begun = time.monotonic()
     wrong = runner(run, own, scratch)
