@@ -157,7 +157,11 @@ def test_values_are_held_against_the_truth_in_its_unit():
     in_radians = effect("backlash", width=(true, 0.01, "rad"))
     assert judging.judge("c", truth("backlash"), answer("named", in_radians))["values"] == []
     after = judging.judge("c", truth("backlash"), answer("named", effect("backlash", width=(true, 0.01, "deg"))))
-    assert "| backlash | 1 | 1 → 1 | 1 → 1 | 0 → 0 | 0 → 0 | 0/1 → 1/1 |" in judging.compared([row], [after])
+    null = judging.judge("n", truth("null", "null"), answer("no_mismatch"))
+    named = judging.judge("n", truth("null", "null"), answer("named", effect("backlash")))
+    text = judging.compared([row, named], [after, null])
+    assert "| backlash | 1 | 1 → 1 | 1 → 1 | 0 → 0 | 0 → 0 | 0/1 → 1/1 |" in text
+    assert "| **nulls** | 1 | 0 → 1 | 0 → 1 | 1 → 0 | 1 → 0 | 0/0 → 0/0 |" in text
 
 
 def test_scoring_goes_on_where_it_stopped_and_asks_a_new_version_again(tmp_path, capsys, monkeypatch):

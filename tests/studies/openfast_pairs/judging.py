@@ -196,17 +196,22 @@ def compared(before: Sequence[Facts], after: Sequence[Facts]) -> str:
     """Return a table of two versions on the cases that both have answered."""
     old = {r["case"]: r for r in before}
     both = [(old[r["case"]], r) for r in after if r["case"] in old]
-    lines = ["| effect | cases | name | family or better | wrong | sure | in band |", "|---|---|---|---|---|---|---|"]
-    groups = [*sorted({b["effect"] for _, b in both}), ""]
-    for effect in groups:
-        chosen = [(a, b) for a, b in both if effect in (b["effect"], "")]
+    lines = ["| effect | cases | right | family or better | wrong | sure | in band |", "|---|---|---|---|---|---|---|"]
+    real = [(a, b) for a, b in both if b["effect"] != "null"]
+    groups = [(e, [(a, b) for a, b in real if b["effect"] == e]) for e in sorted({b["effect"] for _, b in real})]
+    groups += [("**all effects**", real), ("**nulls**", [(a, b) for a, b in both if b["effect"] == "null"])]
+    for title, chosen in groups:
+        if not chosen:
+            continue
+        right = ("nothing",) if title == "**nulls**" else ("name",)
+        near = right if title == "**nulls**" else ("name", "open", "part", "family")
         cells = []
-        for outcomes in (("name",), ("name", "open", "part", "family"), ("wrong", "sure"), ("sure",)):
-            a, b = (sum(r["outcome"] in outcomes for r in side) for side in zip(*chosen, strict=True))
-            cells.append(f"{a} → {b}")
+        for outcomes in (right, near, ("wrong", "sure"), ("sure",)):
+            x, y = (sum(r["outcome"] in outcomes for r in side) for side in zip(*chosen, strict=True))
+            cells.append(f"{x} → {y}")
         inside = [
             f"{sum(v['inside'] for r in side for v in r['values'])}/{sum(len(r['values']) for r in side)}"
             for side in zip(*chosen, strict=True)
         ]
-        lines.append(f"| {effect or '**all**'} | {len(chosen)} | {' | '.join(cells)} | {' → '.join(inside)} |")
+        lines.append(f"| {title} | {len(chosen)} | {' | '.join(cells)} | {' → '.join(inside)} |")
     return "\n".join(lines)
