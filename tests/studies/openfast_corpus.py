@@ -1,0 +1,83 @@
+"""Make a corpus of simulated pairs with OpenFAST and score the product's diagnoses of it.
+
+    python tests/studies/openfast_corpus.py make FOLDER [--workers 1] [--time-limit S] [--simulator ../shared/openfast]
+    python tests/studies/openfast_corpus.py score FOLDER --part tuning|held [--json FILE] [--before FILE]
+
+`make` goes on where it stopped: a run (600 s, 75 to 100 s of a core) and a case are there whole or not at all. 82 runs
+serve 264 cases: 66 where the turbine is as simulated, 12 to 20 m/s, wind the same over the disc and turbulence over the
+whole disc; 33 effects at up to three sizes; all with every channel and with two outputs. A pair of runs belongs to the
+tuning or to the held part by a hash of its name; what is tuned is tuned on the first alone. `score` diagnoses in a
+process a case and goes on where it stopped, too; answers are kept by the product's version. Exit code 2 where there is
+no simulator or no case, 1 where something could not be made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE)]
+
+from openfast_pairs import answers, design, judging, making  # noqa: E402
+
+SIMULATOR = HERE.parents[1].parent / "shared" / "openfast"
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _make(options: argparse.Namespace) -> int:
+    script = options.simulator / "run.py"
+    if not script.is_file():
+        _say(f"{script}: no such file, so no run can be made; name the simulator's folder with --simulator")
+        return 2
+    whole = making.make(options.folder, making.simulator(script.resolve()), options.workers, options.time_limit, _say)
+    _say(f"{options.folder}: {making.write_cases(options.folder)}{'' if whole else '; the same command goes on'}")
+    failed = any((options.folder / "failed").glob("*.txt"))
+    return 1 if failed and not whole else 0
+
+
+def _score(options: argparse.Namespace) -> int:
+    if not answers.cases_of(options.folder, options.part):
+        _say(f"{options.folder / options.part}: no case with its truth; make some first")
+        return 2
+    version = answers.version_of(options.python)
+    diagnose = answers.diagnosed(options.python, options.patience)
+    found = answers.answered(options.folder, options.part, version, diagnose, _say)
+    rows = [judging.judge(f["case"], f["truth"], f["answer"]) for f in found]
+    print(judging.table(rows, version, options.part))
+    if options.before is not None:
+        before = json.loads(options.before.read_text(encoding="utf-8"))
+        print(f"{before['version']} → {version}\n\n{judging.compared(before['rows'], rows)}")
+    if options.json is not None:
+        facts = {"version": version, "part": options.part, "rows": rows}
+        options.json.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Make the corpus or score it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    make = commands.add_parser("make", help="make runs and cases")
+    make.add_argument("folder", type=Path, help="folder of the corpus")
+    make.add_argument("--workers", type=int, default=1, help="runs at a time")
+    make.add_argument("--time-limit", type=float, metavar="S", help="begin no run after so many seconds")
+    make.add_argument("--simulator", type=Path, default=SIMULATOR, help="folder with run.py")
+    score = commands.add_parser("score", help="diagnose the cases that are there and print the table")
+    score.add_argument("folder", type=Path, help="folder of the corpus")
+    score.add_argument("--part", choices=design.PARTS, required=True, help="which half")
+    score.add_argument("--json", type=Path, metavar="FILE", help="rows of the table, for a later --before")
+    score.add_argument("--before", type=Path, metavar="FILE", help="rows of an earlier version, to be held against")
+    score.add_argument("--python", default=sys.executable, help="Python of the product that is asked")
+    score.add_argument("--patience", type=float, default=600.0, metavar="S", help="time limit of a diagnosis")
+    options = parser.parse_args(arguments)
+    return _make(options) if options.command == "make" else _score(options)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The corpus of simulated pairs: which there are, how they are made, how answers are judged."""
