@@ -23,7 +23,8 @@ from aeolid.diagnose.run_prior.search import Scored, Search
 Array = NDArray[np.float64]
 DETECTED = 60.0  # nats lost when the run counts fully, from which something separates it from the recordings
 NAMED = 30.0  # nats that an effect must gain on the data of the fit …
-HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show
+HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
+SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
 _RIVAL_NATS = 8.0  # … or this near in nats
@@ -83,7 +84,7 @@ def explain(
     lost, moved = _lost(first), _moved(first)
     screened = first.screen(hypotheses, tick)
     table = first.refine(screened, tick) if lost > DETECTED else []
-    best = _chosen(first, table)
+    best = _chosen(first, table, lost)
     if best is None:
         modal = compare_modes(pair, context)
         found = _from_modes(modal, moved, context, pair) if lost > DETECTED else ()
@@ -96,8 +97,9 @@ def explain(
         second = Search(pair, change)
         count += second.evaluations
         own = [h for h in hypotheses if h.place != best.hypothesis.place]
-        more = second.refine(second.screen(own, tick), tick) if _lost(second) > DETECTED else []
-        further = _chosen(second, more)
+        left = _lost(second)
+        more = second.refine(second.screen(own, tick), tick) if left > DETECTED else []
+        further = _chosen(second, more, left)
         if further is not None and further.nats > max(NAMED, FURTHER * best.nats):
             found += (Found(further, None, _rivals(further, more)),)
             change, after = further.change.after(change), further.weight
@@ -117,9 +119,10 @@ def _moved(search: Search) -> dict[str, float]:
     return {n: float(v) for n, v in zip(search.pair.shown, grown, strict=True)}
 
 
-def _chosen(search: Search, table: Sequence[Scored]) -> Scored | None:
+def _chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
-    fit = [s for s in table if s.nats > NAMED and s.weight >= max(HELD, search.base.weight)]
+    least = max(HELD, search.base.weight)
+    fit = [s for s in table if s.nats > NAMED and (s.weight >= least or s.nats > SHARE * lost)]
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))

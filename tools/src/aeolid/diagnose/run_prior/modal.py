@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +23,7 @@ SAME = 0.06  # relative distance within which modes are one
 ALIKE = 0.6  # cosine between the outputs' shares of modes that are one
 _STATES = {2: 20}  # by number of outputs; more have more
 _MOST_STATES = 40
+_BLOCKS = 40  # of a window
 
 
 @dataclass(frozen=True)
@@ -76,20 +78,26 @@ def _alike(a: Mode, b: Mode) -> bool:
 def _modes(pair: Pair, sides: Sequence[Side], turn: float | None) -> tuple[Mode, ...]:
     roles = [("input", n) for n in pair.inputs] + [("output", n) for n in pair.shown]
     channels = tuple(Channel(n, "", role) for role, n in roles)
-    stride, records = pair.stride, []
+    stride, past = _coarse(pair)
+    step, records = pair.step * stride, []
     for side in sides:
         y = fixed_frame(side.y, side.azimuth, pair.blades)
         n = len(y) // stride
         values = np.hstack([side.u, y])[: n * stride].reshape(n, stride, -1).mean(axis=1)
         values[side.missing[: n * stride].reshape(n, stride).any(axis=1)] = np.nan
-        records.append(
-            Record(np.arange(n, dtype=np.float64) * pair.block_s, values, channels, pair.block_s, side.source, "")
-        )
-    order = min(_STATES.get(len(pair.shown), _MOST_STATES), pair.past * len(pair.shown))
-    found = identify_varx(records, past=pair.past, order=order, stable=True).modes
+        records.append(Record(np.arange(n, dtype=np.float64) * step, values, channels, step, side.source, ""))
+    order = min(_STATES.get(len(pair.shown), _MOST_STATES), past * len(pair.shown))
+    found = identify_varx(records, past=past, order=order, stable=True).modes
     rates = [side.azimuth for side in sides if side.azimuth is not None]
     hz = _turning(rates, pair.step) if rates else (turn / (2 * np.pi) if turn else None)
     return tuple(mark_harmonics(found, hz)) if hz else tuple(found)
+
+
+def _coarse(pair: Pair) -> tuple[int, int]:
+    """Return samples a block and blocks a window for modes: shorter blocks make modes of noise."""
+    window = pair.past * pair.stride
+    stride = max(pair.stride, round(window / _BLOCKS))
+    return stride, math.ceil(window / stride)
 
 
 def _turning(angles: Sequence[Array], step: float) -> float:

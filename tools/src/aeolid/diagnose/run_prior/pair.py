@@ -104,6 +104,11 @@ class Pair:
         """Return the time of a block in s."""
         return self.step * self.stride
 
+    @property
+    def grain_s(self) -> float:
+        """Return the time in s that values of hypotheses are graded by: a fortieth of the window."""
+        return self.past * self.block_s / 40
+
     def regressors(self) -> int:
         """Return how many regressors a window has, the constant included."""
         held = len(self.inputs) * self.stride
