@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.grams import total
-from aeolid.diagnose.run_prior.hypotheses import Values
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
+from aeolid.diagnose.run_prior.operators import turning_step
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import FIT
 
@@ -22,6 +23,7 @@ _BLOCKS = 6  # of the sealed part, each foretold from all before it
 _FOLDS = 5  # of the whole recording, for the spread of a value
 _Z90 = 1.6449
 _MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
+_TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig with 0.30 N: 0.27 to 0.33 by how turns are taken)
 _INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 
 
@@ -103,18 +105,29 @@ def values_of(pair: Pair, found: Found, others: Change, ridge: Array) -> tuple[V
     """Return the values of an effect on all data and their standard deviations.
 
     The value is where the evidence of all data peaks; its deviation is that of the jackknife over five parts, the
-    curvature's where that is larger, 3 % for the model and 0.15 samples of a time for the signal between samples.
+    curvature's where that is larger, 3 % for the model, and for the signal between samples 0.15 samples of a time or a
+    tenth of a sample's change at the turns of a width.
     """
     if found.scored is None:
         return (), ()
     values, h = list(found.scored.values), found.scored.hypothesis
     deviations = []
-    for place, name in enumerate(h.names):
+    for place in range(len(h.names)):
         centre, spread = _along(pair, found, others, ridge, tuple(values), place)
         values[place] = float(np.clip(centre, h.low[place], h.high[place]))
-        between = _INTERPOLATION * pair.step if h.units[place] == "s" and name != "tau" else 0.0
+        between = _between_samples(pair, h, place)
         deviations.append(float(np.sqrt(spread**2 + (_MODEL * values[place]) ** 2 + between**2)))
     return tuple(values), tuple(deviations)
+
+
+def _between_samples(pair: Pair, h: Hypothesis, place: int) -> float:
+    """Return how far off a value may be because the signal between samples is unknown."""
+    if h.units[place] == "s":
+        return _INTERPOLATION * pair.step
+    if h.names[place] != "width":
+        return 0.0
+    i = pair.inputs.index(h.place.partition(":")[2])
+    return _TURN * float(np.mean([turning_step(s.u[:, i]) for s in pair.recordings]))
 
 
 def _along(pair: Pair, found: Found, others: Change, ridge: Array, values: Values, place: int) -> tuple[float, float]:
