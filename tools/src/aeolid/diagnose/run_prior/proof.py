@@ -23,7 +23,7 @@ _BLOCKS = 6  # of the sealed part, each foretold from all before it
 _FOLDS = 5  # of the whole recording, for the spread of a value
 _Z90 = 1.6449
 _MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
-_TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig with 0.30 N: 0.27 to 0.33 by how turns are taken)
+_TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig of 0.30: 0.27 to 0.33, as turns are taken)
 _INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 
 
