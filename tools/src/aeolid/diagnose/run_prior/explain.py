@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.run_prior.evidence import evidence_at
+from aeolid.diagnose.run_prior.evidence import WEIGHTS, evidence_at
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
@@ -30,6 +30,7 @@ _RIVAL = 0.97  # of the best gain from which another kind is not told from it â€
 _RIVAL_NATS = 8.0  # â€¦ or this near in nats
 _RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
+_GROWN = 1.2  # by which a missing mode that has a name must make the errors of its output grow
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
     "unsteady_aero": ("actuator_lag", "parameter_error"),
@@ -111,7 +112,8 @@ def explain(
 
 
 def _lost(search: Search) -> float:
-    return search.base.nats - evidence_at(search.prior, search.recorded, 1.0)
+    """Return the nats that the recordings lose when the run counts fully, or more than that."""
+    return search.base.nats - max(evidence_at(search.prior, search.recorded, w) for w in WEIGHTS if w >= 1.0)
 
 
 def _moved(search: Search) -> dict[str, float]:
@@ -153,5 +155,8 @@ def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, 
                     )  # fmt: skip
                     return (Found(None, middle, edge=True),)
     most = max(moved.values())
-    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most]
-    return (Found(None, shown[0]),) if shown and most > 1.5 else ()
+    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > _GROWN]
+    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most] if most > 1.5 else []
+    if named:
+        return (Found(None, max(named, key=lambda a: moved[a.output])),)
+    return (Found(None, shown[0]),) if shown else ()

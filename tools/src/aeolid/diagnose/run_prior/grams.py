@@ -70,6 +70,14 @@ def lagged_gram(z: Array, past: int, inputs: int, extra: Array | None = None) ->
     return Gram(Z, ZY, full[np.ix_(targets, targets)], n - past, e - 1)
 
 
+def with_noise(gram: Gram, deviation: float) -> Gram:
+    """Return the moments that the same windows have on average when every channel has white noise of that deviation."""
+    k = len(gram.Z) - 1 - gram.extra
+    power, Z = gram.count * deviation**2, gram.Z.copy()
+    Z[np.arange(k), np.arange(k)] += power
+    return Gram(Z, gram.ZY, gram.YY + power * np.eye(len(gram.YY)), gram.count, gram.extra)
+
+
 def total(grams: Sequence[Gram]) -> Gram:
     """Return the moments of all windows together."""
     result = grams[0]

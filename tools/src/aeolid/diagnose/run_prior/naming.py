@@ -14,6 +14,7 @@ from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.catalogue.modes import KINDS
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
+from aeolid.diagnose.run_prior.machine import is_turbine
 
 Told = dict[str, tuple[float, float]]  # name → value, deviation
 _AERO_RIVAL = 0.6  # of the gain of a factor on pitch, from which a slow wake is not told from it
@@ -83,20 +84,13 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
 _MODE_UNITS = {"frequency_hz": "Hz", "damping": "1"}
 
 
-def is_turbine(context: Mapping[str, Any]) -> bool:
-    """Tell whether the case says that the machine is a wind turbine."""
-    return str(context.get("machine", "")).lower().replace("_", " ") in ("wind turbine", "turbine")
-
-
 def _mode_name(found: Found, context: Mapping[str, Any]) -> str:
     assert found.mode is not None
     if not is_turbine(context):
         return "structural_mode"
     if found.edge:
         return "blade_edge"
-    f, name = found.mode.frequency_hz, found.mode.output.lower()
-    kinds = [k.entry for k in KINDS if re.search(k.pattern, name) and k.band_hz[0] <= f <= k.band_hz[1]]
-    return kinds[0] if kinds else "structural_mode"
+    return found.mode.kind or "structural_mode"
 
 
 def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Mapping[str, Any]) -> list[str]:
