@@ -19,11 +19,12 @@ from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import DETECTED, NAMED, Explanation, Found, explain
+from aeolid.diagnose.run_prior.explain import DETECTED, NAMED, Explanation, Found, explain, with_standing
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.search import Search
+from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
@@ -66,6 +67,8 @@ def study_run(
 
     deadline.enter("full fits")
     found = explain(pair, context, units, deadline, tick)
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_detected)
+    found = with_standing(found, standing)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
     ridge = Search(pair).ridge

@@ -7,7 +7,7 @@ all) lose 0 to 42 nats when the run counts fully, effects that can be decided 70
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
+from aeolid.diagnose.run_prior.standing import Standing
 
 Array = NDArray[np.float64]
 DETECTED = 60.0  # nats lost when the run counts fully, from which something separates it from the recordings
@@ -31,6 +32,7 @@ _RIVAL_NATS = 8.0  # … or this near in nats
 _RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
 _GROWN = 1.2  # by which a missing mode that has a name must make the errors of its output grow
+_AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
     "unsteady_aero": ("actuator_lag", "parameter_error"),
@@ -40,12 +42,13 @@ SIMPLER = {  # forms that another one holds as a special case
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Hold one effect: its hypothesis and values, or a mode the runs lack; rivals: what is not told from it."""
+    """Hold one effect: a hypothesis with values, a mode the runs lack, or what levels tell; rivals: not told from it."""
 
     scored: Scored | None
     mode: Absent | None
     rivals: tuple[Scored, ...] = ()
     edge: bool = False  # the mode is a pair of a blade's edgewise whirl
+    standing: Standing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +74,7 @@ class Explanation:
     @property
     def is_detected(self) -> bool:
         """Tell whether run and recordings differ by more than their noise."""
-        return self.lost > DETECTED
+        return self.lost > DETECTED or any(f.standing is not None for f in self.found)
 
 
 def explain(
@@ -109,6 +112,24 @@ def explain(
     return Explanation(
         lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after
     )
+
+
+def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
+    """Return an explanation with what levels tell: beside an actuator or sensor, in place of an aerodynamic factor.
+
+    A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved.
+    """
+    if not standing:
+        return x
+    kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
+    told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.place.get("air_density"))
+    if not told:
+        return x
+    change = x.change if len(kept) == len(x.found) else NOTHING
+    for f in kept:
+        if f.scored is not None and change is NOTHING:
+            change = f.scored.change
+    return replace(x, found=kept + told, change=change)
 
 
 def _lost(search: Search) -> float:

@@ -47,13 +47,15 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     runs lack, after weighs the run as the data of the fit ask for. ceiling: what that weight gains.
     """
     edges = np.linspace(FIT, 1.0, _BLOCKS + 1)
-    own = any(f.mode is not None for f in explanation.found)
+    own = any(f.mode is not None or (f.standing is not None and f.standing.own) for f in explanation.found)
+    apart = [f.standing for f in explanation.found if f.standing is not None and not f.standing.own]
     bare = _foretold(pair, NOTHING, ridge, edges, TRUST)
     freed = _foretold(pair, NOTHING, ridge, edges, explanation.weight)
     full = freed if own else _foretold(pair, explanation.change, ridge, edges, TRUST)
     gains = full.nats - bare.nats
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
-    gain = float(gains.sum())
+    spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
+    gain = float(gains.sum()) + sum(s.nats for s in apart)
     ceiling = max(gain, float(np.sum(freed.nats - bare.nats)))
     series = {} if not explanation.found else _series(pair, bare, full, explanation.change)
     return RunProof(gain, (gain - spread, gain + spread), bare.errors(pair), full.errors(pair), ceiling, series)
@@ -166,6 +168,8 @@ def _peak(x: Array, y: Array) -> tuple[float, float]:
 
 def shown_values(found: Found, values: Sequence[float], deviations: Sequence[float]) -> dict[str, tuple[float, float]]:
     """Return the told values with their deviations by name, of an operator or of a mode."""
+    if found.standing is not None:
+        return {}
     if found.mode is not None:
         m = found.mode
         return {"frequency_hz": (m.frequency_hz, _of_mode(m.frequency_hz, m.frequency_std_hz, 0.005)),
