@@ -7,7 +7,7 @@ all) lose 0 to 42 nats when the run counts fully, effects that can be decided 70
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.run_prior.evidence import WEIGHTS, evidence_at
-from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
@@ -42,7 +42,7 @@ SIMPLER = {  # forms that another one holds as a special case
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Hold one effect: a hypothesis with values, a mode the runs lack, or what levels tell; rivals: not told from it."""
+    """Hold one effect: a hypothesis, a mode that the runs lack or what levels tell; rivals are not told from it."""
 
     scored: Scored | None
     mode: Absent | None
@@ -70,6 +70,7 @@ class Explanation:
     screened: tuple[Scored, ...] = ()
     evaluations: int = 0
     after: float = np.nan  # the run's weight with all effects
+    tried: Mapping[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = field(default_factory=dict)
 
     @property
     def is_detected(self) -> bool:
@@ -93,7 +94,16 @@ def explain(
         modal = compare_modes(pair, context)
         found = _from_modes(modal, moved, context, pair) if lost > DETECTED else ()
         return Explanation(
-            lost, first.base.weight, moved, found, tuple(table), modal, NOTHING, tuple(screened), first.evaluations
+            lost,
+            first.base.weight,
+            moved,
+            found,
+            tuple(table),
+            modal,
+            NOTHING,
+            tuple(screened),
+            first.evaluations,
+            tried=first.tried,
         )
     found = (Found(best, None, _rivals(best, table)),)
     change, after, count = best.change, best.weight, first.evaluations
@@ -110,7 +120,7 @@ def explain(
             table += more
     modal = Modal((), (), ())
     return Explanation(
-        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after
+        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after, first.tried
     )
 
 

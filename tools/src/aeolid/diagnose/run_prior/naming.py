@@ -12,6 +12,7 @@ import numpy as np
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.catalogue.modes import KINDS
+from aeolid.diagnose.catalogue.simulators import settings
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -170,6 +171,10 @@ def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[
     return {
         "id": name.entry, "family": kind.family, "statement": statement(name, units), "location": where,
         "equation": kind.equation,
+        "settings": [
+            {"simulator": simulator, "set": text}
+            for simulator, text in settings(name.entry, name.place, {k: v for k, (v, _) in name.told.items()})
+        ],
         "parameters": {
             k: {"value": _finite(v), "std": _finite(s), "unit": name.units.get(k, "")}
             for k, (v, s) in name.told.items()
