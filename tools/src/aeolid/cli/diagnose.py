@@ -134,6 +134,8 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
             unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
             console.print(f"  {effect['id']} {name} = {told}{spread}{unit}", markup=False)
+        for row in effect.get("settings", []):
+            console.print(f"  {effect['id']} in {row['simulator']}: {row['set']}", soft_wrap=True, markup=False)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]

@@ -14,7 +14,7 @@ from aeolid.diagnose.export import write_all, write_ended
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
-from aeolid.diagnose.run_prior.naming import is_turbine
+from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.simulated import check_run, is_simple
 from aeolid.diagnose.verdict import diagnose
 from aeolid.errors import NotIdentifiable

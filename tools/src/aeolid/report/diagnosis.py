@@ -148,6 +148,7 @@ def _described(name: str, kind: str, effect: Facts) -> list[Html | None]:
         tag("p", _sentence(effect.get("statement", ""))),
         tag("p", tag("code", effect["equation"])) if effect.get("equation") else None,
         table(["parameter", "#value ± std", "unit"], rows),
+        table(["simulator", "what to set"], [[s["simulator"], s["set"]] for s in effect.get("settings") or []]),
     ]
 
 

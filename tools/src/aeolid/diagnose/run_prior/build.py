@@ -18,7 +18,8 @@ from aeolid.models.modes import Mode
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-LONGEST = 40  # blocks of a window
+LONGEST = 90  # blocks of a window: in longer blocks a lag of 0.3 s was 0.34, a delay of 0.25 s 0.237
+_COARSE = 40  # blocks of a window in which modes are looked for
 _PERIODS = 1.3  # of the slowest mode in a window: one, and what its damping adds
 _REVOLUTION = 0.9  # of the rotor at rated speed in a window
 _SLOW = 0.3  # damping above which a mode is a transient that a shorter window holds as well
@@ -66,7 +67,7 @@ def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:
     such a window holds, nor above twice its length's inverse.
     """
     stride = _coarse(pair)
-    reach = _PERIODS / (LONGEST * pair.step * stride)
+    reach = _PERIODS / (_COARSE * pair.step * stride)
     turn = context.get("rated_speed_rad_s")
     rates = [
         m.frequency_hz
@@ -95,7 +96,7 @@ def _modes(pair: Pair, sides: Sequence[Side], stride: int) -> Sequence[Mode]:
                 "",
             )
         )
-    past = min(LONGEST, min(map(len, slow)) // 20)
+    past = min(_COARSE, min(map(len, slow)) // 20)
     return identify_plainly(slow, past=past, order=min(_ORDER, past), stable=True).modes
 
 

@@ -19,11 +19,13 @@ from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import DETECTED, NAMED, Explanation, Found, explain
+from aeolid.diagnose.run_prior.explain import DETECTED, NAMED, Explanation, Found, explain, with_standing
+from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.search import Search
+from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
@@ -66,6 +68,8 @@ def study_run(
 
     deadline.enter("full fits")
     found = explain(pair, context, units, deadline, tick)
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_detected)
+    found = with_standing(found, standing)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
     ridge = Search(pair).ridge
@@ -104,7 +108,7 @@ def diagnosis_of(study: RunStudy, title: str, units: Mapping[str, str]) -> dict[
             "ceiling_gain": proof.ceiling,
         },
         "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": DETECTED},
-        "not_excluded": [], "next_experiment": None,
+        "not_excluded": not_excluded(x, {e["id"] for e in effects}), "next_experiment": None,
         "run": {
             "nats_lost": x.lost, "weight": x.weight, "weight_after": _finite(x.after), "errors_grow": dict(x.moved),
         },

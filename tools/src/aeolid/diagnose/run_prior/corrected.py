@@ -29,7 +29,7 @@ def corrected_model(
     sets: Sequence[tuple[str, tuple[str, ...]]],
 ) -> Equations:  # fmt: skip
     """Return the corrected model; where the runs lack a mode it is that of the recordings themselves."""
-    lacking = any(f.mode is not None for f in explanation.found)
+    lacking = any(f.scored is None for f in explanation.found)
     source = [to_fixed_frame(r, sets) for r in (records if lacking else runs)]
     past = int(min(_LONGEST, math.ceil(pair.past * pair.stride), min(map(len, source)) // 20))
     outputs = len(source[0].names("output"))

@@ -7,28 +7,32 @@ all) lose 0 to 42 nats when the run counts fully, effects that can be decided 70
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.run_prior.evidence import evidence_at
-from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
+from aeolid.diagnose.run_prior.evidence import WEIGHTS, evidence_at
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
+from aeolid.diagnose.run_prior.standing import Standing
 
 Array = NDArray[np.float64]
 DETECTED = 60.0  # nats lost when the run counts fully, from which something separates it from the recordings
 NAMED = 30.0  # nats that an effect must gain on the data of the fit …
-HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show
+HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
+SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
 _RIVAL_NATS = 8.0  # … or this near in nats
 _RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
+_GROWN = 1.2  # by which a missing mode that has a name must make the errors of its output grow
+_AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
     "unsteady_aero": ("actuator_lag", "parameter_error"),
@@ -38,12 +42,13 @@ SIMPLER = {  # forms that another one holds as a special case
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Hold one effect: its hypothesis and values, or a mode the runs lack; rivals: what is not told from it."""
+    """Hold one effect: a hypothesis, a mode that the runs lack or what levels tell; rivals are not told from it."""
 
     scored: Scored | None
     mode: Absent | None
     rivals: tuple[Scored, ...] = ()
     edge: bool = False  # the mode is a pair of a blade's edgewise whirl
+    standing: Standing | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +70,12 @@ class Explanation:
     screened: tuple[Scored, ...] = ()
     evaluations: int = 0
     after: float = np.nan  # the run's weight with all effects
+    tried: Mapping[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = field(default_factory=dict)
 
     @property
     def is_detected(self) -> bool:
         """Tell whether run and recordings differ by more than their noise."""
-        return self.lost > DETECTED
+        return self.lost > DETECTED or any(f.standing is not None for f in self.found)
 
 
 def explain(
@@ -83,12 +89,21 @@ def explain(
     lost, moved = _lost(first), _moved(first)
     screened = first.screen(hypotheses, tick)
     table = first.refine(screened, tick) if lost > DETECTED else []
-    best = _chosen(first, table)
+    best = _chosen(first, table, lost)
     if best is None:
         modal = compare_modes(pair, context)
         found = _from_modes(modal, moved, context, pair) if lost > DETECTED else ()
         return Explanation(
-            lost, first.base.weight, moved, found, tuple(table), modal, NOTHING, tuple(screened), first.evaluations
+            lost,
+            first.base.weight,
+            moved,
+            found,
+            tuple(table),
+            modal,
+            NOTHING,
+            tuple(screened),
+            first.evaluations,
+            tried=first.tried,
         )
     found = (Found(best, None, _rivals(best, table)),)
     change, after, count = best.change, best.weight, first.evaluations
@@ -96,20 +111,40 @@ def explain(
         second = Search(pair, change)
         count += second.evaluations
         own = [h for h in hypotheses if h.place != best.hypothesis.place]
-        more = second.refine(second.screen(own, tick), tick) if _lost(second) > DETECTED else []
-        further = _chosen(second, more)
+        left = _lost(second)
+        more = second.refine(second.screen(own, tick), tick) if left > DETECTED else []
+        further = _chosen(second, more, left)
         if further is not None and further.nats > max(NAMED, FURTHER * best.nats):
             found += (Found(further, None, _rivals(further, more)),)
             change, after = further.change.after(change), further.weight
             table += more
     modal = Modal((), (), ())
     return Explanation(
-        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after
+        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after, first.tried
     )
 
 
+def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
+    """Return an explanation with what levels tell: beside an actuator or sensor, in place of an aerodynamic factor.
+
+    A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved.
+    """
+    if not standing:
+        return x
+    kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
+    told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.place.get("air_density"))
+    if not told:
+        return x
+    change = x.change if len(kept) == len(x.found) else NOTHING
+    for f in kept:
+        if f.scored is not None and change is NOTHING:
+            change = f.scored.change
+    return replace(x, found=kept + told, change=change)
+
+
 def _lost(search: Search) -> float:
-    return search.base.nats - evidence_at(search.prior, search.recorded, 1.0)
+    """Return the nats that the recordings lose when the run counts fully, or more than that."""
+    return search.base.nats - max(evidence_at(search.prior, search.recorded, w) for w in WEIGHTS if w >= 1.0)
 
 
 def _moved(search: Search) -> dict[str, float]:
@@ -117,9 +152,10 @@ def _moved(search: Search) -> dict[str, float]:
     return {n: float(v) for n, v in zip(search.pair.shown, grown, strict=True)}
 
 
-def _chosen(search: Search, table: Sequence[Scored]) -> Scored | None:
+def _chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
-    fit = [s for s in table if s.nats > NAMED and s.weight >= max(HELD, search.base.weight)]
+    least = max(HELD, search.base.weight)
+    fit = [s for s in table if s.nats > NAMED and (s.weight >= least or s.nats > SHARE * lost)]
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))
@@ -150,5 +186,8 @@ def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, 
                     )  # fmt: skip
                     return (Found(None, middle, edge=True),)
     most = max(moved.values())
-    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most]
-    return (Found(None, shown[0]),) if shown and most > 1.5 else ()
+    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > _GROWN]
+    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most] if most > 1.5 else []
+    if named:
+        return (Found(None, max(named, key=lambda a: moved[a.output])),)
+    return (Found(None, shown[0]),) if shown else ()

@@ -42,10 +42,11 @@ def lagged_gram(z: Array, past: int, inputs: int, extra: Array | None = None) ->
     """
     n, m = z.shape
     stacked = np.empty((past + 1, m, past + 1, m))
-    first = z[past:].T @ np.hstack([z[past - j : n - j] for j in range(past + 1)])  # S_0j, side by side
+    now = np.ascontiguousarray(z[past:].T)
+    first = np.stack([now @ z[past - j : n - j] for j in range(past + 1)])  # S_0j
     for d in range(past + 1):
         block = np.empty((past + 1 - d, m, m))
-        block[0] = first[:, d * m : (d + 1) * m]
+        block[0] = first[d]
         i = np.arange(past - d)
         enter = z[past - 1 - i][:, :, None] * z[past - 1 - i - d][:, None, :]
         leave = z[n - 1 - i][:, :, None] * z[n - 1 - i - d][:, None, :]
@@ -67,6 +68,14 @@ def lagged_gram(z: Array, past: int, inputs: int, extra: Array | None = None) ->
     Z[-e:, -e:] = added[past:].T @ added[past:]
     ZY = np.vstack([full[np.ix_(order, targets)], with_lags[targets].T])
     return Gram(Z, ZY, full[np.ix_(targets, targets)], n - past, e - 1)
+
+
+def with_noise(gram: Gram, deviation: float) -> Gram:
+    """Return the moments that the same windows have on average when every channel has white noise of that deviation."""
+    k = len(gram.Z) - 1 - gram.extra
+    power, Z = gram.count * deviation**2, gram.Z.copy()
+    Z[np.arange(k), np.arange(k)] += power
+    return Gram(Z, gram.ZY, gram.YY + power * np.eye(len(gram.YY)), gram.count, gram.extra)
 
 
 def total(grams: Sequence[Gram]) -> Gram:

@@ -15,7 +15,7 @@ from aeolid.models import input_filters
 
 Array = NDArray[np.float64]
 Values = tuple[float, ...]
-LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tried, in blocks
+LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tried, in fortieths of the window
 _DELAYS = (1, 2, 3, 4, 5, 6, 8, 11, 15)  # in samples: between them a delay interpolates, and the evidence ripples
 _WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands, in deviations of the input
 _RATES = (0.7, 0.5, 0.35, 0.25, 0.15)  # of the steepest slope of the input that all but a thousandth keep to
@@ -61,7 +61,7 @@ def all_hypotheses(pair: Pair, units: dict[str, str]) -> list[Hypothesis]:
 
 
 def _of_input(pair: Pair, i: int, name: str, unit: str) -> list[Hypothesis]:
-    block, place = pair.block_s, f"input:{name}"
+    block, place = pair.grain_s, f"input:{name}"
     u = np.concatenate([s.u[:, i] for s in pair.recordings])
     ways = ways_of(u)
 
@@ -168,12 +168,12 @@ def _clock(pair: Pair) -> Hypothesis:
         return Change(inputs=dict.fromkeys(range(len(pair.inputs)), lambda x, step: op.delayed(x, values[0], step)))
 
     far = pair.past * pair.block_s / 2
-    starts = tuple((sign * k * pair.block_s,) for k in LAGS[:4] for sign in (-1.0, 1.0))
+    starts = tuple((sign * k * pair.grain_s,) for k in LAGS[:4] for sign in (-1.0, 1.0))
     return Hypothesis("data_time_offset", "data", ("offset_s",), ("s",), (-far,), (far,), starts, change, scaled=False)
 
 
 def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
-    block, place = pair.block_s, f"output:{name}"
+    block, place = pair.grain_s, f"output:{name}"
     y = np.concatenate([s.y[:, j] for s in pair.recordings])
     low, high = float(y.min()), float(y.max())
 

@@ -12,8 +12,11 @@ import numpy as np
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.catalogue.modes import KINDS
+from aeolid.diagnose.catalogue.simulators import settings
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
+from aeolid.diagnose.run_prior.machine import is_turbine
+from aeolid.diagnose.run_prior.standing import Standing
 
 Told = dict[str, tuple[float, float]]  # name → value, deviation
 _AERO_RIVAL = 0.6  # of the gain of a factor on pitch, from which a slow wake is not told from it
@@ -55,10 +58,13 @@ class Name:
     told: Told
     units: Mapping[str, str]
     weight: float
+    words: str = ""
 
 
 def names_of(found: Found, told: Told, explanation: Explanation, context: Mapping[str, Any]) -> list[Name]:
     """Return the names an effect may have, the likeliest first, shares summing to 1."""
+    if found.standing is not None:
+        return _standing_names(found.standing)
     if found.mode is not None:
         return [Name(_mode_name(found, context), f"output:{found.mode.output}", told, _MODE_UNITS, 1.0)]
     assert found.scored is not None
@@ -80,12 +86,15 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     return names
 
 
+def _standing_names(s: Standing) -> list[Name]:
+    weights = [1.0] if len(s.entries) == 1 else [0.6, *[0.4 / (len(s.entries) - 1)] * (len(s.entries) - 1)]
+    return [
+        Name(e, s.place[e], dict(s.told.get(e, {})), dict.fromkeys(s.told.get(e, {}), "1"), w, s.words[e])
+        for e, w in zip(s.entries, weights, strict=True)
+    ]
+
+
 _MODE_UNITS = {"frequency_hz": "Hz", "damping": "1"}
-
-
-def is_turbine(context: Mapping[str, Any]) -> bool:
-    """Tell whether the case says that the machine is a wind turbine."""
-    return str(context.get("machine", "")).lower().replace("_", " ") in ("wind turbine", "turbine")
 
 
 def _mode_name(found: Found, context: Mapping[str, Any]) -> str:
@@ -94,9 +103,7 @@ def _mode_name(found: Found, context: Mapping[str, Any]) -> str:
         return "structural_mode"
     if found.edge:
         return "blade_edge"
-    f, name = found.mode.frequency_hz, found.mode.output.lower()
-    kinds = [k.entry for k in KINDS if re.search(k.pattern, name) and k.band_hz[0] <= f <= k.band_hz[1]]
-    return kinds[0] if kinds else "structural_mode"
+    return found.mode.kind or "structural_mode"
 
 
 def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Mapping[str, Any]) -> list[str]:
@@ -132,6 +139,8 @@ def _imbalance(explanation: Explanation) -> list[str]:
 
 def statement(name: Name, units: Mapping[str, str]) -> str:
     """Return one plain sentence."""
+    if name.words:
+        return name.words
     channel = name.place.partition(":")[2] or name.place
     values = {k: v for k, (v, _) in name.told.items()}
     unit = name.units.get("width") or name.units.get("rate") or units.get(channel, "")
@@ -157,11 +166,15 @@ def effect_of(name: Name, units: Mapping[str, str], rivals: list[Name]) -> dict[
         where["entry"] = next((k.place for k in KINDS if k.entry == name.entry), name.place)  # as the catalogue has it
         f, std = name.told["frequency_hz"]
         where["frequency_hz"] = [max(f - max(0.1 * f, 2 * std), 0.0), f + max(0.1 * f, 2 * std)]
-    if name.place == "rotor":
+    if name.place == "rotor" and kind.family in ("rotor_1p", "rotor_3p"):
         where["azimuth_order"] = 3 if kind.family == "rotor_3p" else 1
     return {
         "id": name.entry, "family": kind.family, "statement": statement(name, units), "location": where,
         "equation": kind.equation,
+        "settings": [
+            {"simulator": simulator, "set": text}
+            for simulator, text in settings(name.entry, name.place, {k: v for k, (v, _) in name.told.items()})
+        ],
         "parameters": {
             k: {"value": _finite(v), "std": _finite(s), "unit": name.units.get(k, "")}
             for k, (v, s) in name.told.items()

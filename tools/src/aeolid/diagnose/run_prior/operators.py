@@ -64,10 +64,22 @@ def _run(F: Array, drive: Array) -> Array:
 
 @njit(cache=True)
 def play(x: Array, width: float) -> Array:
-    """Return what follows x through a clearance of `width` in all."""
+    """Return what follows x through a clearance of `width` in all.
+
+    Where x turns between samples it is taken to reach half as far beyond them as lines from both sides would: a kink
+    gets there, a round turn does not.
+    """
     out = np.empty_like(x)
     at, half = x[0], 0.5 * width
     for k in range(len(x)):
+        if 1 < k < len(x) - 1:
+            before, after = x[k - 1] - x[k - 2], x[k + 1] - x[k]
+            if before * after < 0:
+                # x[k−1] + s before = x[k] − (1 − s) after
+                s = (x[k] - x[k - 1] - after) / (before - after)
+                if 0 < s < 1:
+                    turn = x[k - 1] + 0.5 * s * before
+                    at = min(max(at, turn - half), turn + half)
         at = min(max(at, x[k] - half), x[k] + half)
         out[k] = at
     return out
@@ -94,3 +106,10 @@ def dead_band(x: Array, width: float) -> Array:
             at = x[k]
         out[k] = at
     return out
+
+
+def turning_step(x: Array) -> float:
+    """Return by how much x changes from sample to sample where it turns, on average: what its turns are known to."""
+    step = np.diff(x)
+    turns = np.flatnonzero(step[:-1] * step[1:] < 0)
+    return float(0.5 * np.mean(np.abs(step[turns]) + np.abs(step[turns + 1]))) if len(turns) else 0.0

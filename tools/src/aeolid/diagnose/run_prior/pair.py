@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.run_prior.grams import Gram, lagged_gram, total
+from aeolid.diagnose.run_prior.grams import Gram, lagged_gram, total, with_noise
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Operator = Callable[[Array, float], Array]  # of a channel (N,) and its sample time in s
 _SETTLE = 20  # blocks left out at the start: operators begin at rest
+NOISE = 3e-3  # of a channel's deviation: what no linear law of a turbine, no converter and no rounding lets be known
 _SHORTEST = 10  # windows of a stretch without a missing sample
 
 
@@ -104,6 +105,11 @@ class Pair:
         """Return the time of a block in s."""
         return self.step * self.stride
 
+    @property
+    def grain_s(self) -> float:
+        """Return the time in s that values of hypotheses are graded by: a fortieth of the window."""
+        return self.past * self.block_s / 40
+
     def regressors(self) -> int:
         """Return how many regressors a window has, the constant included."""
         held = len(self.inputs) * self.stride
@@ -155,7 +161,7 @@ class Pair:
                 f"{side.source}: no stretch of {self.past + _SHORTEST} blocks of {self.block_s:g} s without a missing"
                 " sample; record longer or fill the gaps"
             )
-        return total(parts)
+        return with_noise(total(parts), NOISE)
 
     def _blocks(self, u: Array, y: Array, azimuth: Array | None) -> Array:
         """Return blocks (n, r q + l): all samples of the inputs, mean of the outputs in the fixed frame."""

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.grams import total
-from aeolid.diagnose.run_prior.hypotheses import Values
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
+from aeolid.diagnose.run_prior.operators import turning_step
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import FIT
 
@@ -22,6 +23,7 @@ _BLOCKS = 6  # of the sealed part, each foretold from all before it
 _FOLDS = 5  # of the whole recording, for the spread of a value
 _Z90 = 1.6449
 _MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
+_TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig of 0.30: 0.27 to 0.33, as turns are taken)
 _INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 
 
@@ -45,13 +47,15 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     runs lack, after weighs the run as the data of the fit ask for. ceiling: what that weight gains.
     """
     edges = np.linspace(FIT, 1.0, _BLOCKS + 1)
-    own = any(f.mode is not None for f in explanation.found)
+    own = any(f.mode is not None or (f.standing is not None and f.standing.own) for f in explanation.found)
+    apart = [f.standing for f in explanation.found if f.standing is not None and not f.standing.own]
     bare = _foretold(pair, NOTHING, ridge, edges, TRUST)
     freed = _foretold(pair, NOTHING, ridge, edges, explanation.weight)
     full = freed if own else _foretold(pair, explanation.change, ridge, edges, TRUST)
     gains = full.nats - bare.nats
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
-    gain = float(gains.sum())
+    spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
+    gain = float(gains.sum()) + sum(s.nats for s in apart)
     ceiling = max(gain, float(np.sum(freed.nats - bare.nats)))
     series = {} if not explanation.found else _series(pair, bare, full, explanation.change)
     return RunProof(gain, (gain - spread, gain + spread), bare.errors(pair), full.errors(pair), ceiling, series)
@@ -103,18 +107,29 @@ def values_of(pair: Pair, found: Found, others: Change, ridge: Array) -> tuple[V
     """Return the values of an effect on all data and their standard deviations.
 
     The value is where the evidence of all data peaks; its deviation is that of the jackknife over five parts, the
-    curvature's where that is larger, 3 % for the model and 0.15 samples of a time for the signal between samples.
+    curvature's where that is larger, 3 % for the model, and for the signal between samples 0.15 samples of a time or a
+    tenth of a sample's change at the turns of a width.
     """
     if found.scored is None:
         return (), ()
     values, h = list(found.scored.values), found.scored.hypothesis
     deviations = []
-    for place, name in enumerate(h.names):
+    for place in range(len(h.names)):
         centre, spread = _along(pair, found, others, ridge, tuple(values), place)
         values[place] = float(np.clip(centre, h.low[place], h.high[place]))
-        between = _INTERPOLATION * pair.step if h.units[place] == "s" and name != "tau" else 0.0
+        between = _between_samples(pair, h, place)
         deviations.append(float(np.sqrt(spread**2 + (_MODEL * values[place]) ** 2 + between**2)))
     return tuple(values), tuple(deviations)
+
+
+def _between_samples(pair: Pair, h: Hypothesis, place: int) -> float:
+    """Return how far off a value may be because the signal between samples is unknown."""
+    if h.units[place] == "s":
+        return _INTERPOLATION * pair.step
+    if h.names[place] != "width":
+        return 0.0
+    i = pair.inputs.index(h.place.partition(":")[2])
+    return _TURN * float(np.mean([turning_step(s.u[:, i]) for s in pair.recordings]))
 
 
 def _along(pair: Pair, found: Found, others: Change, ridge: Array, values: Values, place: int) -> tuple[float, float]:
@@ -153,6 +168,8 @@ def _peak(x: Array, y: Array) -> tuple[float, float]:
 
 def shown_values(found: Found, values: Sequence[float], deviations: Sequence[float]) -> dict[str, tuple[float, float]]:
     """Return the told values with their deviations by name, of an operator or of a mode."""
+    if found.standing is not None:
+        return {}
     if found.mode is not None:
         m = found.mode
         return {"frequency_hz": (m.frequency_hz, _of_mode(m.frequency_hz, m.frequency_std_hz, 0.005)),

@@ -55,6 +55,7 @@ class Search:
         self._other = evidence(self._half, pair.of_runs(found, 0.5, 1.0))
         self._share = self.recorded.count / max(pair.of_runs(found, 0.5, 1.0).count, 1)
         self.evaluations = 0
+        self.tried: dict[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = {}
 
     def covariance_at(self, weight: float) -> Array:
         """Return the covariance (l, l) of the innovations when the run has a weight."""
@@ -89,6 +90,7 @@ class Search:
         for h in hypotheses:
             tick(h.key)
             gains = [(*self.gain(h, v), v) for v in h.grid]
+            self.tried[h.key] = h, tuple((v, raw) for raw, _, v in gains)
             raw, weight, values = max(gains, key=lambda g: g[0])
             found.append(Scored(h, values, raw, raw, weight))
         return sorted(found, key=lambda s: -s.nats)

@@ -1,0 +1,158 @@
+"""Name what moves levels and unevenness: thinner air, another power coefficient, shear, yaw, a wake, a flexible blade.
+
+All numbers that decide stand here; a level that moved counts where both parts of the recording show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.run_prior.disc import Disc, disc_of
+from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
+from aeolid.diagnose.run_prior.machine import is_turbine
+from aeolid.diagnose.run_prior.pair import Pair
+from aeolid.record import Record
+
+_WIND, _THRUST, _CYCLIC = 0.01, 0.03, 0.08  # least shifts in parts of a level: a missing edge mode moves tilt by 0.05
+_CUBE = 3  # of the wind a power goes with: IEC 61400-12-1 normalises wind speeds by the cube root of the density
+_EXPONENT = 0.15  # of a density's change: what Cp and tip speed at a fixed angle make of that
+_TURNED = 0.15  # by which a yaw moment's share must differ from the thrust's for the inflow to be turned
+_BENT = 2.0  # growth of the errors of a collective flap moment from which the blade itself moves otherwise
+_RATIOS = {"air_density": -0.6, "sensor_scale": 0.0, "cp_change": 1.0}  # thrust at an angle over wind at an angle
+_SLACK = 0.15  # of such a ratio
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Hold an effect that levels or unevenness tell: entries, likeliest first, with place, values and sentence each.
+
+    nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead.
+    """
+
+    entries: tuple[str, ...]
+    place: Mapping[str, str]
+    told: Mapping[str, Mapping[str, tuple[float, float]]]
+    words: Mapping[str, str]
+    nats: float = 0.0
+    interval: tuple[float, float] = (0.0, 0.0)
+    own: bool = False
+
+
+def standing_of(
+    pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any],
+    moved: Mapping[str, float], detected: bool,
+) -> tuple[Standing, ...]:  # fmt: skip
+    """Return what levels and unevenness of a turbine tell, the level of power first; at most one effect of each."""
+    if not is_turbine(context):
+        return ()
+    laws = shifts_of(records, runs, context)
+    wind = _sure(laws, "wind", _WIND)
+    if wind is not None:
+        return (_power(laws, wind, wind_of(records[0], runs[0])),)
+    found = _blade(laws, moved) or _inflow(laws, detected)
+    if found is not None:
+        return (found,)
+    disc = disc_of(pair, context)
+    return (_sampled(disc),) if disc is not None and disc.is_sure and (detected or disc.uneven) else ()
+
+
+def _sure(laws: Mapping[str, Shift], law: str, least: float) -> Shift | None:
+    shift = laws.get(law)
+    return shift if shift is not None and shift.is_sure and abs(shift.share) > least else None
+
+
+def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
+    """Return nats with the interval that a normal z has."""
+    spread = 1.6449 * abs(z)
+    return nats, (nats - spread, nats + spread)
+
+
+def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
+    """Name why another wind goes with the same angle, torque and speed."""
+    factor = (1 + wind.share) ** -_CUBE
+    std = float(np.hypot(_CUBE * factor * wind.deviation / abs(wind.level), _EXPONENT * (1 - factor)))
+    nats, interval = _proof(wind.sealed / wind.sealed_deviation, wind.nats)
+    change = {"air_density": "density_change", "cp_change": "cp_change"}
+    told = {e: {n: (factor - 1, std)} for e, n in change.items()}
+    reads = 1 + wind.share
+    told["sensor_scale"] = {"factor": (reads, wind.deviation / abs(wind.level))}
+    where = {"air_density": "rotor", "cp_change": "rotor", "sensor_scale": f"channel:{channel}"}
+    same = f"at the same pitch angle, torque and speed {channel} is {wind.share:+.1%} of the simulation's"
+    words = {
+        "air_density": f"the air's density is {factor - 1:+.1%} of the simulation's: {same}, and the thrust follows",
+        "cp_change": f"the power coefficient is {factor - 1:+.1%} of the simulation's: {same}",
+        "sensor_scale": f"{channel} reads {reads:.3g} times the simulation's wind: {same}",
+        "yaw_misalignment": f"the wind comes from aside: {same}, and the yaw moment moved",
+    }
+    names = _by_thrust(laws, wind)
+    yaw, thrust = _sure(laws, "yaw", _CYCLIC), laws.get("thrust")
+    if yaw is not None and thrust is not None and abs(yaw.share - thrust.share) > _TURNED:
+        names = ("yaw_misalignment", *names)
+        where["yaw_misalignment"], told["yaw_misalignment"] = "rotor", {}
+    return Standing(names, where, told, words, nats, interval)
+
+
+def _by_thrust(laws: Mapping[str, Shift], wind: Shift) -> tuple[str, ...]:
+    """Return which of density, power coefficient and anemometer the thrust at a given angle allows, nearest first."""
+    thrust = laws.get("thrust without wind")
+    if thrust is None:
+        return ("air_density", "cp_change")
+    ratio = thrust.share / wind.share
+    slack = 2 * float(np.hypot(thrust.deviation / abs(thrust.level * wind.share), _SLACK))
+    order = sorted(_RATIOS, key=lambda e: abs(ratio - _RATIOS[e]))
+    return tuple(e for k, e in enumerate(order) if k == 0 or abs(ratio - _RATIOS[e]) < slack)
+
+
+def _blade(laws: Mapping[str, Shift], moved: Mapping[str, float]) -> Standing | None:
+    """Name a blade that bends: level and quick moves of the collective flap moment differ, the power does not."""
+    thrust = _sure(laws, "thrust", _THRUST) or _sure(laws, "thrust without wind", _THRUST)
+    if thrust is None:
+        return None
+    channel = f"{thrust.channel}_collective"
+    if moved.get(channel, 0.0) < max(_BENT, 0.99 * max(moved.values())):
+        return None
+    words = (
+        f"the blades bend flapwise otherwise than in the simulation: {channel} stands {thrust.share:+.1%} off, and its"
+        f" quick changes are foretold {np.sqrt(moved[channel]):.2g} times worse than they need be, the power as well"
+        " as ever"
+    )
+    return Standing(("blade_flap",), {"blade_flap": f"output:{channel}"}, {}, {"blade_flap": words}, own=True)
+
+
+def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
+    """Name what turns with the blades at the same wind and thrust: shear, yaw, and a wake that lags behind them."""
+    if any(_sure(laws, law, _THRUST) for law in ("thrust", "thrust without wind")):
+        return None
+    tilt, yaw = _sure(laws, "tilt", _CYCLIC), _sure(laws, "yaw", _CYCLIC)
+    shift = max((s for s in (tilt, yaw) if s is not None), key=lambda s: abs(s.value), default=None)
+    if shift is None:
+        return None
+    nats, interval = _proof(shift.sealed / shift.sealed_deviation, shift.nats)
+    said = f"the {shift.law} moment of {shift.channel} stands {shift.share:+.1%} off at the same wind and thrust"
+    words = {
+        "dynamic_inflow": f"{said}, and loads answer otherwise: the wake takes its time (dynamic inflow)",
+        "wind_shear": f"{said}: the wind's shear differs from the simulation's",
+        "yaw_misalignment": f"{said}: the wind comes from aside",
+    }
+    if shift is yaw:
+        names: tuple[str, ...] = ("yaw_misalignment", "wind_shear")
+    elif detected:
+        names = ("dynamic_inflow", "wind_shear")
+    else:
+        names = ("wind_shear", "yaw_misalignment")
+    return Standing(names, dict.fromkeys(names, "rotor"), {}, words, nats, interval)
+
+
+def _sampled(disc: Disc) -> Standing:
+    nats, interval = _proof(disc.z, 0.5 * disc.z**2)
+    what = "tilt and yaw moments are" if disc.uneven else "what comes as often as the blades is"
+    words = (
+        f"{what} {np.exp(disc.value):.2g} times as strong against slow common loads as in the simulation: turbulence"
+        " differs over the rotor disc and the blades sample it"
+    )
+    name = "rotational_sampling"
+    return Standing((name,), {name: "rotor"}, {}, {name: words}, nats, interval)
