@@ -66,7 +66,8 @@ def _absent(
     recorded: Sequence[Mode], simulated: Sequence[Mode], highest: float, turbine: bool
 ) -> tuple[Absent, ...]:  # fmt: skip
     partners = [m for m in simulated if m.damping < LOOSE_DAMPING]
-    alone, both = [], []
+    alone: list[Mode] = []
+    both: list[Mode] = []
     for m in recorded:
         if m.rotor_order is None and m.frequency_hz < highest and m.damping < LOOSE_DAMPING:
             (both if any(_is_same(p, m) for p in partners) else alone).append(m)
