@@ -26,6 +26,7 @@ DETECTED = 60.0  # nats lost when the run counts fully, from which something sep
 NAMED = 30.0  # nats that an effect must gain on the data of the fit …
 HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
 SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
+LEAST_SHARE = 0.1  # of what was lost: less leaves the pair as different as before, whatever the run's weight does
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
 _RIVAL_NATS = 8.0  # … or this near in nats
@@ -155,7 +156,8 @@ def _moved(search: Search) -> dict[str, float]:
 def _chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
     least = max(HELD, search.base.weight)
-    fit = [s for s in table if s.nats > NAMED and (s.weight >= least or s.nats > SHARE * lost)]
+    table = [s for s in table if s.nats > max(NAMED, LEAST_SHARE * lost)]
+    fit = [s for s in table if (s.weight >= least or s.nats > SHARE * lost)]
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))
