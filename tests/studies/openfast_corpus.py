@@ -3,12 +3,12 @@
     python tests/studies/openfast_corpus.py make FOLDER [--workers 1] [--time-limit S] [--simulator ../shared/openfast]
     python tests/studies/openfast_corpus.py score FOLDER --part tuning|held [--json FILE] [--before FILE]
 
-`make` goes on where it stopped: a run (600 s, 75 to 100 s of a core) and a case are there whole or not at all. 82 runs
-serve 264 cases: 66 where the turbine is as simulated, 12 to 20 m/s, wind the same over the disc and turbulence over the
-whole disc; 31 kinds of effects at up to three sizes, six pairs of two at once; all with every channel and with two
-outputs. A pair of runs belongs to the tuning or to the held part by a hash of its name; what is tuned is tuned on the first alone. `score` diagnoses in a
-process a case and goes on where it stopped, too; answers are kept by the product's version. Exit code 2 where there is
-no simulator or no case, 1 where something could not be made.
+`make` goes on where it stopped: a run (600 s, 75 to 100 s of a core) and a case are there whole or not at all. 82
+runs serve 264 cases: 66 where the turbine is as simulated, 12 to 20 m/s, wind the same over the disc and turbulence
+over the whole disc; 31 kinds of effects at up to three sizes, six pairs of two at once; all with every channel and
+with two outputs. A pair of runs belongs to the tuning or to the held part by a hash of its name; what is tuned is
+tuned on the first alone. `score` diagnoses in a process a case and goes on where it stopped, too; answers are kept by
+the product's version. Exit code 2 where there is no simulator or no case, 1 where something could not be made.
 """
 
 from __future__ import annotations
