@@ -15,7 +15,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,8 +27,10 @@ USER_MODE_MODULES = ROOT / "build/uml/usr/lib/uml/modules"
 EMULATED = ROOT / "build/can-guest"  # Debian's kernel and some of its modules
 MODULES = ("virtio_pci", "9pnet_virtio", "9p", "can_raw", "vcan", "slcan")
 # A guest hangs that says nothing for so long and hardly computes meanwhile, or computes without an end; the slower one
-# takes 70 s of processor, which on a loaded machine may be half an hour.
+# takes 70 s of processor, which on a loaded machine may be half an hour. One whose processes all wait
+# and that computed nothing between two looks hangs too: steps look every 0.02 s, and to lack the processor is no wait.
 PATIENCE_S, LEAST_PROCESSOR_S, MOST_PROCESSOR_S = 600.0, 5.0, 1200.0
+STILL_S = 60.0
 PR_SET_PDEATHSIG = 1
 INSTALL = "sh tools/setup tests"
 
@@ -162,7 +164,13 @@ def boot(guest: Guest, out: Path, clock: Callable[[], float] = time.monotonic) -
 def wait_while_it_goes_on(process: subprocess.Popen[bytes], out: Path, clock: Callable[[], float]) -> None:
     """Wait for a guest's end, or until it hangs."""
     heard, said, spent = clock(), 0, 0.0
+    looked, computed = clock(), -1.0
     while process.poll() is None:
+        if clock() - looked >= STILL_S:
+            before, computed = computed, processor_s(process.pid)
+            if computed == before and all_wait(process.pid):
+                return
+            looked = clock()
         if (now := sum(len(text) for text in read_logs(out))) != said:
             said, heard = now, clock()
         if clock() - heard >= PATIENCE_S:
@@ -173,14 +181,24 @@ def wait_while_it_goes_on(process: subprocess.Popen[bytes], out: Path, clock: Ca
         time.sleep(0.05)
 
 
-def processor_s(session: int) -> float:
-    """Return the processor time of a session's processes, those that have ended included, in seconds."""
-    ticks = 0
+def session_stats(session: int) -> Iterator[list[str]]:
+    """Yield the fields of /proc/PID/stat after the name, of each process of a session."""
     for path in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):
             fields = path.read_text().rpartition(")")[2].split()
-            ticks += sum(map(int, fields[11:15])) if int(fields[3]) == session else 0
+            if int(fields[3]) == session:
+                yield fields
+
+
+def processor_s(session: int) -> float:
+    """Return the processor time of a session's processes, those that have ended included, in seconds."""
+    ticks = sum(sum(map(int, fields[11:15])) for fields in session_stats(session))
     return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def all_wait(session: int) -> bool:
+    """Tell whether no process of a session runs, could run, or waits for a disk."""
+    return not any(fields[0] in "RD" for fields in session_stats(session))
 
 
 def read_logs(out: Path) -> list[bytes]:

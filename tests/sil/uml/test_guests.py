@@ -16,6 +16,7 @@ from guests import (
     LEAST_PROCESSOR_S,
     MOST_PROCESSOR_S,
     PATIENCE_S,
+    STILL_S,
     Guest,
     NoResult,
     allowed,
@@ -99,6 +100,37 @@ def test_a_guest_that_computes_without_an_end_is_ended(tmp_path: Path, monkeypat
     with pytest.raises(NoResult):
         boot(imitate("spins", "while :; do sleep 1; done"), tmp_path, clock=lambda: next(looks) * PATIENCE_S)
     assert next(spent) > MOST_PROCESSOR_S
+
+
+def test_a_guest_whose_processes_all_wait_is_ended_early(tmp_path: Path) -> None:
+    """Not a tick of the processor between two looks, and nothing that could run: long before the patience ends."""
+    looks = 0.0
+
+    def clock() -> float:
+        nonlocal looks
+        looks += 2.0
+        return looks
+
+    with pytest.raises(NoResult):
+        boot(imitate("stopped", "kill -STOP $$"), tmp_path, clock=clock)
+    assert 2 * STILL_S <= looks < PATIENCE_S
+
+
+def test_a_guest_that_lacks_the_processor_is_no_hung_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A process that could run but gets no tick, as on a machine with much other work, is waited for."""
+    monkeypatch.setattr(guests, "processor_s", lambda _: 0.0)
+    looks = 0.0
+
+    def clock() -> float:
+        nonlocal looks
+        looks += STILL_S
+        if looks >= 8 * STILL_S:
+            (tmp_path / "end").touch()
+        return looks
+
+    spins = 'while [ ! -e "$1/end" ]; do :; done; echo 0 >"$1/code"'
+    boot(imitate("starved", spins), tmp_path, clock=clock)
+    assert looks >= 8 * STILL_S
 
 
 def test_processor_time_counts_a_session() -> None:
