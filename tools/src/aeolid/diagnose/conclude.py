@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.case import Case
+from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
 from aeolid.diagnose.forensics import Finding, examine
@@ -29,26 +30,28 @@ def conclude(
     deadline: when the best answer so far is written, never by default.
 
     A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
-    where that shows (`not_testable`), with the reason as the statement.
+    where that shows (`not_testable`), with the reason as the statement. Channels with another sign, unit or name
+    are put right first; the answer then is about the recording put right, and says so.
     """
+    wrong, case = channel_faults(case)
     findings = examine(case.records, case.baseline)
     faults = [f for f in findings if f.severity == "fault"]
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
         location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}
         evidence = {"title": case.title, "forensics": [f.to_json() for f in faults]}
-        return ended("data_fault", case.title, text, folder, location, evidence)
+        return ended("data_fault", case.title, text, folder, location, evidence, wrong)
     late = deadline or unlimited()
     if (found := _against_run(case, folder, findings, progress, late)) is not None:
         return found
     try:
         result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline)
     except NotIdentifiable as error:
-        return ended("not_testable", case.title, str(error), folder)
+        return ended("not_testable", case.title, str(error), folder, faults=wrong)
     except np.linalg.LinAlgError as error:
         reason = f"{case.baseline_file}: what is to be fitted cannot be solved for ({error}); check units and scales"
-        return ended("not_testable", case.title, reason, folder)
-    diagnosis = diagnose(result)
+        return ended("not_testable", case.title, reason, folder, faults=wrong)
+    diagnosis = with_faults(diagnose(result), wrong)
     return diagnosis, write_all(result, diagnosis, folder)
 
 
@@ -75,6 +78,7 @@ def _against_run(
 def ended(
     verdict: str, title: str, reason: str, folder: Path,
     location: dict[str, Any] | None = None, evidence: dict[str, Any] | None = None,
+    faults: Sequence[ChannelFault] = (),
 ) -> tuple[dict[str, Any], dict[str, Any]]:  # fmt: skip
     """Write a diagnosis that ended before any effect could be tested; nothing is excluded by it."""
     diagnosis = {
@@ -84,4 +88,5 @@ def ended(
         "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": None},
         "not_excluded": [], "next_experiment": None,
     }  # fmt: skip
+    diagnosis = with_faults(diagnosis, faults)
     return diagnosis, write_ended(diagnosis, evidence or {"title": title}, folder)
