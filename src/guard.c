@@ -13,7 +13,7 @@
 
 /* The memory in samples; how much one sample may count, as a multiple of the limit: an outlier disturbs the p
  * predictions after it too, and with p = 10 all together add up to 11/64 of 4 limits; how fast the share is believed to
- * have fallen or risen; how far a residual may stand out, in roots of the level. Chosen by experiment: DESIGN.md. */
+ * have fallen or risen; how far a residual may stand out, in roots of the level. Chosen by experiment: docs/decisions. */
 #define MEMORY      AEO_REAL(64)
 #define OUTLIER_MAX AEO_REAL(4)
 #define FALL        AEO_REAL(256)

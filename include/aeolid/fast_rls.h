@@ -23,7 +23,7 @@
  *     from t alone, B learns from the error r it really makes, and c > 0 feeds back by how much that differs from the
  *     error lambda E t that the gain foretells (Slock and Kailath, 1991, use the same redundancy for one channel).
  *     With c = 3/4, and 0.07 / q^2 where that is less, q = n (1 - lambda), errors die out up to q = 0.2 or more;
- *     DESIGN.md has what else was tried.
+ *     docs/decisions/filters.md has what else was tried.
  *   2 Renewal: above q = 0.2 errors may grow again, by a factor e in one to ten memories. A second array then starts
  *     afresh before the first one's life ends, and takes over once it is warm; so it does at any q when the first one's
  *     two errors disagree. theta is never touched: only the gain changes hands.

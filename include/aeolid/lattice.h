@@ -30,9 +30,9 @@
  *     30).
  *   5 release: as in rls.h. When watch.h finds that the covariances hold far more than the data of late bring, as after a
  *     fault of a sensor, they start anew at rho while all weights stay.
- *   Why this form: DESIGN.md has the rivals. Float innovations of a turbine's loop with 1 % noise, lambda from 0.98 to
- *   1, lie 2e-5 to 1.3e-4 from the double ones, theta 3e-5 to 5e-5 (20,000 samples); where outputs are singular to
- *   rounding, 10^7 samples leave the innovations as they were.
+ *   Rivals of this form: docs/decisions/filters.md. Float innovations of a turbine's loop with 1 % noise, lambda from
+ *   0.98 to 1, lie 2e-5 to 1.3e-4 from the double ones, theta 3e-5 to 5e-5 (20,000 samples); where outputs are singular
+ *   to rounding, 10^7 samples leave the innovations as they were.
  *
  * CONTRACT
  *   Memory: AEO_LATTICE_WORDS(p, m, d, l) words of aeo_real_t from the caller, linear in p.

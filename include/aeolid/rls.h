@@ -22,7 +22,7 @@
  *     such numbers out in the first place.
  *   Why this form: on four closed-loop turbine recordings (regressors singular to rounding, n = 50 and 150, 10,000
  *   samples, lambda = 1) the float result lies at most 4e-5 (rho = 1), 2e-4 (0.1), 3e-3 (0.01) from the double batch
- *   solution, its predictions at most 2e-5 at any of them; DESIGN.md has the rivals.
+ *   solution, its predictions at most 2e-5 at any of them; docs/decisions/filters.md has the rivals.
  *
  * CONTRACT
  *   Memory: AEO_RLS_WORDS(n, l) words of aeo_real_t from the caller: n (n + 1) / 2 + n l + 2 n + 4 l + 2.

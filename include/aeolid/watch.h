@@ -20,7 +20,7 @@
  *       in directions that the data excite little.
  *   A filter suspected twice running starts P anew and keeps theta. So after a fault of any size every filter with
  *   lambda < 1 learns as one that starts with good data at most three memories later.
- *   Own work. Rivals: DESIGN.md.
+ *   Own work. Rivals: docs/decisions/filters.md.
  *
  * CONTRACT
  *   Memory: AEO_WATCH_WORDS(l) = 2 l + 2 words, part of the filter's (l=1: 4; l=4: 10).

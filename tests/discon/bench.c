@@ -1,4 +1,4 @@
-/* Time that the wrapper adds to a call: discon_bench [seconds of simulated time]. Figures for DESIGN.md, no test.
+/* Time that the wrapper adds to a call: discon_bench [seconds of simulated time]. Figures for docs/decisions, no test.
  *
  * 2 inputs, 3 outputs, p = 20, filtered at 10 Hz of 100 calls a second, 5 % of 500 kbit/s; each bus in turn. Median and
  * 99.9 % point of single calls with the wrapper less the median without. A second argument names what to run alone, for

@@ -1,6 +1,6 @@
-"""Gate: instructions, memory, text and stack of every filter are those of the committed table, which the README shows.
+"""Gate: instructions, memory, text and stack of every filter are those of the committed table, which a page shows.
 
-python costs.py ROOT checks; python costs.py ROOT --write measures anew and writes costs.toml and the README's table.
+python costs.py ROOT checks; python costs.py ROOT --write measures anew and writes costs.toml and the page's table.
 Instructions of one update with 4 outputs: on a Cortex-M4F board in QEMU, where SysTick counts them, and on this PC in
 callgrind; both are deterministic: 2 % is for the compiler's libraries, and another version of it may differ by 20 %.
 Exit code 77 when a tool is missing, with its name.
@@ -20,7 +20,7 @@ import stack
 import targets
 
 TABLE = Path(__file__).with_name("costs.toml")
-README = gate.ROOT / "README.md"
+PAGE = gate.ROOT / "docs/results/costs.md"
 BEGIN, END = "<!-- costs: written by tests/gates/costs.py -->\n", "<!-- costs end -->\n"
 TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm", "valgrind")
 SAME, OTHER = 0.02, 0.20  # share by which a count may differ, with this and with another version of the compiler
@@ -101,8 +101,8 @@ def measure() -> dict[str, dict[str, int]]:
     }
 
 
-def write_readme_table(table: dict[str, dict[str, int]]) -> str:
-    """Return the README's table."""
+def write_page_table(table: dict[str, dict[str, int]]) -> str:
+    """Return the page's table."""
     lines = [
         "| float, 4 outputs | RAM | instructions an update, Cortex-M4F | x86-64 | text | stack |",
         "|---|---|---|---|---|---|",
@@ -137,7 +137,7 @@ def compare(table: dict[str, dict[str, int]], committed: dict[str, dict[str, int
 
 
 def write(table: dict[str, dict[str, int]]) -> None:
-    """Write costs.toml and the README's table."""
+    """Write costs.toml and the page's table."""
     lines = [
         "# Written by costs.py ROOT --write, checked by costs.py. Float, 4 outputs, -O2 -ffp-contract=off, forgetting",
         "# 0.999. Instructions of one update. Cortex-M4F, in bytes: text of the filter and all that it calls, with the",
@@ -147,10 +147,10 @@ def write(table: dict[str, dict[str, int]]) -> None:
     for section, row in table.items():
         lines += ["", f"[{section}]", *(f"{key} = {value}" for key, value in row.items())]
     TABLE.write_text("\n".join(lines) + "\n")
-    text = README.read_text()
+    text = PAGE.read_text()
     if BEGIN in text:
         head, rest = text.split(BEGIN)
-        README.write_text(head + BEGIN + write_readme_table(table) + END + rest.split(END)[1])
+        PAGE.write_text(head + BEGIN + write_page_table(table) + END + rest.split(END)[1])
 
 
 def main() -> None:
@@ -164,8 +164,8 @@ def main() -> None:
     committed = tomllib.loads(TABLE.read_text())
     same = committed.pop("compilers") == versions()
     findings = compare(table, committed, same)
-    if README.exists() and BEGIN + write_readme_table(committed) + END not in README.read_text():
-        findings.append("the README's table of costs is not that of costs.toml; run costs.py . --write")
+    if PAGE.exists() and BEGIN + write_page_table(committed) + END not in PAGE.read_text():
+        findings.append("the table of docs/results/costs.md is not that of costs.toml; run costs.py . --write")
     figures = [f"{section}: {row['cortex_m4f']} on a Cortex-M4F, {row['pc']} here" for section, row in table.items()]
     gate.finish(findings, "; ".join(figures))
 

@@ -93,7 +93,8 @@ def test_measured_load_is_that_of_the_formula(fd: int, innovations: int) -> None
     """A node of five channels, 450 parameters, a snapshot every 10 s: 2,000 s on a bus of 500 kbit/s.
 
     Counted in the longest bits of each frame the load is the formula's; with the stuffing of the frames sent it is
-    0.87 of that, the figure to expect (DESIGN.md): few frames of numbers come near the most stuffing there can be.
+    0.87 of that, the figure to expect (docs/decisions/wire.md): few frames of numbers come near the most stuffing that
+    there can be.
     """
     ratio, steps, every = 4, 2000, 100
     rig = Rig(settings(inputs=2, outputs=3, parameters=450, innovations=innovations, fd=fd, fd_ratio=ratio,

@@ -1,4 +1,4 @@
-"""What the README shows works: its C example compiles, its files exist and are read; see test_docs_commands too."""
+"""What the README shows works: its C example compiles, its files exist; papers keep their length."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+OWN = (ROOT / "docs/howto/own_recording.md").read_text(encoding="utf-8")
 
 
-def block(language: str, contains: str) -> str:
-    found = [b for b in re.findall(rf"```{language}\n(.*?)```", README, re.S) if contains in b]
+def block(language: str, contains: str, text: str = README) -> str:
+    found = [b for b in re.findall(rf"```{language}\n(.*?)```", text, re.S) if contains in b]
     assert len(found) == 1, f"{len(found)} {language} blocks contain {contains!r}"
     return found[0]
 
@@ -44,17 +45,24 @@ def test_the_c_example_is_short() -> None:
 
 @pytest.mark.diagnosis
 def test_the_case_file_is_understood(tmp_path: Path) -> None:
-    """The README's case.toml is read up to its recordings, which are not there."""
-    (tmp_path / "case.toml").write_text(block("toml", "# case.toml"))
-    (tmp_path / "roles.toml").write_text(block("toml", "# roles.toml"))
+    """The case.toml shown is read up to its recordings, which are not there."""
+    (tmp_path / "case.toml").write_text(block("toml", "# case.toml", OWN))
+    (tmp_path / "roles.toml").write_text(block("toml", "# roles.toml", OWN))
     done = aeolid("diagnose", ".", "--out", "out", folder=tmp_path)
     assert done.returncode == 3 and "monday.csv: no such file" in done.stderr
 
 
-def test_files_named_in_the_readme_exist() -> None:
-    for name in ("tools/demo", "tests/run", "tools/apt-packages.txt", "port/template", "port/posix", "LICENSE",
-                 "include/aeolid/port.h", "include/aeolid/stream.h", "CHANGELOG.md", "tools/docs", "docs/index.md",
-                 "examples/controller/main.c", "examples/offline.py"):  # fmt: skip
-        assert (ROOT / name).exists(), name
+def test_files_named_exist() -> None:
+    """Links of the papers at the top, and what they name in backquotes."""
+    for name in ("README.md", "DESIGN.md", "CONTRIBUTING.md"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        links = [link.split("#")[0] for link in re.findall(r"\]\(([^)]+)\)", text) if "://" not in link]
+        quoted = re.findall(r"`((?:docs|tools|tests|port|src|include|examples)/[\w./]+)`", text)
+        assert links and [link for link in links + quoted if not (ROOT / link).exists()] == [], name
     for script in ("tools/demo", "tools/docs", "tools/setup", "tests/run", ".ci/run"):
         subprocess.run(["sh", "-n", str(ROOT / script)], check=True)
+
+
+def test_the_papers_at_the_top_stay_short() -> None:
+    for name, most in (("README.md", 150), ("DESIGN.md", 300)):
+        assert len((ROOT / name).read_text(encoding="utf-8").splitlines()) <= most, name

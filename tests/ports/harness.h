@@ -1,6 +1,7 @@
-/* harness.h: what the README's blocks leave to the controller: sensors, a driver; and the dumps that tests compare.
+/* harness.h: what the blocks shown leave to the controller: sensors, a driver; and the dumps that tests compare.
  *
- * A program here is: #include "harness.h", #include "wiring.h" (the blocks of README.md, as they are), then the rest.
+ * A program here is: #include "harness.h", #include "wiring.h", then the rest. wiring.h has the blocks of README.md
+ * and docs/howto/port.md, as they are.
  */
 #ifndef HARNESS_H
 #define HARNESS_H

@@ -1,4 +1,4 @@
-/* The README's program for an MPS2 board with sensors; it goes on until the emulator is stopped. */
+/* The shown program for an MPS2 board with sensors; it goes on until the emulator is stopped. */
 #include "harness.h"
 
 #include "wiring.h"

@@ -1,4 +1,4 @@
-/* The README's slcan program with sensors that wait for a listener first and for it to have taken all in the end. */
+/* The shown slcan program with sensors that wait for a listener first and for it to have taken all in the end. */
 #include "harness.h"
 
 #include "wiring.h"

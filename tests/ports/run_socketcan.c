@@ -1,4 +1,4 @@
-/* The README's SocketCAN block with a control thread and a background thread, time running 25 times as fast. */
+/* The shown SocketCAN block with a control thread and a background thread, time running 25 times as fast. */
 #include "harness.h"
 
 #include "wiring.h"

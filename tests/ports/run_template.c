@@ -1,4 +1,4 @@
-/* The README's bare-metal block on a make-believe CAN controller with three mailboxes; frames go to standard output as a
+/* The shown bare-metal block on a make-believe CAN controller with three mailboxes; frames go to standard output as a
  * log. A millisecond is a turn of the loop; the bus carries three frames in it. */
 #include "harness.h"
 

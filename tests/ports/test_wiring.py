@@ -1,4 +1,4 @@
-"""The lines that README shows for each port are short, compile without a warning, run, and stream what was filtered."""
+"""The lines shown for each port are short, compile without a warning, run, and stream what was filtered."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from wiring import HERE, MOST_LINES, PORTS, README, ROOT, build, find_block, make_reference
+from wiring import HERE, MOST_LINES, PORTS, ROOT, SHOWN, build, find_block, make_reference
 
 from aeolid.can import Assembly, MarkovSnapshot, open_source
 
-TEXT = README.read_text(encoding="utf-8")
+TEXT = SHOWN
 
 
 @pytest.fixture(scope="module")
@@ -136,7 +136,7 @@ def test_mps2(board: str, reference: tuple[NDArray[np.float32], NDArray[np.float
 
 
 def test_controller_wrapper_settings() -> None:
-    """README shows the settings file that the wrapper's own tests run with."""
+    """The page shows the settings file that the wrapper's own tests run with."""
     shown = find_block(TEXT, "ini", "controller = ")
     assert shown == (ROOT / "port/discon/example.cfg").read_text(encoding="utf-8")
 

@@ -1,4 +1,4 @@
-"""Take the blocks of "Wire it in" out of README.md, as they are, and build each with what a controller adds to it."""
+"""Take the blocks of README.md and docs/howto/port.md, and build each with what a controller adds to it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
-README = ROOT / "README.md"
+SHOWN = "\n".join((ROOT / page).read_text(encoding="utf-8") for page in ("README.md", "docs/howto/port.md"))
 MOST_LINES = 19
 CHANNELS, PARAMETERS = 5, 150
 SAMPLES = 20_000  # of the reference; a board in an emulator runs on until it is stopped
@@ -45,25 +45,25 @@ PORTS = {
 }
 
 
-def find_block(readme: str, language: str, marker: str) -> str:
+def find_block(shown: str, language: str, marker: str) -> str:
     """Return the one fenced block of a language that holds `marker`."""
-    found = [b for b in re.findall(rf"```{language}\n(.*?)```", readme, re.S) if marker in b]
-    assert len(found) == 1, f"{len(found)} {language} blocks of README.md hold {marker!r}"
+    found = [b for b in re.findall(rf"```{language}\n(.*?)```", shown, re.S) if marker in b]
+    assert len(found) == 1, f"{len(found)} {language} blocks of README.md and docs/howto/port.md hold {marker!r}"
     return str(found[0])
 
 
-def write_wiring(readme: str, port: Port | None, folder: Path, replaced: tuple[str, str] = ("", "")) -> None:
+def write_wiring(shown: str, port: Port | None, folder: Path, replaced: tuple[str, str] = ("", "")) -> None:
     """Write wiring.h: the filter, and for a port what is streamed and its own block."""
-    blocks = [find_block(readme, "c", "identification_init(void)")]
+    blocks = [find_block(shown, "c", "identification_init(void)")]
     if port is not None:
-        blocks += [find_block(readme, "c", "#include <aeolid/stream.h>"), find_block(readme, "c", port.marker)]
+        blocks += [find_block(shown, "c", "#include <aeolid/stream.h>"), find_block(shown, "c", port.marker)]
     assert replaced[0] in blocks[-1], f"{replaced[0]} is not in the block"
     blocks[-1] = blocks[-1].replace(*replaced)
     (folder / "wiring.h").write_text("\n".join(blocks))
 
 
 def build(
-    readme: str, name: str, folder: Path, *, replaced: tuple[str, str] = ("", ""), compile_only: bool = False
+    shown: str, name: str, folder: Path, *, replaced: tuple[str, str] = ("", ""), compile_only: bool = False
 ) -> Path:
     """Build one port's program, or the reference, warnings as errors; returns it.
 
@@ -71,7 +71,7 @@ def build(
     Raises RuntimeError with the compiler's words.
     """
     port = PORTS.get(name)
-    write_wiring(readme, port, folder, replaced)
+    write_wiring(shown, port, folder, replaced)
     program = folder / name
     main = HERE / (f"run_{name}.c" if port else f"{name}.c")
     library = sorted(str(p.relative_to(ROOT)) for p in (ROOT / "src").glob("*.c") if not p.name.startswith(OTHERS))
@@ -86,9 +86,9 @@ def build(
     return program
 
 
-def make_reference(readme: str, folder: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def make_reference(shown: str, folder: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return the samples (N, 5), and theta (N / 100, 150) after every hundredth, from the filter's block alone."""
-    program = build(readme, "reference", folder)
+    program = build(shown, "reference", folder)
     done = subprocess.run([program, str(SAMPLES)], capture_output=True, timeout=3600, check=True)
     table = np.frombuffer(done.stdout, np.float32).reshape(-1, 100 * CHANNELS + PARAMETERS)
     return table[:, : 100 * CHANNELS].reshape(-1, CHANNELS), table[:, 100 * CHANNELS :]

@@ -395,7 +395,7 @@ def command_line() -> dict[str, Any]:
 
 
 def wiring() -> dict[str, Any]:
-    """Run the program that README shows, on its can0."""
+    """Run the program that docs/howto/port.md shows, on its can0."""
     ip("link add dev can0 type vcan")
     ip("link set can0 up")
     listener = Listener("wiring", "socketcan:can0")

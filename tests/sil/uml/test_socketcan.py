@@ -22,7 +22,7 @@ from aeolid.record import Record, Roles
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ports"))
 from guests import Guest, allowed, run_first
-from wiring import README, build, make_reference
+from wiring import SHOWN, build, make_reference
 
 pytestmark = pytest.mark.timeout(0)  # guests.py ends a guest that does not go on
 HERE = Path(__file__).resolve().parent
@@ -58,7 +58,7 @@ def write_plan(out: Path, record: Record, modules: str) -> None:
         "sample_bytes": 8 * (2 + len(channels)),
         "modules": modules,
         "program": str(out / "threads"),
-        "wiring": str(build(README.read_text(encoding="utf-8"), "socketcan", out)),
+        "wiring": str(build(SHOWN, "socketcan", out)),
         "offers_fd": "--fd" not in usage,  # an unknown option is named; a known one leaves the channels to be asked for
     }
     (out / "plan.json").write_text(json.dumps(plan))
@@ -223,11 +223,11 @@ def test_the_port_between_two_threads(guest: Path) -> None:
     assert told["code"] == 0, told
 
 
-def test_the_wiring_that_readme_shows(guest: Path, tmp_path: Path) -> None:
-    """README's block for SocketCAN on its can0: samples and the newest snapshot are those of README's filter."""
+def test_the_wiring_that_is_shown(guest: Path, tmp_path: Path) -> None:
+    """The block shown for SocketCAN on its can0: samples and the newest snapshot are those of README's filter."""
     told = facts(guest, "wiring")
     assert (told["code"], told["listener"]["code"]) == (0, 0), told
-    samples, theta = make_reference(README.read_text(encoding="utf-8"), tmp_path)
+    samples, theta = make_reference(SHOWN, tmp_path)
     found = np.load(guest / "wiring.npz")
     assert int(found["sample_index"]) in (99, 199)
     expected = theta[int(found["sample_index"]) // 100]

@@ -143,7 +143,7 @@ def _about_modes(why: str) -> str:
         return "They come with the first complete snapshot."
     if "windows" in why:
         return "The order is chosen once enough samples have come; --order N does without."
-    return "Compare past window, order and excitation; README says which method fits."
+    return "Compare past window, order and excitation; the documentation (Choose a method) says which method fits."
 
 
 def _innovations(n: Facts) -> Iterator[Facts]:
