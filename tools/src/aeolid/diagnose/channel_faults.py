@@ -32,10 +32,12 @@ _COARSE, _FINE = 4, 15  # orders of the autoregression: to choose whom to ask ag
 _MOST = 2  # faults at once
 _AGAIN = 6  # hypotheses that are asked again
 _LEAST = 20.0  # nats, beyond the logarithm of the number of hypotheses
-_RATE = 0.01  # nats a sample and output: a wiring fault is no subtle thing
+_RATE = 0.06  # nats a sample and output: a wrong sign turns what most of a recording shows; 0.08 to 0.4 are usual
 _EXPLAINED = 0.7  # of what inputs with free weights would gain over the wiring as declared
 _SURE = 2.33  # deviations of the gain's parts
 _ALIKE = 3.0  # nats: less tells no two faults apart
+_OF_SIGN = 0.15  # of a sign's gain must be that over no response at all; a quarter is expected
+_ASIDE = 1e3  # a factor with which a response does not count
 _BESIDE = 1.6  # a factor is the known one only where one so much larger or smaller says less
 
 
@@ -78,7 +80,7 @@ def channel_faults(case: Case) -> tuple[tuple[ChannelFault, ...], Case]:
     """Return what is wrong with the wiring, at most two faults, and the case with that put right.
 
     Only baselines that are models are asked. Cost: some 2 N (l p)² operations for each of the hypotheses, of which each
-    channel has about ten, and each has 1 + 4 r lags.
+    channel has about ten, and each has 1 + 6 r lags.
     """
     judge = judge_of(case)
     if judge is None:
@@ -145,7 +147,7 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     gain, steps = after - before, of_best - parts
     if gain < max(_LEAST + np.log(len(asked)), _RATE * judge.rows):
         return None
-    if gain < _SURE * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(judge, best, after):
+    if gain < _SURE * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(judge, best, after, before):
         return None
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
     if after - plain < _EXPLAINED * (free - plain):
@@ -153,10 +155,19 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < _ALIKE]
 
 
-def _is_just_this(judge: Judge, best: _Hypothesis, worth: float) -> bool:
-    """Tell whether the channel's factor is the known one, and not one that lies beside it."""
+def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) -> bool:
+    """Tell whether the channel's factor is the known one: not one that lies beside it, nor one near 0.
+
+    Along a factor a of a channel the log-likelihood is a parabola: with its top at −1 it lies 4 c lower at 1 and c
+    lower at 0, where the model's response between the channel and the others does not count. Where most of the gain is
+    there already, the response is of another kind than the model's and has no sign.
+    """
     if best.kind == "swap":
         return True
+    if best.kind == "sign":
+        aside = _scaled(best.wiring, "", best.role, best.numbers[0], _ASIDE if best.role == "output" else 1 / _ASIDE)
+        if worth - judge.worth(aside.wiring, _FINE)[0] < _OF_SIGN * (worth - before):
+            return False
     beside = [_scaled(best.wiring, "", best.role, best.numbers[0], f).wiring for f in (_BESIDE, 1 / _BESIDE)]
     return all(judge.worth(w, _FINE)[0] < worth for w in beside)
 

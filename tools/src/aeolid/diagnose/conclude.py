@@ -12,7 +12,7 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
-from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.forensics import SWAPPED, Finding, examine
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -33,8 +33,11 @@ def conclude(
     where that shows (`not_testable`), with the reason as the statement. Channels with another sign, unit or name
     are put right first; the answer then is about the recording put right, and says so.
     """
-    wrong, case = channel_faults(case)
     findings = examine(case.records, case.baseline)
+    wrong: tuple[ChannelFault, ...] = ()
+    if all(f.severity != "fault" or f.check == SWAPPED for f in findings):
+        wrong, case = channel_faults(case)
+        findings = examine(case.records, case.baseline) if wrong else findings
     faults = [f for f in findings if f.severity == "fault"]
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)

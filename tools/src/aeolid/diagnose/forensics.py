@@ -26,6 +26,7 @@ _WHOLE = 0.01  # steps by which rounding of the numbers themselves may miss a gr
 _FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
 _ALIKE = 0.8  # correlation with a free run from which channels are recognised
 _CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
+SWAPPED = "swapped"  # the check of two outputs under each other's name
 _SAME = "sample by sample the same as"
 RATIOS: tuple[tuple[float, str], ...] = (
     (180 / np.pi, "degrees to a radian"),
@@ -251,7 +252,7 @@ def _crossed(alike: Array, i: int, j: int) -> bool:
 
 def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
     text = f"looks like {names[j]}, and {names[j]} like {names[i]}: the two channels are swapped"
-    return Finding("swapped", f"{names[i]} ({source})", text, "fault")
+    return Finding(SWAPPED, f"{names[i]} ({source})", text, "fault")
 
 
 def _folded(v: Array) -> str | None:

@@ -28,7 +28,7 @@ from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 PARTS = 10  # stretches into which evidence is told
-_LAGS = (1.0, 3.0, 9.0, 27.0)  # time constants of one input's lag, samples
+_LAGS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # time constants of one input's lag, samples; none is off by more than √2
 _MOST_ROWS = 20_000  # of all recordings: more make no sign clearer
 _FEWEST = 200
 
