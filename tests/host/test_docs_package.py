@@ -58,7 +58,8 @@ def clean(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) ->
 def test_the_archive_holds_the_library_and_nothing_else(built: tuple[Path, Path]) -> None:
     with tarfile.open(built[0]) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
-    for wanted in ("PKG-INFO", "LICENSE", "pyproject.toml", "src/aeolid/cli/main.py", "library/CMakeLists.txt",
+    for wanted in ("PKG-INFO", "LICENSE", "pyproject.toml", "src/aeolid/cli/main.py",
+                   "src/aeolid/py.typed", "library/CMakeLists.txt",
                    "src/aeolid/monitor/page/index.html", "library/include/aeolid/rls.h",
                    "library/src/rls.c"):  # fmt: skip
         assert wanted in names, wanted

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of
-from aeolid.cli.identify_channels import read_delay
-from aeolid.cli.identify_options import (
-    METHODS,
-    check_finish,
-    check_method,
-    check_ort_and_fir,
-    check_passes,
-    check_preparation,
-    check_scheduled,
-    check_uncertainty,
-    read_order,
-    read_regularization,
-)
-from aeolid.cli.identify_run import Asked, identify_recordings
+from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.identify.request import Request
+from aeolid.identify.request_checks import METHODS
 from aeolid.output import declare
 
 if TYPE_CHECKING:
     from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
+
+    Result = Identification | LpvIdentification | OrtIdentification
 
 EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
@@ -227,30 +217,19 @@ def identify(
     force: ForceOption = False,
 ) -> None:
     """Identify a model by predictor-based subspace identification, from open- or closed-loop recordings."""
-    check_method(method, past)
-    own = _given(passes=passes, forgetting=forget)
-    check_passes(own, method, markov)
-    doubt = _given(uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed)
-    check_uncertainty(doubt, method, markov)
-    scheduled = _given(
-        scheduling=scheduling, varying=varying, kernel_rows=kernel_rows, kernel_selection=kernel_selection,
-        offsets=offsets, memory_gb=memory, scheduling_scaling=scheduling_scaling, kernel_tolerance=kernel_tolerance,
+    request = Request(
+        past=past, method=method, future=future, order=order, order_criterion=order_criterion, feedthrough=feedthrough,
+        regularize=regularize, missing=missing, detrend=detrend, robust=robust, solution=solution, decimate=decimate,
+        passes=passes, forget=forget, delay=delay, angle=angle, scheduling=scheduling, varying=varying,
+        kernel_rows=kernel_rows, kernel_selection=kernel_selection, kernel_tolerance=kernel_tolerance,
+        scheduling_scaling=scheduling_scaling, offsets=offsets, refine=refine, memory=memory, joint_order=joint_order,
+        deterministic_order=deterministic_order, response=response, stable=stable, allow_unstable=allow_unstable,
+        uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
     )  # fmt: skip
-    check_scheduled(scheduled, method, markov, stable)
-    finish = _given(order_criterion=order_criterion, refined=refine, solution=solution)
-    check_finish(finish, method, order)
-    asked = read_delay(delay, method, markov)
-    first = _given(missing=missing, detrend=detrend, robust=robust)
-    check_preparation(first, method, markov)
-    joint = _given(joint_order=joint_order, deterministic_order=deterministic_order, response=response)
-    check_ort_and_fir(joint, method, markov, regularize, stable)
-    common: dict[str, Any] = {"future": future, "order": read_order(order), "decimation": decimate}
-    common["regularization"] = read_regularization(regularize)
+    request.check(streamed=markov is not None)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
-    others = own | doubt | scheduled | joint | finish | first
-    wanted = Asked(method, past, feedthrough, angle, asked, common, first, others, stable, allow_unstable)
-    result = identify_recordings(recordings, roles, markov, wanted)
+    result = _identified(recordings, roles, markov, request)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -260,15 +239,21 @@ def identify(
     emit_json(result.to_json(), json_target)
 
 
-def _report(
-    result: Identification | LpvIdentification | OrtIdentification, recordings: list[Path], report: Path
-) -> None:
+def _identified(recordings: list[Path], roles: Path, markov: Path | None, request: Request) -> Result:
+    """Read the recordings and identify; shows what takes its time."""
+    from aeolid.formats import read_record
+    from aeolid.identify.run import identify_records
+    from aeolid.identify.streamed import StreamedMarkov
+    from aeolid.record import Roles
+
+    with waiting("reading"):
+        records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
+        streamed = None if markov is None else StreamedMarkov.load(markov)
+    return identify_records(records, request, streamed, waiting)
+
+
+def _report(result: Result, recordings: list[Path], report: Path) -> None:
     from aeolid.report import identification_facts, render_identification
 
     title = f"Identification of {', '.join(p.name for p in recordings)}"
     render_identification(identification_facts(result.model_json(), title=title), report)
-
-
-def _given(**options: Any) -> dict[str, Any]:
-    """Return the options that were given."""
-    return {name: value for name, value in options.items() if value is not None}

@@ -40,25 +40,18 @@ def simulate(
         raise UsageError(f"--initial {initial!r} is none of estimate, model, zero")
     files = {"--out": out, "--json": json_target}
     declare("simulate", force=force, inputs=[model_file, recording, roles], files=files)
-    from dataclasses import replace
-
     import numpy as np
 
     from aeolid.formats import read_record, write_table
-    from aeolid.identify.fit import score
-    from aeolid.models.load import LinearModel, diverged, load_model, matched
-    from aeolid.models.lpv_prediction import LpvModel
-    from aeolid.models.rate import at_rate_of, rate_of
+    from aeolid.identify.free_run import run_free
+    from aeolid.models.load import load_model
     from aeolid.record import Roles
 
     model = load_model(model_file)
-    if isinstance(model, LinearModel | LpvModel):
-        model = replace(model, initial=initial)
-    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
-    matched(record, model.inputs)
-    y = model.simulate(record)
+    run = run_free(model, read_record(recording, Roles.load(roles)), initial)
+    record, y, wild = run.record, run.y, run.divergence
     names, finite = [s.name for s in model.outputs], np.isfinite(y)
-    wild, told = diverged(model, record, y), np.where(finite, y, np.nan)
+    told = np.where(finite, y, np.nan)
     columns = {"time_s": record.time_s} | {n: told[:, i] for i, n in enumerate(names)}
     write_table(out, columns, {"time_s": "s"} | {s.name: s.unit for s in model.outputs})
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
@@ -66,10 +59,9 @@ def simulate(
     lines, left = [f"{len(record)} samples written to {out}"], " Values that are not finite are left empty."
     if wild is not None:
         lines.append(f"WARNING: {wild.text()}" + ("" if finite.all() else left))
-    if set(names) <= {c.name for c in record.channels}:
-        fit = score(names, matched(record, model.outputs), y)
-        facts["free_run"] = fit.to_json()
-        lines += [f"  {n}: {fit.text(n)}" for n in names]
+    if run.score is not None:
+        facts["free_run"] = run.score.to_json()
+        lines += [f"  {n}: {run.score.text(n)}" for n in names]
     if json_target != "-":
         console.print("\n".join(lines), markup=False, soft_wrap=True)
     elif wild is not None:

@@ -84,10 +84,9 @@ def validate(
 
 
 def _horizons(text: str) -> tuple[int, ...]:
+    from aeolid.identify.validation import horizons
+
     try:
-        values = sorted({int(part) for part in text.split(",") if part.strip()})
+        return horizons([int(part) for part in text.split(",") if part.strip()])
     except ValueError:
         raise UsageError(f"--steps {text!r} is not a list of whole numbers such as 5,10,50") from None
-    if any(not 1 <= v <= 100_000 for v in values):
-        raise UsageError(f"--steps {text!r}: every horizon must be within 1 … 100000 samples")
-    return tuple(v for v in values if v > 1)

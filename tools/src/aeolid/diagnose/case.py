@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -91,6 +91,30 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     )  # fmt: skip
 
 
+def make_case(
+    records: Sequence[Record], baseline: StateSpace | Equations | Record, *, title: str, source: str, sha256: str,
+    context: Mapping[str, Any] | None = None, same_inputs: bool = False,
+) -> Case:  # fmt: skip
+    """Build a case without a folder, with the checks of `load_case`.
+
+    source: what messages call the baseline; context: facts about the machine, as in case.toml; same_inputs: whether a
+    simulator's run had the recorded inputs. Raises DataError.
+    """
+    require_same_layout(records)
+    facts, found = _context(dict(context or {}), "context"), tuple(records)
+    kind = "run"
+    if isinstance(baseline, Record):
+        found, baseline = matched(found, baseline)
+        require_same_layout((*found, baseline))
+    else:
+        kind = "equations" if isinstance(baseline, Equations) else "state_space"
+        if isinstance(baseline, Equations):
+            _require_fitting(baseline, source)
+        found = tuple(at_rate_of(baseline.sample_time_s, r) for r in found)
+        _check_channels(baseline, found[0], source)
+    return Case(title, found, kind, baseline, source, sha256, facts, Path(), same_inputs)
+
+
 def _run(path: Path, records: tuple[Record, ...], roles: Roles, own: Roles | None) -> tuple[tuple[Record, ...], Record]:
     """Read a simulator's run by the recordings' roles, or by its own and then brought together with them."""
     run = read_record(path, roles if own is None else own)
@@ -115,11 +139,16 @@ def _unit(path: Path, record: Record, allowed: bool) -> Fmu:
 def _equations(path: Path) -> Equations:
     """Read equations that a diagnosis can take apart and fit."""
     model = equations_file.load(path)
-    require_readable(model, str(path))
-    require_few(len(model.states), "states", str(path), MOST_STATES, " by a diagnosis; reduce the model")
-    free = sum(p.free for p in model.parameters)
-    require_few(free, "free parameters", str(path), _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
+    _require_fitting(model, str(path))
     return model
+
+
+def _require_fitting(model: Equations, source: str) -> None:
+    """Refuse equations that are too many to be taken apart and fitted."""
+    require_readable(model, source)
+    require_few(len(model.states), "states", source, MOST_STATES, " by a diagnosis; reduce the model")
+    free = sum(p.free for p in model.parameters)
+    require_few(free, "free parameters", source, _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
 
 
 def _baseline(table: Any, source: str) -> tuple[str, str]:

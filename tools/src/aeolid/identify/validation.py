@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from aeolid.errors import UsageError
 from aeolid.identify.fit import SHORTEST, Fit, Score, measure_fit, score, stretches
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
@@ -15,6 +17,8 @@ from aeolid.models.load import LinearModel, Model, discretise, diverged, matched
 from aeolid.models.lpv_prediction import LpvModel
 from aeolid.models.prediction import complete_stretches
 from aeolid.record import Record
+
+LONGEST_STEP = 100_000  # samples of a k-step prediction
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +106,15 @@ class Validation:
 
 def _worst(tests: list[ResidualTest]) -> ResidualTest | None:
     return max(tests, key=lambda t: t.predictable, default=None)
+
+
+def horizons(steps: Iterable[int]) -> tuple[int, ...]:
+    """Return the horizons k > 1 of a k-step prediction in order; raises UsageError outside 1 … 100000 samples."""
+    values = sorted(set(steps))
+    if any(not 1 <= v <= LONGEST_STEP for v in values):
+        told = ",".join(map(str, values))
+        raise UsageError(f"--steps {told}: every horizon must be within 1 … {LONGEST_STEP} samples")
+    return tuple(v for v in values if v > 1)
 
 
 def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:

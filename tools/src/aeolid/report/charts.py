@@ -18,14 +18,15 @@ from aeolid.display import visible_lines
 from aeolid.report.markup import Html
 from aeolid.report.numbers import number
 
-matplotlib.rcParams.update(matplotlib.rcParamsDefault)  # a matplotlibrc in the current folder has no say here
 Array = NDArray[np.float64]
 INK, BEFORE, AFTER, TRUTH, GREY = "#1b1f24", "#d55e00", "#0072b2", "#d55e00", "#9aa4b0"
 WIDE, HALF = (10.6, 3.2), (5.6, 3.6)  # inches: the full width of the page, and one of two columns
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _POINTS = 1500  # per line: more cannot be told apart on the width of a page
 
-_RC: dict[Any, Any] = {
+# A matplotlibrc in the current folder and the style of a caller have no say in a page, nor a page in theirs.
+_RC: dict[Any, Any] = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
+_RC |= {
     "svg.fonttype": "none", "svg.hashsalt": "aeolid", "font.family": "DejaVu Sans", "font.size": 9.5,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#5a6470", "axes.labelcolor": INK,
     "axes.grid": True, "grid.color": "#e3e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True, "axes.titlesize": 10,

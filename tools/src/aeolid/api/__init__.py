@@ -1,0 +1,1 @@
+"""What `import aeolid` offers: recordings, models, validations, simulations, diagnoses; a module holds one of them."""

@@ -1,0 +1,77 @@
+"""Read what an identification says of itself, from its result or from the model.json that it wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from aeolid.api.table import Table
+from aeolid.models.modes import Mode
+from aeolid.text_files import is_number
+
+Facts = Mapping[str, Any]
+
+
+def modes_table(modes: Sequence[Mode]) -> Table[Mode]:
+    """Return modes as a table."""
+    return Table("modes", modes, _mode_row)
+
+
+def _mode_row(mode: Mode) -> dict[str, Any]:
+    return {
+        "frequency_hz": mode.frequency_hz, "frequency_std_hz": mode.frequency_std_hz, "damping": mode.damping,
+        "damping_std": mode.damping_std, "mostly_in": max(mode.shares, key=lambda n: mode.shares[n], default=""),
+        "share": max(mode.shares.values(), default=None), "rotor_order": mode.rotor_order,
+    }  # fmt: skip
+
+
+def stated_modes(facts: Facts | None) -> tuple[Mode, ...] | None:
+    """Return the modes that the facts of an identification hold; None where they are not complete."""
+    rows = (facts or {}).get("modes")
+    try:
+        return tuple(_stated(row) for row in rows) if isinstance(rows, list) else None
+    except (LookupError, TypeError, ValueError):
+        return None
+
+
+def _stated(row: dict[str, Any]) -> Mode:
+    real, imaginary = row["eigenvalue"]
+    numbers = [row["frequency_hz"], row["damping"], real, imaginary, *row["outputs"].values()]
+    spread = [row["frequency_std_hz"], row["damping_std"]]
+    if not all(map(is_number, numbers)) or not all(v is None or is_number(v) for v in spread):
+        raise ValueError("a mode holds what is no number")
+    order = row["rotor_order"] if isinstance(row.get("rotor_order"), int) else None
+    return Mode(
+        row["frequency_hz"], row["damping"], complex(real, imaginary), spread[0], spread[1], dict(row["outputs"]), order
+    )  # fmt: skip
+
+
+def fit_table(facts: Facts | None, outputs: Sequence[str]) -> Table[dict[str, Any]]:
+    """Return VAF in percent and NRMSE of each output, one step ahead and running free; empty where nothing is said."""
+    fit = (facts or {}).get("fit")
+    rows = []
+    for name in outputs if isinstance(fit, dict) else ():
+        row: dict[str, Any] = {"output": name}
+        for run in ("one_step", "free_run"):
+            for measure, label in (("vaf", "vaf_percent"), ("nrmse", "nrmse")):
+                row[f"{run}_{label}"] = _number(fit, run, measure, name)
+        rows.append(row)
+    return Table("outputs", rows, dict)
+
+
+def one_step_fit(table: Table[dict[str, Any]]) -> float | None:
+    """Return the VAF in percent of the output that is predicted worst one step ahead; None where it is not known."""
+    values = [row["one_step_vaf_percent"] for row in table]
+    return None if not values or None in values else float(min(values))
+
+
+def _number(facts: Any, *keys: str) -> float | None:
+    for key in keys:
+        facts = facts.get(key) if isinstance(facts, dict) else None
+    return float(facts) if is_number(facts) else None
+
+
+def texts(facts: Facts | None, key: str) -> tuple[str, ...]:
+    """Return a list of texts, without what is none."""
+    found = (facts or {}).get(key)
+    return tuple(t for t in found if isinstance(t, str)) if isinstance(found, list) else ()

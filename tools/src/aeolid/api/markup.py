@@ -1,0 +1,24 @@
+"""Build the small pieces of HTML that notebooks show; names come from files, so all text is escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from html import escape
+
+from aeolid.display import token, visible
+
+
+def shown(title: str, *parts: str, lines: Sequence[str] = ()) -> str:
+    """Return a title, plain lines below it, and parts that are HTML already."""
+    told = "".join(f"<div>{escape(visible(line))}</div>" for line in lines)
+    return f"<div><b>{escape(visible(title))}</b>{told}{''.join(parts)}</div>"
+
+
+def count(number: int, what: str) -> str:
+    """Return a number with its noun: "1 state", "2 states"."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def title(text: str) -> str:
+    """Return a name from a file for a line of text: written out, and short."""
+    return token(text, 60)
