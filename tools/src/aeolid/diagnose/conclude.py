@@ -13,6 +13,7 @@ from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_fa
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
 from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.masking import masked_case
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -29,13 +30,16 @@ def conclude(
 
     deadline: when the best answer so far is written, never by default.
 
-    A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
-    where that shows (`not_testable`), with the reason as the statement. Channels with another sign, unit or name
-    are put right first; the answer then is about the recording put right, and says so.
+    What a channel did not measure is left out. A fault of the recording that cannot be left out ends it before anything
+    is fitted (`data_fault`); data that cannot carry an answer end it where that shows (`not_testable`), with the reason
+    as the statement. Channels with another sign, unit or name are put right first; the answer then is about the
+    recording put right, and says so.
     """
     wrong, case = channel_faults(case)
     findings = examine(case.records, case.baseline)
-    faults = [f for f in findings if f.severity == "fault"]
+    case, left = masked_case(case)
+    findings += left
+    faults = [f for f in findings if f.severity == "fault" and not f.left_out]
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
         location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}
@@ -45,7 +49,7 @@ def conclude(
     if (found := _against_run(case, folder, findings, progress, late)) is not None:
         return found
     try:
-        result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline)
+        result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline, findings=findings)
     except NotIdentifiable as error:
         return ended("not_testable", case.title, str(error), folder, faults=wrong)
     except np.linalg.LinAlgError as error:

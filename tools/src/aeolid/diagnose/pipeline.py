@@ -76,10 +76,14 @@ class Study:
         return self.completed or self.second or self.winner
 
 
-def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None) -> Study:
+def study(
+    case: Case, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None,
+    findings: tuple[Finding, ...] | None = None,
+) -> Study:  # fmt: skip
     """Do all steps in order; `progress(text, share done)` is called between them. Same input and seed, same answer.
 
-    deadline: when what was found so far is proven and returned, never by default; it says what was not tried.
+    deadline: when what was found so far is proven and returned, never by default; it says what was not tried. findings:
+    what the recordings showed before samples were left out of them; they are examined here by default.
     """
     timing: dict[str, float] = {}
     deadline = deadline or unlimited()
@@ -91,7 +95,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Dea
         return lambda: timing.__setitem__(name, round(timing.get(name, 0.0) + time.perf_counter() - begun, 3))
 
     done = step("forensics", 0.0)
-    findings = examine(case.records, case.baseline)
+    findings = examine(case.records, case.baseline) if findings is None else findings
     done()
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates

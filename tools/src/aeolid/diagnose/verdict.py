@@ -54,6 +54,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         },
         "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
         "next_experiment": _next_experiment(study, verdict, effects, proof),
+        "data_notes": [f.to_json() for f in study.findings if f.left_out],
     }
 
 
@@ -83,10 +84,19 @@ def shown_proof(study: Study) -> Proof | None:
 
 
 def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
-    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed)."""
+    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed).
+
+    A fault whose samples were left out is the answer where nothing has a name behind it.
+    """
     fault = [f for f in study.findings if f.severity == "fault"]
-    if fault:
+    if any(not f.left_out for f in fault):
         return "data_fault", [], None
+    found = _decide_on_rest(study)
+    return ("data_fault", [], None) if fault and not found[1] else found
+
+
+def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
+    """Return the same of what was not left out."""
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
         if not _material(study.proof):
             return "immaterial", [], None
