@@ -89,6 +89,7 @@ def ended(
         "schema": 1, "title": title, "verdict": verdict, "statement": reason, "effects": [], "location": location,
         "sealed": {"data": "none was used", "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
                    "nrmse_after": {}, "recovered_fraction": 0.0},
+        "rotation": None, "data_notes": [],
         "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": None},
         "not_excluded": [], "next_experiment": None,
     }  # fmt: skip

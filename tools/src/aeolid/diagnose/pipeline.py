@@ -32,6 +32,7 @@ from aeolid.diagnose.race import fit_finalists, fit_whispering, is_accepted
 from aeolid.diagnose.recorded_wind import wind_findings
 from aeolid.diagnose.reestimate import baseline_of_all
 from aeolid.diagnose.rivals import outdone_by
+from aeolid.diagnose.rotation import Rotation, rotate
 from aeolid.diagnose.scores import Bank, score_bank
 from aeolid.diagnose.sealed import Held, declared_against, hold_against
 from aeolid.diagnose.several import further_effects, what_is_left
@@ -66,6 +67,7 @@ class Study:
     equations: list[dict[str, Any]]
     after_bank: Bank | None
     sham: tuple[int, int, tuple[float, ...]]
+    rotation: Rotation | None = None  # each part of all data held out once
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     timing_s: dict[str, float] = field(default_factory=dict)
     deadline: Deadline = field(default_factory=unlimited)
@@ -109,6 +111,9 @@ def study(
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     done()
+    done = step("rotation", 0.66)
+    turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
+    done()
     done = step("evidence", 0.68)
     bands, cells, equations = _evidence(prepared, case, seed)
     done()
@@ -121,7 +126,7 @@ def study(
     return Study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
-        declared, top, bands, cells, equations, after_bank, runs, held.completed, timing, deadline,
+        declared, top, bands, cells, equations, after_bank, runs, turned, held.completed, timing, deadline,
     )  # fmt: skip
 
 

@@ -56,10 +56,8 @@ def split_records(
     for plan, least in _plans(records, inputs, settle_s):
         parts = {"fit": [], "select": [], "sealed": []}
         for use, record, start, stop in plan:
-            for a, b in _finite_stretches(record.columns(columns)[start:stop], stride, least):
-                settle = 0.0 if use == "fit" else settle_s
-                piece = _segment(record, columns, outputs, start + a, start + b, settle, stride)
-                parts[use] += [piece] if _says_something(piece) else []
+            settle = 0.0 if use == "fit" else settle_s
+            parts[use] += segments_of(record, (start, stop), columns, outputs, settle, stride, least)
         if all(parts.values()):
             break
     for use, segments in parts.items():
@@ -87,6 +85,19 @@ def _plans(
         uses = ["select" if place % _WHOLE == _WHOLE // 2 else "fit" for place in range(len(others))]
         yield [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)], _LEAST
     yield _plan(records, inputs, settle_s), _LEAST
+
+
+def segments_of(
+    record: Record, rows: tuple[int, int], inputs: Sequence[str], outputs: Sequence[str], settle_s: float,
+    stride: int = 1, least: int = _LEAST,
+) -> list[Segment]:  # fmt: skip
+    """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known."""
+    start, stop = rows
+    found = [
+        _segment(record, inputs, outputs, start + a, start + b, settle_s, stride)
+        for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride, least)
+    ]
+    return [s for s in found if _says_something(s)]
 
 
 def _says_something(segment: Segment) -> bool:
