@@ -85,6 +85,17 @@ def test_a_dead_band_is_no_dead_sensor(car: Equations) -> None:
     assert found[0][2] == "still" and found[0][1] > 95
 
 
+def test_what_stands_at_inputs_that_moved_it_is_no_dead_band(car: Equations) -> None:
+    """Five times it starts at a throttle of 0.3; in a sixth it stands at 0.4 for two seconds and starts at 0.3 later."""
+    u = pulses(900, *((150 * k + 50, 150 * k + 90, 0.3) for k in range(6)))
+    y = drive(car, u, 6)
+    u[805:815] = 0.4  # while it was lifted
+    assert [k for _, _, k in kinds(car, u, y)].count("stuck") == 0 < len(kinds(car, u, y))
+    u[770:790] = 0.4
+    found = kinds(car, u, y)
+    assert [(k, a <= 770 and b >= 790) for a, b, k in found if k == "stuck"] == [("stuck", True)]
+
+
 @pytest.mark.parametrize("until", [90, 160])
 def test_a_sensor_that_holds_while_the_machine_moves_is_stuck(car: Equations, until: int) -> None:
     u = 0.3 + 0.1 * np.sin(np.arange(160) / 9.0)

@@ -25,6 +25,7 @@ _RESTS = 1e-3  # … and up to which it stands as the machine does
 _JUMP, _ORDINARY = 2.5, 0.95  # times that quantile of ordinary steps: no machine that starts to move does that
 _NEAR = 0.02  # of the standard deviation: as good as zero, or as the end of the range
 _STEPPY = 0.3  # of the standard deviation: with ordinary steps that large a jump shows nothing
+_HOLDS, _OFTEN = 5, 3  # samples for which an input is sustained; times that a machine has left where it stood
 _ARRIVES, _SLOWLY = 5, 0.25  # samples before a standstill, and their steps in ordinary ones: what comes to rest slows
 
 Baseline = StateSpace | Equations | Record | Fmu | None
@@ -70,7 +71,7 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
                 kind, end = _kind(record, name, (start, stop), spreads, model.get(name))
                 if kind == "rest" or not coarse or stop - start > least:
                     found.append(Stretch(place, name, start, end, kind))
-    return _ended(found, records)
+    return tuple(_moved_elsewhere(s, records) for s in _ended(found, records))
 
 
 def _spread(values: Array) -> float:
@@ -163,6 +164,33 @@ def _ended(found: Sequence[Stretch], records: Sequence[Record]) -> tuple[Stretch
     )
 
 
+def _moved_elsewhere(stretch: Stretch, records: Sequence[Record]) -> Stretch:
+    """Call stuck what stands at inputs that moved it, from where it stands, at most other times.
+
+    What is held by friction or in a dead band is held at less than what it leaves at.
+    """
+    if stretch.kind != "still":
+        return stretch
+    record, value = records[stretch.record], _value(stretch, records)
+    answers = []
+    for name in (c.name for c in record.of("input")):
+        u = record.column(name)[stretch.start : stretch.stop]
+        if _range(u) > 0 and len(u) > 2 * _HOLDS:
+            levels = np.abs(u[:-_HOLDS] - u[0])
+            held = float(np.max(np.min(np.lib.stride_tricks.sliding_window_view(levels, _HOLDS), axis=1)))
+            left = [x for r in records for x in _leaving(r.column(name), r.column(stretch.channel), value, float(u[0]))]
+            answers.append(len(left) >= _OFTEN and held >= float(np.median(left)) > 0)
+    return replace(stretch, kind="stuck") if answers and all(answers) else stretch
+
+
+def _leaving(u: Array, y: Array, value: float, rest: float) -> list[float]:
+    """Return by how much an input was off its rest each time that an output left a value it had held."""
+    stands = np.concatenate([[False], y == value, [False]])
+    edges = np.flatnonzero(np.diff(stands.astype(int)))
+    ends = [b for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _HOLDS and b + _HOLDS <= len(y)]
+    return [float(np.median(np.abs(u[b : b + _HOLDS] - rest))) for b in ends]
+
+
 def _value(stretch: Stretch, records: Sequence[Record]) -> float:
     return float(records[stretch.record].column(stretch.channel)[stretch.start])
 
@@ -175,5 +203,5 @@ def words(stretch: Stretch, channel: Channel, record: Record) -> str:
     return {
         "rest": f"{rows} {at}, and nothing drives it: a machine at rest; what follows its arrival is left out",
         "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
-        "stuck": f"{rows} {at}, while the machine moves: a stuck sensor; these samples are left out",
+        "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
     }[stretch.kind]
