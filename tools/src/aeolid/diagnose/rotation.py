@@ -18,17 +18,18 @@ from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import PROVEN, block_interval
 from aeolid.diagnose.refit import finalists
-from aeolid.diagnose.rivals import are_kin
+from aeolid.diagnose.rivals import are_kin, rivals_of
 from aeolid.diagnose.scores import Bank, score_bank
 from aeolid.diagnose.split import segments_of
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _BLOCKS = {1: 5, 2: 3}  # blocks of each recording, where there are so few of them; else a recording is one
-_MOST_FOLDS = 7
+_FEWEST_FOLDS, _MOST_FOLDS = 3, 7
 _FITTED = 6  # hypotheses that are fitted again without a fold
 _ITERATIONS = 12  # Gauss–Newton iterations: each starts from values of most of these data
 _SILENT = 0.0  # nats: a sealed part whose interval holds it neither proves nor refutes
-_AGREE = 2 / 3  # of the folds must have come to an effect of the family and the place that is named
+_AGREE = 2 / 3  # of the folds must have come to what is named, to its kin, or to what all data do not tell from it
 _MATERIAL = 0.002  # nats a sample: one-step errors 0.2 % smaller
 REPEATED = (
     "without each fold: the baseline's values, the score bank and its choice among the hypotheses that the whole search"
@@ -99,8 +100,10 @@ def rotate(
     Not on a simulator's run, where one fit takes half a minute. What is repeated is said in REPEATED. Cost: for each of
     five to seven folds a bank and up to six fits from where they stand.
     """
-    parts = folds_of(prepared) if prepared.surrogate is None else []
-    if len(parts) < 3:
+    names = [s.name for s in prepared.frame.working.inputs], [o.name for o in prepared.declared.outputs]
+    stride = prepared.predictor.segments[0].stride
+    parts = folds_of(prepared.records, *names, prepared.settle_s, stride) if prepared.surrogate is None else []
+    if len(parts) < _FEWEST_FOLDS:
         return None
     pool = [c for c in candidates if c.complete and c.plausible and len(c.attachments) == 1 and c.fit_gain > 0]
     starts = _Starts(prepared, [s for _, part in parts for s in part])
@@ -114,22 +117,22 @@ def rotate(
     if len(folds) < len(parts):
         return None
     chosen = [f.choice for f in folds if f.choice is not None]
-    kin = [c for c in chosen if are_kin(c.attachments[0], named.attachments[0])]
+    same = {named.key, *(c.key for c in rivals_of(candidates, named))}
+    kin = [c for c in chosen if c.key in same or are_kin(c.attachments[0], named.attachments[0])]
     every = np.concatenate([f.difference for f in folds])
     return Rotation(tuple(folds), block_interval(every, seed), len(kin) >= _AGREE * len(folds))
 
 
-def folds_of(prepared: Prepared) -> list[tuple[str, list[Segment]]]:
-    """Return what is held out in turn: recordings, grouped where they are many, or blocks of one or two."""
-    records, first = prepared.records, prepared.predictor.segments[0]
-    names = [s.name for s in prepared.frame.working.inputs]
-    outputs = [o.name for o in prepared.declared.outputs]
+def folds_of(
+    records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int = 1
+) -> list[tuple[str, list[Segment]]]:
+    """Return what is held out in turn, by name: recordings, grouped where they are many, or blocks of one or two."""
     blocks = _BLOCKS.get(len(records), 1)
     found: list[tuple[str, list[Segment]]] = []
     for record in records:
         cuts = np.linspace(0, len(record), blocks + 1).astype(int).tolist()
         for rows in pairwise(cuts):
-            part = segments_of(record, rows, names, outputs, prepared.settle_s, first.stride)
+            part = segments_of(record, rows, inputs, outputs, settle_s, stride)
             own = record.source.rsplit("/", 1)[-1]
             span = f" from {record.time_s[rows[0]]:.6g} s to {record.time_s[rows[1] - 1]:.6g} s" if blocks > 1 else ""
             found += [(own + span, part)] if part else []
