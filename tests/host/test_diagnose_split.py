@@ -114,15 +114,24 @@ def test_the_table_of_parts_says_what_was_done() -> None:
         assert (r["start_s"], r["stop_s"]) == (s.start_s, s.stop_s)
 
 
-@pytest.mark.parametrize("samples", [30, 100, 390])
+@pytest.mark.parametrize("samples", [30, 100, 120])
 def test_too_short_says_what_is_needed(samples: int) -> None:
-    with pytest.raises(NotIdentifiable, match=rf"a\.csv.*{samples} samples in all.*400 are needed"):
+    with pytest.raises(NotIdentifiable, match=rf"a\.csv.*{samples} samples in all.*150 are needed"):
         divide([record(samples)])
 
 
 @pytest.mark.parametrize("settle", [0.0, 3.0, 1e6])
-def test_what_is_needed_is_enough(settle: float) -> None:
-    assert {r["use"] for r in divide([record(400)], settle).rows} == {"fit", "select", "sealed"}
+@pytest.mark.parametrize("samples", [150, 400])
+def test_what_is_needed_is_enough(samples: int, settle: float) -> None:
+    assert {r["use"] for r in divide([record(samples)], settle).rows} == {"fit", "select", "sealed"}
+
+
+def test_many_short_recordings_are_divided_whole() -> None:
+    """Seventeen of 90 samples have no part of 60 each for selection: one in three of them is for that, whole."""
+    split = divide([record(90, f"{k}.csv") for k in range(17)])
+    parts = [[s.source for s in part] for part in (split.fit, split.select, split.sealed)]
+    assert [len(p) for p in parts] == [11, 5, 1] and len({*parts[0], *parts[1], *parts[2]}) == 17
+    assert all(len(s.y) == 90 for part in (split.fit, split.select, split.sealed) for s in part)
 
 
 def test_missing_inputs_cut_and_missing_outputs_do_not() -> None:

@@ -12,7 +12,13 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
-from aeolid.diagnose.forensics import SWAPPED, Finding, examine
+    wrong: tuple[ChannelFault, ...] = ()
+    if all(f.severity != "fault" or f.left_out or f.check == SWAPPED for f in findings):
+        wrong, case = channel_faults(case)
+        findings = examine(case.records, case.baseline) if wrong else findings
+    case, left = masked_case(case)
+    findings += left
+    faults = [f for f in findings if f.severity == "fault" and not f.left_out]
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -29,16 +35,23 @@ def conclude(
 
     deadline: when the best answer so far is written, never by default.
 
-    A fault of the recording ends it before anything is fitted (`data_fault`); data that cannot carry an answer end it
-    where that shows (`not_testable`), with the reason as the statement. Channels with another sign, unit or name
-    are put right first; the answer then is about the recording put right, and says so.
+    What a channel did not measure is left out. A fault of the recording that cannot be left out ends it before anything
+    is fitted (`data_fault`); data that cannot carry an answer end it where that shows (`not_testable`), with the reason
+    as the statement. Channels with another sign, unit or name are put right first; the answer then is about the
+    recording put right, and says so.
     """
     findings = examine(case.records, case.baseline)
+<<<<<<< HEAD
     wrong: tuple[ChannelFault, ...] = ()
     if all(f.severity != "fault" or f.check == SWAPPED for f in findings):
         wrong, case = channel_faults(case)
         findings = examine(case.records, case.baseline) if wrong else findings
     faults = [f for f in findings if f.severity == "fault"]
+=======
+    case, left = masked_case(case)
+    findings += left
+    faults = [f for f in findings if f.severity == "fault" and not f.left_out]
+>>>>>>> fdcadd335b4ba9cf8a2b3ffee7ccdc39c2a0c2b6
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
         location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}
@@ -48,7 +61,7 @@ def conclude(
     if (found := _against_run(case, folder, findings, progress, late)) is not None:
         return found
     try:
-        result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline)
+        result = study(case, sham=sham, seed=seed, progress=progress, deadline=deadline, findings=findings)
     except NotIdentifiable as error:
         return ended("not_testable", case.title, str(error), folder, faults=wrong)
     except np.linalg.LinAlgError as error:
@@ -88,6 +101,7 @@ def ended(
         "schema": 1, "title": title, "verdict": verdict, "statement": reason, "effects": [], "location": location,
         "sealed": {"data": "none was used", "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
                    "nrmse_after": {}, "recovered_fraction": 0.0},
+        "rotation": None, "data_notes": [],
         "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": None},
         "not_excluded": [], "next_experiment": None,
     }  # fmt: skip

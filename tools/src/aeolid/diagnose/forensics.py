@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline import discretise
+from aeolid.diagnose.standing import Baseline, stretches_of, words
+from aeolid.diagnose.strays import FAR, codes_of, strays_of
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
-from aeolid.models.exchange.fmu import Fmu
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-_STUCK_SHARE = 0.2  # of the samples equal to their predecessor in one run: no live sensor does that
+_STUCK_SHARE = 0.2  # of an output's samples stuck: where nothing else is found behind it, that is the answer
 _RAIL_SHARE = 0.005
 _FINE, _AGAIN = 0.9, 3  # share of different values of a finely resolved channel; times that its extreme comes then
 _PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
-_CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
 _WHOLE = 0.01  # steps by which rounding of the numbers themselves may miss a grid
-_FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
 _ALIKE = 0.8  # correlation with a free run from which channels are recognised
 _CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
 SWAPPED = "swapped"  # the check of two outputs under each other's name
@@ -44,21 +43,23 @@ _NEAR = 0.03  # relative distance at which a known ratio is said
 
 @dataclass(frozen=True)
 class Finding:
-    """Say what a check found on one channel; severity is info, warning or fault."""
+    """Say what a check found on one channel; severity is info, warning or fault.
+
+    left_out: whether the samples in question take no part in the diagnosis, which goes on without them.
+    """
 
     check: str
     channel: str
     finding: str
     severity: str
+    left_out: bool = False
 
     def to_json(self) -> dict[str, str]:
         """Return the row of the report's appendix."""
         return {"check": self.check, "channel": self.channel, "finding": self.finding, "severity": self.severity}
 
 
-def examine(
-    records: Sequence[Record], baseline: StateSpace | Equations | Record | Fmu | None = None
-) -> tuple[Finding, ...]:
+def examine(records: Sequence[Record], baseline: Baseline = None) -> tuple[Finding, ...]:
     """Check every channel that takes part, alone, in pairs and against a free run of the baseline that is a model.
 
     Cost O(N) a channel and pair, and one simulation.
@@ -67,33 +68,63 @@ def examine(
     for record in records:
         name = record.source.rsplit("/", 1)[-1]
         for channel in record.of("input", "output", "disturbance"):
-            findings += _channel(channel, record.column(channel.name), name)
+            findings += _channel(channel, record.column(channel.name), name, len(records) == 1)
         findings += _pairs(record, name)
         if isinstance(baseline, StateSpace | Equations):
             findings += _against_model(baseline, record, name)
-    return tuple(findings)
+    if len(records) > 1:
+        findings += [f for c in records[0].of("output") for f in _in_all(c, records)]
+    return (*findings, *_standing(records, baseline))
 
 
-def _channel(channel: Channel, values: Array, source: str) -> list[Finding]:
+def _in_all(channel: Channel, records: Sequence[Record]) -> list[Finding]:
+    """Recognise an output that none of several recordings has: never changing, or most of it missing."""
+    values = np.concatenate([r.column(channel.name) for r in records])
+    good = values[np.isfinite(values)]
+    where = f"{channel.name} (all recordings)"
+    if len(good) < 2 or np.ptp(good) == 0:
+        return [Finding("constant", where, "never changes", "fault")]
+    if 2 * len(good) < len(values):
+        text = f"{len(values) - len(good)} of {len(values)} samples are missing"
+        return [Finding("missing", where, text, "fault")]
+    return []
+
+
+def _standing(records: Sequence[Record], baseline: Baseline) -> list[Finding]:
+    """Say where outputs hold one value: a machine at rest, one that may stand, a sensor that is stuck."""
+    stretches, found = stretches_of(records, baseline), []
+    for channel in records[0].of("output"):
+        own = [s for s in stretches if s.channel == channel.name]
+        every = sum(len(r) for r in records)
+        much = sum(len(s) for s in own if s.kind == "stuck") > _STUCK_SHARE * every
+        for s in own:
+            where = f"{channel.name} ({records[s.record].source.rsplit('/', 1)[-1]})"
+            severity = "info" if s.kind != "stuck" else "fault" if much else "warning"
+            check = "stuck" if s.kind == "stuck" else "standing"
+            text = words(s, channel, records[s.record])
+            found.append(Finding(check, where, text, severity, s.kind != "still"))
+    return found
+
+
+def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[Finding]:
     where, found = f"{channel.name} ({source})", []
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
         text = f"{missing} of {len(values)} samples are missing; they are left out"
-        found.append(Finding("missing", where, text, "fault" if missing > 0.5 * len(values) else "warning"))
+        most = alone and missing > 0.5 * len(values)
+        found.append(Finding("missing", where, text, "fault" if most else "warning", not most))
     v = values[np.isfinite(values)]
     if len(v) < 2 or np.ptp(v) == 0:
-        severity = "fault" if channel.role == "output" else "warning"
-        return [*found, Finding("constant", where, "never changes", severity)]
+        if channel.role == "output" and not alone:  # said with its stretches, or of all recordings
+            return found
+        return [*found, Finding("constant", where, "never changes", "fault" if channel.role == "output" else "warning")]
     if channel.role == "output":
-        run = _longest_run(v)
-        if run > _STUCK_SHARE * len(v) and run > 50:
-            found.append(Finding("stuck", where, f"the same value for {run} samples in a row", "fault"))
         found += _rails(v, where)
         found += _held(v, where)
         folded = _folded(v)
         if folded:
             found.append(Finding("folded", where, folded, "warning"))
-    found += _unlikely(v, where) + _unit(channel, v, where)
+    found += _unlikely(v, where, channel.role == "output") + _unit(channel, v, where)
     step = spacing_of(v)
     if step is not None and step > 0.02 * float(np.std(v)):
         found.append(
@@ -151,22 +182,17 @@ def _held(v: Array, where: str) -> list[Finding]:
     ]
 
 
-def _unlikely(v: Array, where: str) -> list[Finding]:
-    """Recognise codes for "no value" and single samples far outside everything else."""
-    centre = float(np.median(v))
-    size = float(np.median(np.abs(v - centre))) * 1.4826 or float(np.std(v))
-    away = np.abs(v - centre) > _FAR * size
-    coded = away & np.isin(v, _CODES)
-    found = []
+def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
+    """Say codes for "no value" and single samples far outside everything else."""
+    coded, alone, found = codes_of(v), strays_of(v), []
     if np.any(coded):
-        code = float(v[coded][0])
-        text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value: leave them empty"
-        found.append(Finding("code", where, text, "fault" if float(coded.mean()) > 0.5 else "warning"))
-    alone = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
-    if np.any(alone) and float(away.mean()) < 1e-3:
+        code, most = float(v[coded][0]), float(coded.mean()) > 0.5
+        text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
+        found.append(Finding("code", where, text, "fault" if most else "warning", not most))
+    if np.any(alone):
         first = int(np.flatnonzero(alone)[0])
-        text = f"{int(alone.sum())} single samples lie more than {_FAR:g} spreads off, the first {v[first]:.4g}"
-        found.append(Finding("spike", where, text, "warning"))
+        text = f"{int(alone.sum())} single samples lie more than {FAR:g} spreads off, the first {v[first]:.4g}"
+        found.append(Finding("spike", where, text + ("; left out" if is_output else ""), "warning", is_output))
     return found
 
 

@@ -32,6 +32,7 @@ from aeolid.diagnose.race import fit_finalists, fit_whispering, is_accepted
 from aeolid.diagnose.recorded_wind import wind_findings
 from aeolid.diagnose.reestimate import baseline_of_all
 from aeolid.diagnose.rivals import outdone_by
+from aeolid.diagnose.rotation import Rotation, rotate
 from aeolid.diagnose.scores import Bank, score_bank
 from aeolid.diagnose.sealed import Held, declared_against, hold_against
 from aeolid.diagnose.several import further_effects, what_is_left
@@ -66,6 +67,7 @@ class Study:
     equations: list[dict[str, Any]]
     after_bank: Bank | None
     sham: tuple[int, int, tuple[float, ...]]
+    rotation: Rotation | None = None  # each part of all data held out once
     completed: Candidate | None = None  # what was found, and beside it a form outside the catalogue
     timing_s: dict[str, float] = field(default_factory=dict)
     deadline: Deadline = field(default_factory=unlimited)
@@ -76,10 +78,14 @@ class Study:
         return self.completed or self.second or self.winner
 
 
-def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None) -> Study:
+def study(
+    case: Case, *, sham: int, seed: int, progress: Progress, deadline: Deadline | None = None,
+    findings: tuple[Finding, ...] | None = None,
+) -> Study:  # fmt: skip
     """Do all steps in order; `progress(text, share done)` is called between them. Same input and seed, same answer.
 
-    deadline: when what was found so far is proven and returned, never by default; it says what was not tried.
+    deadline: when what was found so far is proven and returned, never by default; it says what was not tried. findings:
+    what the recordings showed before samples were left out of them; they are examined here by default.
     """
     timing: dict[str, float] = {}
     deadline = deadline or unlimited()
@@ -91,7 +97,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Dea
         return lambda: timing.__setitem__(name, round(timing.get(name, 0.0) + time.perf_counter() - begun, 3))
 
     done = step("forensics", 0.0)
-    findings = examine(case.records, case.baseline)
+    findings = examine(case.records, case.baseline) if findings is None else findings
     done()
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
@@ -105,6 +111,9 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Dea
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     done()
+    done = step("rotation", 0.66)
+    turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
+    done()
     done = step("evidence", 0.68)
     bands, cells, equations = _evidence(prepared, case, seed)
     done()
@@ -117,7 +126,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Dea
     return Study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
-        declared, top, bands, cells, equations, after_bank, runs, held.completed, timing, deadline,
+        declared, top, bands, cells, equations, after_bank, runs, turned, held.completed, timing, deadline,
     )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +14,9 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _SHORTEST = 60  # samples: below that a stretch cannot settle a state and still say something
-_NEEDED = 400  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the shortest stretch
+_LEAST = 20  # samples of a stretch where the recordings have no longer ones: a start and little more, with wide bands
+_NEEDED = 150  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the least stretch
+_WHOLE = 3  # of so many recordings, short ones, one is for selection whole, two for the fit
 _SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
 
 
@@ -45,19 +47,23 @@ def split_records(
     `extra` names further channels whose samples follow those of the inputs; they have no say in the plan.
     A single recording is cut 50 : 20 : 30 with gaps of three settling times (`settle_s`, at most 5 % of the length).
     A fit scores every sample (the initial state is a parameter); the other parts settle first.
-    Raises NotIdentifiable where a part would hold fewer than 60 samples.
+    Where parts of 60 samples are not to be had, recordings of which three or more are left are divided whole (a machine
+    that starts and stops shows neither twice in one of them), and parts of 20 samples do.
+    Raises NotIdentifiable where a part would hold less.
     """
-    parts: dict[str, list[Segment]] = {"fit": [], "select": [], "sealed": []}
-    for use, record, start, stop in _plan(records, inputs, settle_s):
-        columns = [*inputs, *extra]
-        for a, b in _finite_stretches(record.columns(columns)[start:stop], stride):
-            parts[use].append(
-                _segment(record, columns, outputs, start + a, start + b, 0.0 if use == "fit" else settle_s, stride)
-            )
+    columns = [*inputs, *extra]
+    parts: dict[str, list[Segment]] = {}
+    for plan, least in _plans(records, inputs, settle_s):
+        parts = {"fit": [], "select": [], "sealed": []}
+        for use, record, start, stop in plan:
+            settle = 0.0 if use == "fit" else settle_s
+            parts[use] += segments_of(record, (start, stop), columns, outputs, settle, stride, least)
+        if all(parts.values()):
+            break
     for use, segments in parts.items():
         if not segments:
             raise NotIdentifiable(
-                f"{records[0].source}: no stretch of {_SHORTEST} samples without missing inputs for the {use} part;"
+                f"{records[0].source}: no stretch of {_LEAST} samples without missing inputs for the {use} part;"
                 f" {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
             )
     rows = [
@@ -66,6 +72,37 @@ def split_records(
         for s in segments
     ]
     return Split(tuple(parts["fit"]), tuple(parts["select"]), tuple(parts["sealed"]), tuple(rows))
+
+
+def _plans(
+    records: Sequence[Record], inputs: Sequence[str], settle_s: float
+) -> Iterator[tuple[list[tuple[str, Record, int, int]], int]]:
+    """Yield how to divide, and the shortest stretch in rows: the usual way first, for short recordings others."""
+    yield _plan(records, inputs, settle_s), _SHORTEST
+    if len(records) > _WHOLE:
+        sealed = _sealed_of(records, inputs)
+        others = [r for r in records if r is not sealed]
+        uses = ["select" if place % _WHOLE == _WHOLE // 2 else "fit" for place in range(len(others))]
+        yield [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)], _LEAST
+    yield _plan(records, inputs, settle_s), _LEAST
+
+
+def segments_of(
+    record: Record, rows: tuple[int, int], inputs: Sequence[str], outputs: Sequence[str], settle_s: float,
+    stride: int = 1, least: int = _LEAST,
+) -> list[Segment]:  # fmt: skip
+    """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known."""
+    start, stop = rows
+    found = [
+        _segment(record, inputs, outputs, start + a, start + b, settle_s, stride)
+        for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride, least)
+    ]
+    return [s for s in found if _says_something(s)]
+
+
+def _says_something(segment: Segment) -> bool:
+    """Tell whether enough of a stretch was measured after its start."""
+    return int(np.any(np.isfinite(segment.y[segment.burn :]), axis=1).sum()) >= _LEAST // 2
 
 
 def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> list[tuple[str, Record, int, int]]:
@@ -96,10 +133,10 @@ def _cut(record: Record, shares: dict[str, float], settle_s: float) -> list[tupl
     return plan
 
 
-def _finite_stretches(u: Array, stride: int) -> list[tuple[int, int]]:
+def _finite_stretches(u: Array, stride: int, least: int) -> list[tuple[int, int]]:
     good = np.concatenate([[False], np.all(np.isfinite(u), axis=1), [False]])
     edges = np.flatnonzero(np.diff(good.astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST * stride]
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least * stride]
 
 
 def _segment(

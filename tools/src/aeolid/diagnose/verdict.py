@@ -19,6 +19,7 @@ from aeolid.diagnose.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.proof import PROVEN, Proof, block_interval
 from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
+from aeolid.diagnose.rotation import is_silent
 from aeolid.diagnose.scores import minimum_detectable
 from aeolid.diagnose.sentence import sentence, untested
 
@@ -47,6 +48,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "beside": _beside(study) if proof is not None and proof is study.proof else None,
         "location": effects[0]["location"] if effects else _where(study, verdict),
         "sealed": _sealed(study, proof),
+        "rotation": None if study.rotation is None else study.rotation.to_json() | {"decides": _is_turned(study)},
         "false_alarm": {
             "sham_runs": study.sham[0],
             "false_names": study.sham[1],
@@ -54,6 +56,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         },
         "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
         "next_experiment": _next_experiment(study, verdict, effects, proof),
+        "data_notes": [f.to_json() for f in study.findings if f.left_out],
     }
 
 
@@ -83,10 +86,19 @@ def shown_proof(study: Study) -> Proof | None:
 
 
 def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
-    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed)."""
+    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed).
+
+    A fault whose samples were left out is the answer where nothing has a name behind it.
+    """
     fault = [f for f in study.findings if f.severity == "fault"]
-    if fault:
+    if any(not f.left_out for f in fault):
         return "data_fault", [], None
+    found = _decide_on_rest(study)
+    return ("data_fault", [], None) if fault and not found[1] else found
+
+
+def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
+    """Return the same of what was not left out."""
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
         if not _material(study.proof):
             return "immaterial", [], None
@@ -98,6 +110,8 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
         if recovered_fraction(study, study.proof) >= needed and outdone is None:
             return *_named(study, study.winner), study.proof
         return "unnamed", [], None
+    if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
+        return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
     if (
         top.select.sum() > _CEILING_GAIN
@@ -113,6 +127,13 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _is_turned(study: Study) -> bool:
+    """Tell whether rotation decides: the sealed part is silent, all parts in turn bear out what is named."""
+    if study.proof is None or study.rotation is None:
+        return False
+    return is_silent(study.proof.interval) and study.rotation.proves
 
 
 def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:

@@ -13,6 +13,7 @@ from aeolid.diagnose.catalogue.wiring import blended_filter, is_continuous, spre
 _GRID = (0.15, 0.4, 1.0)  # of the input's spread
 _STARTS = 24
 _CROSSING = 0.05  # of the samples must lie on either side of zero for a dead zone to mean anything
+_LEVELS = 4  # sizes besides zero that an input must take for a width to show: two give a gain and a width
 
 
 def _hold(name: str, unit: str, v: Mapping[str, float]) -> str:
@@ -30,11 +31,13 @@ def _attach(site: Site) -> list[Attachment]:
 def _on(site: Site, i: int) -> list[Attachment]:
     u = site.u[:, i]
     spread = spread_of(u)
-    if spread <= 0 or not is_continuous(u):
+    sizes = np.unique(np.abs(u[u != 0]))
+    if spread <= 0 or len(sizes) < _LEVELS:
         return []
     name, unit = site.input_names[i], unit_of_input(site, i)
-    result = []
-    forms = [("deadband", _hold, f"{name}_actual holds until |{name} - {name}_actual| > width", "")]
+    result, forms = [], []
+    if is_continuous(u):
+        forms += [("deadband", _hold, f"{name}_actual holds until |{name} - {name}_actual| > width", "")]
     if _CROSSING < float(np.mean(u > 0)) < 1 - _CROSSING:
         equation = f"{name}_actual = sign({name})*max(|{name}| - width, 0)"
         forms.append(("dead_zone", _zone, equation, ", around zero"))
@@ -59,7 +62,7 @@ ENTRY = Entry(
     equation="u_actual = sign(u)*max(|u| - width, 0), or u_actual holds until |u - u_actual| > width",
     source="Tao and Kokotović 1996, Adaptive Control of Systems with Actuator and Sensor Nonlinearities",
     quantities=(Quantity("width", "unit of the input", 0.0, 1e9, 0.0, "largest command without effect"),),
-    attaches_to="every input that takes many values; around zero where it takes both signs",
+    attaches_to="every input that takes many values; around zero where it comes back to it, from four sizes or more",
     signature="small commands do nothing, large ones act in full (hold) or less the width (zone)",
     confused_with=(
         ("backlash", "a dead zone has no memory; behind backlash the way down lags the way up by the width"),

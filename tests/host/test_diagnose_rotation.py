@@ -1,0 +1,107 @@
+"""Every part of the data is held out once: what that divides, what it proves, and that it decides where one is silent."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.rotation import Fold, Rotation, folds_of, is_silent
+from aeolid.diagnose.verdict import diagnose
+from aeolid.models import equations_file
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+STEP = 0.1
+FIRST_ORDER = """
+[model]
+name = "first order"
+time = "continuous"
+[parameters]
+a = { value = 2.0, min = 0, max = 10, free = true }
+[[state]]
+name = "x"
+derivative = "(a*u - x)/0.8"
+initial = { value = 0.0 }
+[[output]]
+name = "y"
+equation = "x"
+"""
+
+
+def record(u: Array, y: Array, source: str) -> Record:
+    channels = (Channel("u", "1", "input"), Channel("y", "1", "output"))
+    return Record(STEP * np.arange(len(u)), np.column_stack([u, y]), channels, STEP, source, "")
+
+
+@pytest.mark.parametrize(("count", "folds"), [(1, 5), (2, 6), (3, 3), (7, 7), (17, 7)])
+def test_every_sample_is_held_out_once(count: int, folds: int) -> None:
+    rows = np.arange(150.0)
+    records = [record(rows, rows + 1000 * k, f"{k}.csv") for k in range(count)]
+    parts = folds_of(records, ["u"], ["y"], 1.0)
+    assert len(parts) == folds and len({name for name, _ in parts}) == folds
+    seen = np.concatenate([s.y[:, 0] for _, part in parts for s in part])
+    assert sorted(seen.tolist()) == sorted(y for r in records for y in r.column("y").tolist())
+
+
+def test_what_nobody_measured_is_in_no_fold() -> None:
+    rows = np.arange(100.0)
+    whole, blank = record(rows, rows, "a.csv"), record(rows, np.full(100, np.nan), "b.csv")
+    assert [name for name, _ in folds_of([whole, blank, whole], ["u"], ["y"], 1.0)] == ["a.csv", "a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("interval", "silent"), [((-5.0, 20.0), True), ((1.0, 9.0), True), ((3.0, 9.0), False), ((-9.0, -1.0), False)]
+)
+def test_a_sealed_part_is_silent_where_it_neither_proves_nor_refutes(
+    interval: tuple[float, float], silent: bool
+) -> None:
+    assert is_silent(interval) is silent
+
+
+@pytest.mark.parametrize(
+    ("agrees", "low", "gain", "proves"),
+    [(True, 3.0, 20.0, True), (False, 3.0, 20.0, False), (True, 1.0, 20.0, False), (True, 3.0, 0.3, False)],
+)
+def test_folds_prove_what_most_of_them_chose(agrees: bool, low: float, gain: float, proves: bool) -> None:
+    """With agreement, beyond chance, and by more than 0.002 nats a sample."""
+    fold = Fold("a", None, np.full(200, gain / 200), (low, 2 * gain))
+    assert Rotation((fold,), (low, 2 * gain), agrees).proves is proves
+
+
+def lagging(folder: Path, tau_s: float) -> Case:
+    """Return six runs of 12 s of a machine behind a lag; the third, soon lost, shows it after a step at rest."""
+    path, truth = folder / "model.toml", folder / "truth.toml"
+    path.write_text(FIRST_ORDER)
+    lag = f'[[state]]\nname = "v"\nderivative = "(u - v)/{tau_s}"\ninitial = {{ value = 0.0 }}\n[[output]]'
+    truth.write_text(FIRST_ORDER.replace("a*u", "a*v").replace("[[output]]", lag) if tau_s else FIRST_ORDER)
+    records = []
+    for k in range(6):
+        rng = np.random.default_rng((k, 5))
+        u = np.repeat(rng.standard_normal(24), 5) * (0.8 + 0.1 * k)
+        u = np.repeat([1.0, -1.0], 60) if k == 2 else u
+        noise = 0.25 * rng.standard_normal(len(u))
+        noise[50:] += np.nan if k == 2 else 0.0
+        clean = equations_file.load(truth).simulate(record(u, u, ""))[:, 0]
+        records.append(record(u, clean + noise, f"{k}.csv"))
+    model = equations_file.load(path)
+    return Case("machine", tuple(records), "equations", model, "model.toml", "", {}, folder, False)
+
+
+def test_rotation_decides_where_the_sealed_part_is_silent(tmp_path: Path) -> None:
+    """The lag is clear in five runs of six; the sealed one, of one step long before what is scored, does not show it."""
+    found = diagnose(study(lagging(tmp_path, 0.25), sham=0, seed=1, progress=lambda *_: None))
+    turned = found["rotation"]
+    assert found["sealed"]["data"].startswith("2.csv") and is_silent(tuple(found["sealed"]["interval"]))
+    assert turned["decides"] and turned["proves"] and turned["nats"] > 50
+    assert [f["held_out"] for f in turned["folds"]] == [f"{k}.csv" for k in range(6)]
+    assert found["verdict"] in ("named", "ambiguous") and "input_lag" in {e["family"] for e in found["effects"]}
+
+
+def test_nothing_is_rotated_where_nothing_was_found(tmp_path: Path) -> None:
+    found = diagnose(study(lagging(tmp_path, 0.0), sham=0, seed=1, progress=lambda *_: None))
+    assert (found["verdict"], found["rotation"]) == ("no_mismatch", None)

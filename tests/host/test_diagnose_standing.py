@@ -1,0 +1,150 @@
+"""An output that holds one value is told apart: a machine at rest, one that friction may hold, a stuck sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from aeolid.diagnose.case import Case
+from aeolid.diagnose.forensics import examine
+from aeolid.diagnose.masking import masked_case
+from aeolid.diagnose.standing import stretches_of
+from aeolid.models import equations_file
+from aeolid.models.equations import Equations
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+STEP = 0.1
+CAR = """
+[model]
+name = "car"
+time = "continuous"
+[parameters]
+K = { value = 7.0, min = 0, max = 20, free = true }
+b = { value = 0.8, min = 0, max = 20, free = true }
+[[state]]
+name = "v"
+derivative = "K*throttle - b*v - 0.5*tanh(20*v)"
+initial = { value = 0.0 }
+[[output]]
+name = "speed"
+equation = "v"
+"""
+
+
+@pytest.fixture(scope="module")
+def car(tmp_path_factory: pytest.TempPathFactory) -> Equations:
+    path = tmp_path_factory.mktemp("car") / "model.toml"
+    path.write_text(CAR)
+    return equations_file.load(path)
+
+
+def pulses(rows: int, *spans: tuple[int, int, float]) -> Array:
+    u = np.zeros(rows)
+    for a, b, value in spans:
+        u[a:b] = value
+    return u
+
+
+def record(throttle: Array, speed: Array, source: str = "run.csv") -> Record:
+    channels = (Channel("throttle", "1", "input"), Channel("speed", "m/s", "output"))
+    time = STEP * np.arange(len(speed))
+    return Record(time, np.column_stack([throttle, speed]), channels, STEP, source, "")
+
+
+def drive(car: Equations, throttle: Array, seed: int, band: float = 0.0) -> Array:
+    """Return the speed to the fourth digit, with noise where the car rolls; throttle below `band` does nothing."""
+    felt = np.where(np.abs(throttle) > band, throttle, 0.0)
+    v = car.simulate(record(felt, np.zeros(len(felt))))[:, 0]
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(len(v))
+    speed: Array = np.round(np.where(v > 0.02, v + noise, 0.0), 4)
+    return speed
+
+
+def kinds(car: Equations, throttle: Array, speed: Array) -> list[tuple[int, int, str]]:
+    return [(s.start, s.stop, s.kind) for s in stretches_of([record(throttle, speed)], car)]
+
+
+def test_a_car_that_stands_is_at_rest(car: Equations) -> None:
+    """It stands, drives from 40 to 120, rolls out and stands: throttle is off both times."""
+    u = pulses(200, (40, 120, 0.3))
+    y = drive(car, u, 1)
+    rolls = int(np.flatnonzero(y)[-1]) + 1
+    assert kinds(car, u, y) == [(0, 40, "rest"), (rolls, 200, "rest")]
+
+
+def test_a_dead_band_is_no_dead_sensor(car: Equations) -> None:
+    """With a throttle that its model drives at, the car stands and starts from zero when the throttle grows."""
+    u = pulses(300, (10, 100, 0.12), (100, 180, 0.4))
+    found = kinds(car, u, drive(car, u, 2, band=0.15))
+    assert found[0][2] == "still" and found[0][1] > 95
+
+
+def test_what_stands_at_inputs_that_moved_it_is_no_dead_band(car: Equations) -> None:
+    """Five times it starts at a throttle of 0.3; in a sixth it stands at 0.4 for two seconds and starts at 0.3 later."""
+    u = pulses(900, *((150 * k + 50, 150 * k + 90, 0.3) for k in range(6)))
+    y = drive(car, u, 6)
+    u[805:815] = 0.4  # while it was lifted
+    assert [k for _, _, k in kinds(car, u, y)].count("stuck") == 0 < len(kinds(car, u, y))
+    u[770:790] = 0.4
+    found = kinds(car, u, y)
+    assert [(k, a <= 770 and b >= 790) for a, b, k in found if k == "stuck"] == [("stuck", True)]
+
+
+@pytest.mark.parametrize("until", [90, 160])
+def test_a_sensor_that_holds_while_the_machine_moves_is_stuck(car: Equations, until: int) -> None:
+    u = 0.3 + 0.1 * np.sin(np.arange(160) / 9.0)
+    y = drive(car, u, 3)
+    y[50:until] = y[50]
+    assert kinds(car, u, y) == [(50, until, "stuck")]
+
+
+def case_of(records: Sequence[Record], car: Equations) -> Case:
+    return Case("car", tuple(records), "equations", car, "model.toml", "", {}, Path(), False)
+
+
+def test_what_was_not_measured_is_left_out_and_said(car: Equations) -> None:
+    """Of a rest its arrival and the last sample stay, of a stuck sensor the first; neither ends the diagnosis."""
+    u = pulses(300, (40, 200, 0.3))
+    u[40:200] += 0.1 * np.sin(np.arange(160) / 9.0)
+    y = drive(car, u, 4)
+    rolls = int(np.flatnonzero(y)[-1]) + 1
+    y[100:140] = y[100]
+    y[150] = -999.0
+    found = examine([record(u, y)], car)
+    assert {(f.check, f.severity) for f in found if f.left_out} == {
+        ("standing", "info"), ("stuck", "warning"), ("code", "warning"),
+    }  # fmt: skip
+    case, left = masked_case(case_of([record(u, y)], car))
+    assert left == ()
+    gone = np.flatnonzero(np.isnan(case.records[0].column("speed"))).tolist()
+    assert gone == [*range(2, 39), *range(101, 140), 150, *range(rolls + 2, 299)]
+    np.testing.assert_array_equal(case.records[0].column("throttle"), u)
+
+
+def test_one_dead_recording_of_several_is_not_used(car: Equations) -> None:
+    u = 0.3 + 0.1 * np.sin(np.arange(160) / 9.0)
+    runs = [record(u, drive(car, u, k), f"{k}.csv") for k in range(4)]
+    dead = record(u, np.full(160, 1.3), "dead.csv")
+    found = examine([*runs, dead], car)
+    assert [(f.check, f.channel, f.left_out) for f in found if f.severity != "info"] == [
+        ("stuck", "speed (dead.csv)", True)
+    ]
+    case, left = masked_case(case_of([*runs, dead], car))
+    assert [r.source for r in case.records] == [r.source for r in runs]
+    assert [(f.check, f.severity) for f in left] == [("unused", "warning")]
+
+
+def test_what_never_moves_or_is_mostly_stuck_stays_a_fault(car: Equations) -> None:
+    u = 0.3 + 0.1 * np.sin(np.arange(160) / 9.0)
+    dead = record(u, np.full(160, 1.3))
+    for records in ([dead], [dead, replace(dead, source="b.csv")]):
+        assert [f.check for f in examine(records, car) if f.severity == "fault" and not f.left_out] == ["constant"]
+    y = drive(car, u, 5)
+    y[20:130] = y[20]
+    assert [(f.check, f.severity) for f in masked_case(case_of([record(u, y)], car))[1]] == [("left out", "fault")]

@@ -1,0 +1,43 @@
+"""Recognise samples that are no measurement: codes for "no value", single values far outside everything else (S0)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+_CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
+FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
+_STRAYS = 1e-3  # share of samples far off, from which they are no strays
+
+
+def codes_of(values: Array) -> NDArray[np.bool_]:
+    """Tell which samples hold a usual code for "no value" far outside everything else."""
+    found: NDArray[np.bool_] = _far_off(values) & np.isin(values, _CODES)
+    return found
+
+
+def strays_of(values: Array) -> NDArray[np.bool_]:
+    """Tell which single samples lie far outside everything else; none where these are more than one in a thousand."""
+    away, coded = _far_off(values), codes_of(values)
+    if float(away.mean()) >= _STRAYS:
+        return np.zeros(len(values), dtype=bool)
+    found: NDArray[np.bool_] = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
+    return found
+
+
+def _far_off(values: Array) -> NDArray[np.bool_]:
+    good = values[np.isfinite(values)]
+    if not len(good):
+        return np.zeros(len(values), dtype=bool)
+    centre = float(np.median(good))
+    size = float(np.median(np.abs(good - centre))) * 1.4826 or float(np.std(good))
+    with np.errstate(invalid="ignore"):
+        found: NDArray[np.bool_] = np.abs(values - centre) > FAR * size
+    return found
+
+
+def without_codes(values: Array) -> Array:
+    """Return the samples, codes for "no value" missing."""
+    found: Array = np.where(codes_of(values), np.nan, values)
+    return found
