@@ -193,9 +193,18 @@ def _effect(
 
 
 def recovered_fraction(study: Study, proof: Proof) -> float:
-    """Return gain of the named effect over the largest gain anything achieved on the sealed data."""
+    """Return gain of the named effect over the largest gain anything achieved on the sealed data.
+
+    Of a law without states it is at least the share of the squared simulation error that is gone, in the output where
+    that is least: one-step errors are then what noise and a few rows say, and a correction by these shows no
+    physics (of a damper's force a hysteresis took 86 % of the squared error, 10 % of the nats).
+    """
     best = max(float(study.ceiling.sealed.sum()), proof.gain, 1e-9)
-    return float(max(0.0, min(1.0, proof.gain / best)))
+    share = proof.gain / best
+    if not study.prepared.declared.states:
+        before, after = proof.nrmse_before, proof.nrmse_after
+        share = max(share, min(1 - (after[k] / max(before[k], 1e-300)) ** 2 for k in before))
+    return float(max(0.0, min(1.0, share)))
 
 
 def _material(proof: Proof) -> bool:

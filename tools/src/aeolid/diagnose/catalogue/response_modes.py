@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 
 from aeolid.diagnose.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.catalogue.base import Attachment, Site, Slot, location
@@ -30,6 +30,8 @@ _ROWS = 4000  # of the recording that the search looks at
 _GONE = -60.0  # logarithm of a start that nobody sees any more; smaller numbers are slow
 _RIDGE = 1e-12  # of the mean square of the regressors: two that are alike share
 _STEPS = 120  # of a simplex, for each number of modes
+_BINS, _EXCITED = 256, 1e-4
+_SEEN = 1e-3  # of the output's variance: a mode that moves less of it is a correction of others
 _VALUES = 2  # of a mode itself; each input that drives it has two more
 
 
@@ -59,7 +61,8 @@ def behind_static(site: Site) -> list[Attachment]:
         for _ in range(MOST_MODES if seen.high > 1.2 * seen.low else 0):
             more = _one_more(seen, pool, modes)
             least = _cost(seen, more)
-            if least >= cost:
+            gained = _left(seen, modes)[0] - _left(seen, more)[0]
+            if least >= cost or gained < _SEEN * float(np.var(seen.y)):
                 break
             modes, cost = more, least
             found.append(_attachment(site, j, driving, seen, modes))
@@ -71,7 +74,14 @@ def _seen(site: Site, j: int, driving: list[int]) -> _Seen:
     y, u = site.y[:_ROWS, j], site.u[::stride, driving][: min(len(site.y), _ROWS)]
     y = np.where(np.isfinite(y), y, np.nanmean(y))
     slowest = 4.0 / (len(y) * site.row_step)
-    return _Seen(y, (u - u.mean(axis=0)) / u.std(axis=0), site.row_step, slowest, highest_hz(site))
+    drives = (u - u.mean(axis=0)) / np.maximum(u.std(axis=0), 1e-300)
+    return _Seen(y, drives, site.row_step, slowest, min(highest_hz(site), _excited_hz(drives, site.row_step)))
+
+
+def _excited_hz(drives: Array, step: float) -> float:
+    """Return up to where the inputs excite: 40 dB below their strongest band. Beyond, a mode is a residual term."""
+    hz, power = welch(drives, fs=1 / step, nperseg=min(len(drives), _BINS), axis=0)
+    return float(hz[np.any(power > _EXCITED * power.max(axis=0), axis=1)].max())
 
 
 def _pool(seen: _Seen) -> list[tuple[float, float]]:
