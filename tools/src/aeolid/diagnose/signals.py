@@ -118,7 +118,7 @@ def _coordinates(channels: Sequence[_Channel], step: float) -> list[Coordinate]:
         if a.unit == b.unit and a.position is not None and b.position is not None:
             found.append(_apart(a, b, step))
     alone = [v for v in velocities if v.name not in used]
-    return [*found[: _MOST], *(_moving(v, step) for v in alone)][:_MOST]
+    return [*found[:_MOST], *(_moving(v, step) for v in alone)][:_MOST]
 
 
 def _is(channel: _Channel, units: set[str], words: re.Pattern[str]) -> bool:
@@ -148,9 +148,7 @@ def _recorded(p: _Channel, v: _Channel, step: float) -> Coordinate:
     )  # fmt: skip
 
 
-def _derived(
-    name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Array, ...]], step: float
-) -> Coordinate:
+def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Array, ...]], step: float) -> Coordinate:
     """Return a position whose velocity the model works out: differences of rows, behind a lag where they are noisy."""
     position, values = followed
     rate = np.concatenate([np.diff(x) / step for x in values])
@@ -209,7 +207,7 @@ def _motion(model: Equations, j: int, c: Coordinate, segments: Sequence[Segment]
     unit = output.unit.replace(" ", "")
     low, high = (float(x) for x in np.quantile(q, [0.001, 0.999]))
     return Motion(
-        f"input:{c.name}, output:{output.name}" if several else f"input:{c.name}", c.velocity, c.position,
+        f"motion:{c.name}, output:{output.name}" if several else f"motion:{c.name}", c.velocity, c.position,
         _acting_on(output.name, sign, c.memories), _LABELS.get(unit, "force"), output.unit, float(np.std(v)),
         float(np.std(q)), float(np.nanstd(y)), None, forces, None, c.unit,
         recorded=(low, high) if c.position is not None else (0.0, 0.0),

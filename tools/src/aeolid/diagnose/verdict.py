@@ -21,6 +21,7 @@ from aeolid.diagnose.proof import PROVEN, Proof, block_interval
 from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.scores import minimum_detectable
 from aeolid.diagnose.sentence import sentence, untested
+from aeolid.diagnose.simulated_share import is_static
 
 Array = NDArray[np.float64]
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
@@ -201,7 +202,7 @@ def recovered_fraction(study: Study, proof: Proof) -> float:
     """
     best = max(float(study.ceiling.sealed.sum()), proof.gain, 1e-9)
     share = proof.gain / best
-    if not study.prepared.declared.states:
+    if is_static(study.prepared):
         before, after = proof.nrmse_before, proof.nrmse_after
         share = max(share, min(1 - (after[k] / max(before[k], 1e-300)) ** 2 for k in before))
     return float(max(0.0, min(1.0, share)))

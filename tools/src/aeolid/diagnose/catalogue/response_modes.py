@@ -57,7 +57,8 @@ def behind_static(site: Site) -> list[Attachment]:
     found = []
     for j in static_outputs(site.model) if site.linear is None and driving else []:
         seen = _seen(site, j, driving)
-        pool, modes, cost = _pool(seen), (), _cost(seen, ())
+        pool, cost = _pool(seen), _cost(seen, ())
+        modes: Modes = ()
         for _ in range(MOST_MODES if seen.high > 1.2 * seen.low else 0):
             more = _one_more(seen, pool, modes)
             least = _cost(seen, more)
@@ -128,7 +129,7 @@ def _left(seen: _Seen, modes: Modes) -> tuple[float, Array]:
 
 def _cost(seen: _Seen, modes: Modes) -> float:
     values = len(modes) * (_VALUES + 2 * seen.drives.shape[1])
-    return 0.5 * len(seen.y) * float(np.log(max(_left(seen, modes)[0], 1e-300))) + 0.5 * values * np.log(len(seen.y))
+    return 0.5 * float(len(seen.y) * np.log(max(_left(seen, modes)[0], 1e-300)) + values * np.log(len(seen.y)))
 
 
 def _one_more(seen: _Seen, pool: list[tuple[float, float]], modes: Modes) -> Modes:
@@ -143,7 +144,9 @@ def _one_more(seen: _Seen, pool: list[tuple[float, float]], modes: Modes) -> Mod
     def cost(logs: Array) -> float:
         tried = np.exp(logs).reshape(-1, 2)
         good = np.all((tried[:, 0] > seen.low) & (tried[:, 0] < seen.high) & (tried[:, 1] < MOST_DAMPING))
-        return 0.5 * np.log(_left(seen, tuple(map(tuple, tried)))[0]) if good else 1e3
+        if not good:
+            return 1e3
+        return float(np.log(_left(seen, tuple((float(f), float(d)) for f, d in tried))[0]))
 
     simplex = np.vstack([start, start + np.diag(np.tile([0.01, 0.2], len(start) // 2))])
     found = minimize(cost, start, method="Nelder-Mead", options={"maxfev": _STEPS * len(start) // 2,
