@@ -29,7 +29,7 @@ _SPEED = re.compile(r"veloc|speed", re.IGNORECASE)
 _ALIKE = 0.8  # correlation from which a recorded velocity is that of a recorded position
 _MOST = 4  # coordinates of one output
 _WINDOWS = (3, 5, 9, 15, 25)  # rows that a derivative looks at; the first that is quiet enough is taken
-_QUIET = 0.05  # of the velocity's spread: noise that a derivative may have
+_QUIET = 0.01  # of the velocity's spread: noise that a derivative may have; whitened, its high frequencies count most
 _THIRD = np.sqrt(20.0)  # spread of white noise's third differences over its own
 _LABELS = {"N": "force_N", "kN": "force_kN", "Nm": "torque_N_m"}
 
