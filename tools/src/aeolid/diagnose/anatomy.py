@@ -33,7 +33,8 @@ class Motion:
     inject(model, force, name) adds the force, called `name`, to the equation of motion; force_unit is its unit (an
     acceleration where the model shows no mass). forces is what the model has there already, in that unit; mass the
     parameter it is divided by; shown_by the output that shows a mode of a linear model most. Sizes are typical
-    magnitudes from the baseline's own run.
+    magnitudes from the baseline's own run. recorded: the ends of a recorded position, where the motion is an input and
+    the force an output of a static law; nothing is accelerated there.
     """
 
     location: str
@@ -50,6 +51,7 @@ class Motion:
     mass: Parameter | None
     position_unit: str
     shown_by: str = ""
+    recorded: tuple[float, float] | None = None
 
 
 def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[Motion]:

@@ -102,7 +102,8 @@ def reader(prepared: Prepared) -> Read:
     for i, segment in enumerate(predictor.segments):
         X = predictor.run(point, i)[2][segment.burn : len(segment.y)]
         u = segment.u.reshape(len(segment.y), segment.stride, -1)[segment.burn :, 0]
-        columns = [*zip((s.name for s in model.states), X.T, strict=False), *zip(model.symbols, u.T, strict=False)]
+        held = [*(s.name for s in model.states), *(m.name for m in model.memories)]
+        columns = [*zip(held, X.T, strict=False), *zip(model.symbols, u.T, strict=False)]
         for name, values in columns:
             known.setdefault(name, []).append(values)
     signals = {name: np.concatenate(parts) for name, parts in known.items()}

@@ -23,6 +23,7 @@ from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.resample import finer
 from aeolid.diagnose.rivals import are_kin, leading
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
+from aeolid.diagnose.simulated_share import by_simulation
 from aeolid.diagnose.switches import paying
 from aeolid.errors import NotIdentifiable
 
@@ -104,8 +105,9 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
     up anew is fitted too.
     """
     fitted: dict[str, Candidate] = {}
+    simulated = by_simulation(prepared, seed) if bank.loud else []
     for _ in range(_AGAIN + 1):
-        rows = {r.attachment.key: r for r in [*finalists(bank), *paying(prepared, bank)]}
+        rows = {r.attachment.key: r for r in [*finalists(bank), *paying(prepared, bank), *simulated]}
         fresh = [r for key, r in rows.items() if key not in fitted]
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
         fitted |= {c.key: c for c in fit_rows(prepared, kin(bank, list(fitted.values())))}

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 # BIC chooses the noise-model order among these. A physical noise model needs little colour on top; more would
 # learn the very force that is missing (measured: order 8 halves the evidence for friction on the positioning stage).
 _VAR_ORDERS = (0, 1, 2)
+# Of a law without states, where no force with memory can stand for the noise, its own colour must.
+_MORE_ORDERS = (*_VAR_ORDERS, 4, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +58,15 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     return Noise(var, covariance + floor * np.eye(outputs))
 
 
-def preferred_order(innovations: Sequence[Array], burns: Sequence[int]) -> int:
+def preferred_order(innovations: Sequence[Array], burns: Sequence[int], *, stateless: bool = False) -> int:
     """Return the order of the noise model that BIC prefers; innovations (N, l) of each segment, `burns` rows unscored.
 
-    Among 0, 1 and 2, as far as there are 20 rows a value.
+    Among 0, 1 and 2, of a model without states also 4 and 8, as far as there are 20 rows a value.
     """
     rows = sum(len(e) - burn for e, burn in zip(innovations, burns, strict=True))
     outputs = innovations[0].shape[1]
     best, choice = np.inf, 0
-    for order in _VAR_ORDERS:
+    for order in _MORE_ORDERS if stateless else _VAR_ORDERS:
         if rows < 20 * (order * outputs + 1):
             break
         noise = estimate_noise(innovations, burns, order)

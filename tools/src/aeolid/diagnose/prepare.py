@@ -27,6 +27,7 @@ from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.recorded_wind import PREFIX, SIZES, recorded_wind, smoothed_wind, with_smoothed_wind
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.riccati import steady_gain
+from aeolid.diagnose.signals import motions_of_signals
 from aeolid.diagnose.simulated import Surrogate
 from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable
@@ -117,6 +118,10 @@ def prepare(case: Case, most: int | None = None, deadline: Deadline | None = Non
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
+    if linear is None:
+        units = {c.name: c.unit for c in records[0].channels}
+        followed, working = motions_of_signals(working, exogenous, split.fit, units)
+        motions += followed
     declared = base.bare(working.auxiliaries)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),

@@ -11,7 +11,7 @@ from aeolid.models.equations import Equations
 
 def _attach(site: Site) -> list[Attachment]:
     """Attach where no declared mass could say the same: a wrong declared one is a parameter."""
-    return [_on(motion, i) for i, motion in enumerate(site.motions) if motion.mass is None]
+    return [_on(motion, i) for i, motion in enumerate(site.motions) if motion.mass is None and not motion.recorded]
 
 
 def _on(motion: Motion, number: int) -> Attachment:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot
-from aeolid.diagnose.catalogue.forces import force_on, place, say, with_spring
+from aeolid.diagnose.catalogue.forces import force_on, place, say, with_travel
 from aeolid.models.equations import Equations, State
 
 _LEAST, _MOST = 0.03, 5.0  # of the typical position: less is a dry friction, more is a spring
 
 
 def _attach(site: Site) -> list[Attachment]:
-    return [_on(motion, i) for i, motion in with_spring(site)]
+    return [_on(motion, i) for i, motion in with_travel(site)]
 
 
 def _remembering(motion: Motion, loop: str, length: str) -> Callable[[Equations], Equations]:

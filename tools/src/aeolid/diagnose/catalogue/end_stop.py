@@ -7,6 +7,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Sl
 from aeolid.diagnose.catalogue.forces import force_on, natural, per, say, travel, with_spring
 
 _ENDS = (0.95, 0.85, 0.7, 0.5)  # of the travel seen, where both stops are tried
+_WITHIN = (0.6, 0.35, 0.1)  # the same where one stop is tried at a recorded position
 _STIFF = 1e4  # times the natural stiffness: beyond that a sample cannot tell
 
 
@@ -20,6 +21,8 @@ def _on(site: Site, motion: Motion, number: int) -> Attachment:
     stop, low, high = (f"stop_{number + 1}_{what}" for what in ("stiffness", "low", "high"))
     least, most = middle - 2 * half, middle + 2 * half
     ends = [(-share, share) for share in _ENDS] + [(-1.5, 0.85), (-0.85, 1.5)]  # both, only above, only below
+    if motion.recorded is not None:  # no force drives it back: it may be anywhere beyond a stop
+        ends += [pair for share in _WITHIN for pair in ((-1.5, share), (-share, 1.5))]
     return force_on(
         motion, number, "end_stop",
         (

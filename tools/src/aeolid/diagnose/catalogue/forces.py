@@ -55,6 +55,11 @@ def with_spring(site: Site) -> list[tuple[int, Motion]]:
     return [(i, m) for i, m in enumerate(site.motions) if m.position is not None]
 
 
+def with_travel(site: Site) -> list[tuple[int, Motion]]:
+    """List the motions of which a position is known, or how far a recorded velocity takes one, numbered among all."""
+    return [(i, m) for i, m in enumerate(site.motions) if m.position is not None or m.recorded is not None]
+
+
 def per(motion: Motion, power: int, *, velocity: bool = False) -> str:
     """Return the unit of a force over the motion's position (or velocity) to a power."""
     base = motion.position_unit or "1"
@@ -71,8 +76,10 @@ def natural(motion: Motion, power: int = 1, *, velocity: bool = False) -> float:
 def travel(site: Site, motion: Motion) -> tuple[float, float]:
     """Return the middle and the half-width of what a position is seen to move over.
 
-    From the output that is this position where there is one, else around zero by its typical size.
+    From the recording where it is an input or the output that is this position, else around zero by its typical size.
     """
+    if motion.recorded is not None:
+        return sum(motion.recorded) / 2, (motion.recorded[1] - motion.recorded[0]) / 2
     for j, output in enumerate(site.model.outputs):
         if motion.position is not None and ex.to_text(output.equation) == ex.to_text(motion.position):
             low, high = np.nanquantile(site.y[:, j], [0.001, 0.999])

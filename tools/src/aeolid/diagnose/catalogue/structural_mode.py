@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.catalogue.modes import kind_of, mode_at
+from aeolid.diagnose.catalogue.response_modes import behind_static
 
 
 def _attach(site: Site) -> list[Attachment]:
     """Offer a mode at every output that is not known to show a mode with a name of its own."""
     plain = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is None]
-    return [a for a in (mode_at(site, j, None) for j in plain) if a is not None]
+    return [a for a in (mode_at(site, j, None) for j in plain) if a is not None] + behind_static(site)
 
 
 ENTRY = Entry(
