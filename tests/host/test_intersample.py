@@ -14,7 +14,10 @@ from aeolid.models import equations_file
 from aeolid.models.equations import Equations, InputFilter, Parameter
 from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
 from aeolid.models.integrate import compile_equations, driven, free_run
-from aeolid.record import Roles
+from aeolid.models.load import LinearModel
+from aeolid.models.model_file import Signal
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Channel, Record, Roles
 
 Array = NDArray[np.float64]
 STEP, G, C, K = 0.0016384, 1.8e5, 42.7, 1.825e5  # s, 1, 1/s, 1/s^2: 68 Hz, a tenth of the sampling rate
@@ -161,3 +164,23 @@ def test_what_is_no_hold_is_refused(tmp_path: Path, text: str, said: str) -> Non
     (tmp_path / "roles.toml").write_text(text)
     with pytest.raises(DataError, match=said):
         Roles.load(tmp_path / "roles.toml")
+
+
+def recorded(hold: str, u: Array) -> Record:
+    """Return a recording of an input read in one of the ways, its output unknown."""
+    channels = (Channel("force", "", "input", hold=hold), Channel("y", "", "ignore"))
+    values = np.column_stack([u, np.zeros(len(u))])
+    return Record(np.arange(len(u)) * STEP, values, channels, STEP, "recording", "")
+
+
+@pytest.mark.parametrize("hold", ["zoh", "foh", "band_limited"])
+def test_equations_and_a_linear_model_read_a_recording_alike(tmp_path: Path, hold: str) -> None:
+    """Equations are integrated with what lies between the samples, the linear model is discretised for it."""
+    u = smooth_noise(900)
+    matrices = (np.array([[0, 1], [-K, -C]]), np.array([[0.0], [G]]), np.array([[1.0, 0]]), np.array([[0.0]]))
+    signals = [(Signal(n),) for n in ("force", "x")]
+    linear = StateSpace(*matrices, None, np.zeros(2), None, 0.0, *signals, (Signal("x"), Signal("v")))
+    a = read(tmp_path, None).simulate(recorded(hold, u))
+    b = LinearModel(linear, "zero").simulate(recorded(hold, u))
+    half = np.pi * 0.2  # ωh/2 at the highest frequency of the input
+    assert np.std((a - b)[300:-10]) < half**4 / 15 * np.std(a)  # what δ² leaves of 1/sinc²

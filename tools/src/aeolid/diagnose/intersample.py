@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.forensics import Finding
 from aeolid.models.equations import TIME, Equations, InputFilter, Parameter
-from aeolid.models.intersample import HOLDS
+from aeolid.models.intersample import HOLDS, OFFSET
 from aeolid.models.intersample import PREFIX as KIND
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-OFFSET = "intersample_offset"  # parameter of the model: by how much inputs act after their stamps, s
 ROOM = 1.05  # samples: an offset of one sample has a deviation, too
 _PRIOR = 0.5  # samples: loggers differ by half of one as a rule; a dead time beside it is then the dead time's
 _REPEATS = 0.5  # share of samples equal to the one before: a value that most often stays is held

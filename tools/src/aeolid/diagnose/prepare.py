@@ -21,7 +21,7 @@ from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogen
 from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
-from aeolid.diagnose.intersample import OFFSET, Sampling, declared_sampling, with_sampling
+from aeolid.diagnose.intersample import Sampling, declared_sampling, with_sampling
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -33,6 +33,7 @@ from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
+from aeolid.models.intersample import OFFSET
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 

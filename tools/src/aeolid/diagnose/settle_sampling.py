@@ -25,13 +25,13 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
 from aeolid.diagnose.frame import carry_free, carry_point
-from aeolid.diagnose.intersample import OFFSET, Sampling, filters_of, traits_of, with_sampling
+from aeolid.diagnose.intersample import Sampling, filters_of, traits_of, with_sampling
 from aeolid.diagnose.point import Free, Point, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.sensitivity import Variant, columns, theta_variant
 from aeolid.models.integrate import Compiled
-from aeolid.models.intersample import HOLDS
+from aeolid.models.intersample import HOLDS, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop

@@ -22,6 +22,7 @@ from aeolid.compiled import njit
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
 """Held over the sample, straight from one to the next, the smooth curve through all of them."""
+OFFSET = "intersample_offset"  # parameter: by how much inputs act after their stamps, s
 PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
 _NEAR, _FAR = 41 / 60, -11 / 120  # weights of means one and two samples away
