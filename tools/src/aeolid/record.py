@@ -17,17 +17,23 @@ from aeolid.errors import DataError, UsageError
 from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
+HOLDS = ("zoh", "foh", "band_limited", "auto")  # of a channel that acts: held, straight, smooth, as recordings say
+_ACTING = ("input", "disturbance", "scheduling", "excitation")
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Channel:
-    """Name one signal: `column` is its heading in the table where that differs from `name`."""
+    """Name one signal: `column` is its heading in the table where that differs from `name`.
+
+    hold: how it goes on between its samples, one of HOLDS; "auto" leaves that to the recording.
+    """
 
     name: str
     unit: str
     role: str
     column: str | None = None
+    hold: str = "auto"
 
     @property
     def heading(self) -> str:
@@ -194,7 +200,7 @@ def _order_difference(first: Record, other: Record, ordered: bool) -> str:
 
 def _read_channel(entry: Any, index: int, source: str) -> Channel:
     where = f"{source} [[channel]] {index + 1}"
-    check_keys(entry, {"name", "unit", "role", "column"}, where)
+    check_keys(entry, {"name", "unit", "role", "column", "hold"}, where)
     for key in ("name", "unit", "role"):
         if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
             raise DataError(f"{where}: {key} is missing or not a text")
@@ -206,4 +212,9 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
     if not is_short(entry.get("column", "")):
         raise DataError(f"{where}: column = {shown(entry['column'])} is not the heading of a column")
-    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"))
+    hold = entry.get("hold", "auto")
+    if hold not in HOLDS or not isinstance(hold, str):
+        raise DataError(f"{where}: hold = {shown(hold)} is none of {', '.join(HOLDS)}")
+    if "hold" in entry and entry["role"] not in _ACTING:
+        raise DataError(f"{where}: hold is for what acts on the plant ({', '.join(_ACTING)}), not for {entry['role']}")
+    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold)

@@ -12,13 +12,8 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.export import write_all, write_ended
-    wrong: tuple[ChannelFault, ...] = ()
-    if all(f.severity != "fault" or f.left_out or f.check == SWAPPED for f in findings):
-        wrong, case = channel_faults(case)
-        findings = examine(case.records, case.baseline) if wrong else findings
-    case, left = masked_case(case)
-    findings += left
-    faults = [f for f in findings if f.severity == "fault" and not f.left_out]
+from aeolid.diagnose.forensics import SWAPPED, Finding, examine
+from aeolid.diagnose.masking import masked_case
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -41,17 +36,13 @@ def conclude(
     recording put right, and says so.
     """
     findings = examine(case.records, case.baseline)
-<<<<<<< HEAD
     wrong: tuple[ChannelFault, ...] = ()
-    if all(f.severity != "fault" or f.check == SWAPPED for f in findings):
+    if all(f.severity != "fault" or f.left_out or f.check == SWAPPED for f in findings):
         wrong, case = channel_faults(case)
         findings = examine(case.records, case.baseline) if wrong else findings
-    faults = [f for f in findings if f.severity == "fault"]
-=======
     case, left = masked_case(case)
     findings += left
     faults = [f for f in findings if f.severity == "fault" and not f.left_out]
->>>>>>> fdcadd335b4ba9cf8a2b3ffee7ccdc39c2a0c2b6
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)
         location = {"entry": f"channel:{faults[0].channel}", "finding": faults[0].finding}

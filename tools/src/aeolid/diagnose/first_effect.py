@@ -16,6 +16,7 @@ from aeolid.diagnose.control import survives_control
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.explore import fit_quietly
 from aeolid.diagnose.frame import carry_point
+from aeolid.diagnose.intersample import Sampling
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.race import fit_rows, is_accepted, select_density
@@ -23,6 +24,7 @@ from aeolid.diagnose.refit import ALIKE, finalists, renewed
 from aeolid.diagnose.resample import finer
 from aeolid.diagnose.rivals import are_kin, leading
 from aeolid.diagnose.scores import Bank, Row, overlap, score_bank
+from aeolid.diagnose.settle_sampling import settle, settle_beside
 from aeolid.diagnose.simulated_share import by_simulation
 from aeolid.diagnose.switches import paying
 from aeolid.errors import NotIdentifiable
@@ -61,12 +63,36 @@ def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = No
         if deadline.skips("the end of a look at a finer rate, which is therefore not used"):
             break
         found = again
-    return found
+    return _beside(case, seed, step, found, deadline)
 
 
-def _look(case: Case, seed: int, step: Step, share: float, most: int | None, deadline: Deadline) -> First:
-    done = step("baseline predictor", share)
+def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline) -> First:
+    """Look again where the effect found shows that the inputs are to be read otherwise, and keep what is likelier."""
+    sampling = None if found.winner is None else settle_beside(case, found.prepared, found.candidates)
+    if sampling is None or found.winner is None:
+        return found
+    again = _look(case, seed, step, 0.35, found.prepared.decimation, deadline, replace(sampling, free=False))
+    if again.winner is None or again.winner.fit.log_posterior < found.winner.fit.log_posterior:
+        return found
+    return again
+
+
+def _settled(case: Case, most: int | None, deadline: Deadline) -> Prepared:
+    """Return the stage, its inputs read as the likelihood of the baseline has it."""
     prepared = prepare(case, most, deadline)
+    sampling = None if deadline.skips("how inputs go on between samples") else settle(case, prepared)
+    if sampling is None:
+        return prepared
+    again = prepare(case, most, deadline, sampling)
+    return again if again.fit.log_posterior > prepared.fit.log_posterior else prepared
+
+
+def _look(
+    case: Case, seed: int, step: Step, share: float, most: int | None, deadline: Deadline,
+    sampling: Sampling | None = None,
+) -> First:  # fmt: skip
+    done = step("baseline predictor", share)
+    prepared = _settled(case, most, deadline) if sampling is None else prepare(case, most, deadline, sampling)
     if deadline.reached and most is None:
         raise NotIdentifiable(
             f"the time limit of {deadline.limit_s:g} s ended before the baseline was fitted; give more (--time-limit)"

@@ -236,9 +236,9 @@ def _kinship(x: Array, y: Array) -> str | None:
 
 def ratio_text(factor: float) -> str:
     """Say which ratio of units a factor (or one over it) is, or nothing."""
-    for ratio, words in RATIOS:
+    for ratio, said in RATIOS:
         if abs(abs(factor) / ratio - 1) < _NEAR or abs(abs(factor) * ratio - 1) < _NEAR:
-            return f" ({ratio:.4g}, {words}: check the unit)"
+            return f" ({ratio:.4g}, {said}: check the unit)"
     return ""
 
 

@@ -226,7 +226,7 @@ def run_loop(
                     for i in range(_SEEN + 1):
                         value += w[1 + LAGS + j * (_SEEN + 1) + i] * Y[k - i, j]
                 U[k, places[f]] = value
-        found = march(code, 1, discrete, U[k : k + 1], E[k : k + 1], th, K, x, 0, step, count, 1, True, False)
+        found = march(code, 1, discrete, U[k : k + 1], E[k : k + 1], th, K, x, (0, 0), step, count, 1, True, False)
         Y[k] = found[1][0] + found[0][0]
         x = found[2][-1]
     return Y

@@ -22,6 +22,7 @@ from aeolid.diagnose.exchange import Alternative, exchanged
 from aeolid.diagnose.expected import evidence_in_loop
 from aeolid.diagnose.first_effect import find_first, first_effect
 from aeolid.diagnose.forensics import Finding, examine
+from aeolid.diagnose.intersample import sampling_findings
 from aeolid.diagnose.locate import evidence_cells
 from aeolid.diagnose.paths import evidence_paths
 from aeolid.diagnose.point import Point
@@ -102,6 +103,7 @@ def study(
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
     findings += wind_findings(case.records, prepared.declared)
+    findings += sampling_findings(prepared.records, prepared.sampling, prepared.records[0].sample_time_s)
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)

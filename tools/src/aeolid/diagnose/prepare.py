@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogen
 from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
+from aeolid.diagnose.intersample import Sampling, declared_sampling, with_sampling
 from aeolid.diagnose.magnitudes import visible_sizes
 from aeolid.diagnose.point import Free, Point, Scales, Segment
 from aeolid.diagnose.predictor import Fit, Predictor
@@ -33,13 +34,14 @@ from aeolid.diagnose.split import Split, split_records
 from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
+from aeolid.models.intersample import OFFSET
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX)
+NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX, OFFSET)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,7 @@ class Prepared:
 
     hypotheses: all that the catalogue offers for this model; attachments: those of them that are in the model, at their
     nulls or as fitted. records: the recordings as the model takes them, at its rate and with every channel it may use.
+    sampling: how the inputs go on between their samples.
     """
 
     declared: Equations
@@ -66,6 +69,7 @@ class Prepared:
     run: Record | None
     site: Site
     records: tuple[Record, ...] = ()
+    sampling: Sampling = field(default_factory=Sampling)
 
     @property
     def extended(self) -> Equations:
@@ -92,18 +96,23 @@ class Prepared:
         return replace(self, predictor=predictor, attachments=tuple(attachments), free=free, fit=fit)
 
 
-def prepare(case: Case, most: int | None = None, deadline: Deadline | None = None) -> Prepared:
+def prepare(
+    case: Case, most: int | None = None, deadline: Deadline | None = None, sampling: Sampling | None = None
+) -> Prepared:
     """Bring the baseline into predictor form, fit what is free, ask every catalogue entry where it could attach.
 
     most: samples that one prediction spans at most, where it is not for this function to choose. deadline: when all
-    fits on this stage end where they stand, never by default.
+    fits on this stage end where they stand, never by default. sampling: how inputs go on between their samples, as the
+    roles file declares by default.
     """
     deadline = deadline or unlimited()
     base = baseline_of(case, deadline)
-    declared, linear = base.equations, base.linear
-    records = with_smoothed_wind(base.records, declared)
+    records, step = with_smoothed_wind(base.records, base.equations), base.records[0].sample_time_s
+    acting = [s.name for s in base.equations.inputs[: base.inputs]] if base.surrogate is None else []
+    sampling = sampling or declared_sampling(records, acting)
+    declared, linear = with_sampling(base.equations, sampling, step), base.linear
     compiled = compile_equations(declared)
-    outputs, step = [o.name for o in declared.outputs], records[0].sample_time_s
+    outputs = [o.name for o in declared.outputs]
     exogenous = exogenous_channels(records, declared)
     given = (*exogenous, *smoothed_wind(records))
     names = [s.name for s in declared.inputs] + [c.name for c in given]
@@ -122,7 +131,7 @@ def prepare(case: Case, most: int | None = None, deadline: Deadline | None = Non
         units = {c.name: c.unit for c in records[0].channels}
         followed, working = motions_of_signals(working, exogenous, split.fit, units)
         motions += followed
-    declared = base.bare(working.auxiliaries)
+    declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context,
@@ -137,7 +146,7 @@ def prepare(case: Case, most: int | None = None, deadline: Deadline | None = Non
     predictor, fit = _fit_baseline(predictor, free, [start] if run is None else [start, run], case)
     return Prepared(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
-        base.run, site, tuple(records),
+        base.run, site, tuple(records), sampling,
     )  # fmt: skip
 
 

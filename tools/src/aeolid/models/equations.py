@@ -119,14 +119,15 @@ class Equations:
         return [p.name for p in self.parameters].index(parameter)
 
     def simulate(self, record: Record) -> Array:
-        """Run free on the recorded inputs; returns y (N, l) in the outputs' units."""
+        """Run free on the recorded inputs, read as their roles say; returns y (N, l) in the outputs' units."""
         from aeolid.models.integrate import compile_equations, simulate
+        from aeolid.models.rate import read_as_declared
 
-        u = self.inputs_of(record)
+        model, u = read_as_declared(self, record), self.inputs_of(record)
         if not np.all(np.isfinite(u)):
             row, column = np.argwhere(~np.isfinite(u))[0]
             raise DataError(f"{record.source}: input {self.inputs[column].name} is missing at sample {row + 1}")
-        return simulate(compile_equations(self), u, self.theta, self.x0, record.sample_time_s)
+        return simulate(compile_equations(model), u, model.theta, model.x0, record.sample_time_s)
 
     def inputs_of(self, record: Record) -> Array:
         """Return the inputs (N, r) from a recording; one called time_s that is no channel is the time itself."""

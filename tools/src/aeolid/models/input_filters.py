@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.compiled import njit
+from aeolid.models import intersample
 
 Array = NDArray[np.float64]
 WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees
@@ -242,5 +243,8 @@ KINDS: dict[str, FilterKind] = {
     "input_scale": FilterKind(("factor", "share"), _scale),
     "lead_lag": FilterKind(("tau_s", "gain"), _lead_lag),
     "indicial": FilterKind(("tau_s", "gain"), _indicial),
+    "intersample_zoh": FilterKind(("offset_s",), _delay),
+    "intersample_foh": FilterKind(("offset_s",), intersample.straight),
+    "intersample_band_limited": FilterKind(("offset_s",), intersample.smooth),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
 from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
+from aeolid.models.intersample import MOVING, as_held, slopes
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import march, outputs, reading_jacobian, settle, slope, state_jacobian
 
@@ -41,6 +42,21 @@ class Compiled:
         return bool(own & self.model.names_seen())
 
     @cached_property
+    def moving(self) -> set[str]:
+        """Return the inputs that change within a sample."""
+        return {f.channel for f in self.model.filters if f.kind in MOVING}
+
+    @property
+    def ramps(self) -> bool:
+        """Tell whether the states follow such changes; one step of a discrete-time model has no within."""
+        return bool(self.moving) and not self.model.sample_time_s
+
+    def which_move(self, width: int) -> NDArray[np.bool_]:
+        """Return which of `width` columns of inputs change within a sample."""
+        known = [s.name in self.moving for s in self.model.inputs][:width]
+        return np.array([*known, *[False] * (width - len(known))])
+
+    @cached_property
     def wide(self) -> MachineCode:
         """Return the code that runs LANES parameter sets side by side."""
         return translate(self.model, LANES)
@@ -52,7 +68,7 @@ class Compiled:
         """Return innovations (N, l), predictions (N, l), states (N + 1, n + memories); U as `driven` gives it."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, generate, True,
+            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, generate, True,
         )  # fmt: skip
 
     def innovations(
@@ -61,7 +77,7 @@ class Compiled:
         """Return the innovations (N, l) alone."""
         return march(
             addresses(self.code), 1, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, False, False,
         )[0]  # fmt: skip
 
     def predict_wide(
@@ -73,13 +89,17 @@ class Compiled:
         """
         e = march(
             addresses(self.wide), LANES, self.model.sample_time_s > 0, contiguous(U), contiguous(Y), contiguous(theta),
-            contiguous(K), contiguous(x0), self._seen(U), step, count, stride, False, False,
+            contiguous(K), contiguous(x0), self._parts(U), step, count, stride, False, False,
         )[0]  # fmt: skip
         return e.reshape(*Y.shape, LANES)
 
-    def _seen(self, U: Array) -> int:
-        """Return the column from which outputs read their inputs; U may have more columns than the model inputs."""
-        return int(U.shape[1]) // 2 if self.looks else 0
+    def _parts(self, U: Array) -> tuple[int, int]:
+        """Return the columns from which outputs read their inputs, and from which slopes stand (0: there are none).
+
+        U may have more columns than the model inputs, each as often as `driven` repeats it.
+        """
+        width = int(U.shape[1]) // (1 + self.looks + self.ramps)
+        return (width if self.looks else 0), (width * (1 + self.looks) if self.ramps else 0)
 
     def slope(self, x: Array, u: Array, theta: Array) -> Array:
         """Return dx/dt (n,), or the next state in discrete time; x (n + memories,), memories renewed."""
@@ -187,15 +207,23 @@ def output_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array, step: 
 
 
 def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
-    """Return what acts (N, r) over each step, all filters passed; beside it what is seen (N, 2r) where outputs look.
+    """Return the mean of what acts (N, r) in each step, all filters passed; beside it what outputs see, then slopes.
 
-    An output is sampled as a step begins, the states follow what acts over all of it.
+    An output is sampled as a step begins, the states follow what acts over all of it. What is seen (r columns) is there
+    only where an output looks; by how much each input changes within the step (r columns) only where one does.
     """
-    if not compiled.looks:
-        return apply_filters(compiled.model, u, theta, step)
-    both = apply_filters(compiled.model, np.repeat(u, 2, axis=0), theta, step, SPLIT)
-    first, second = both[::2], both[1::2]
-    return np.hstack([first + SPLIT[1] * (second - first), first])  # to the last digit where nothing lasts
+    if compiled.looks:
+        both = apply_filters(compiled.model, np.repeat(u, 2, axis=0), theta, step, SPLIT)
+        first, second = both[::2], both[1::2]
+        means = first + SPLIT[1] * (second - first)  # to the last digit where nothing lasts
+        parts = [means, first]
+    else:
+        means = apply_filters(compiled.model, u, theta, step)
+        parts = [means]
+    if compiled.moving:
+        which = compiled.which_move(means.shape[1])
+        parts = [*parts, slopes(means, which)] if compiled.ramps else [as_held(means, which), *parts[1:]]
+    return np.hstack(parts) if len(parts) > 1 else means
 
 
 def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> Array:

@@ -17,9 +17,11 @@ from aeolid.models.angles import with_parts
 from aeolid.models.divergence import Divergence, divergence_of
 from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
+from aeolid.models.intersample import as_held
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
 from aeolid.models.prediction import complete_stretches, estimate_initial_state
+from aeolid.models.rate import holds_of
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
@@ -77,9 +79,12 @@ class LinearModel:
 
     def simulate(self, record: Record) -> Array:
         """Run free on the recorded inputs; where the outputs are recorded too, the first state is estimated."""
-        model = discretise(self.state_space, record.sample_time_s)
+        holds = holds_of(record, [s.name for s in self.inputs])
+        model = discretise(self.state_space, record.sample_time_s, holds)
         require_sample_time(model, record)
         u = require_complete(record, model.inputs)
+        if not self.state_space.sample_time_s:  # straight lines let sinc² of a sine through, which this makes up for
+            u = as_held(u, np.array([h == "band_limited" for h in holds], dtype=bool))
         with np.errstate(all="ignore"):  # an unstable model may overflow; the caller sees what is not finite
             return model.simulate(u, self._start(model, record, u))
 
@@ -126,14 +131,23 @@ def load_model(path: str | Path) -> Model:
     raise UsageError(f"{path}: a model is a .json, .mat, .lin (linear) or .toml (equations) file")
 
 
-def discretise(model: StateSpace, sample_time_s: float) -> StateSpace:
-    """Return a continuous-time model with inputs held over a sample; a discrete-time one as it is.
+def discretise(model: StateSpace, sample_time_s: float, holds: Sequence[str] = ()) -> StateSpace:
+    """Return a continuous-time model in discrete time; a discrete-time one as it is.
 
-    A Kalman gain of continuous time is dropped: its discrete counterpart needs the noise intensities.
+    holds: of each input, "zoh" (held over a sample, as all are by default) or else (straight from one sample to the
+    next). Straight, B and D are those of the state less the part that the present sample already is (Franklin, Powell
+    and Workman 1998, section 6.3.2). A Kalman gain of continuous time is dropped: its discrete counterpart needs the
+    noise intensities.
     """
     if model.sample_time_s > 0:
         return model
-    A, B, C, D, _ = cont2discrete((model.A, model.B, model.C, model.D), sample_time_s, method="zoh")
+    continuous = (model.A, model.B, model.C, model.D)
+    A, B, C, D, _ = cont2discrete(continuous, sample_time_s, method="zoh")
+    moving = [i for i, h in enumerate(holds) if h != "zoh"]
+    if moving:
+        _, straight, _, at_once, _ = cont2discrete(continuous, sample_time_s, method="foh")
+        B[:, moving], D = straight[:, moving], np.array(D, dtype=float)
+        D[:, moving] = at_once[:, moving]
     return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=sample_time_s)
 
 

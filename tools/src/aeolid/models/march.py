@@ -49,17 +49,52 @@ _renew4: Any = intrinsic(_three_and_number)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
+def _at(U: Array, row: int, ramp: int, share: float, now: Array) -> int:
+    """Return where the inputs at a share of a row, 0 … 1, lie: in U where none changes, else written into `now`."""
+    if not ramp:
+        return U.ctypes.data + _WORD * U.shape[1] * row  # type: ignore[no-any-return]
+    for i in range(len(now)):
+        now[i] = U[row, i] + (share - 0.5) * U[row, ramp + i]
+    return now.ctypes.data
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def _advance(
+    flow: int, U: Array, row: int, ramp: int, h: float, count: int, th: int, x: Array, mid: Array, slopes: Array,
+    now: Array,
+) -> None:  # fmt: skip
+    """Carry x on over a row by `count` classical Runge–Kutta steps of h; mid as x, slopes (4, n): room to work."""
+    k1, k2, k3, k4, n = slopes[0], slopes[1], slopes[2], slopes[3], slopes.shape[1]
+    at, at_mid = x.ctypes.data, mid.ctypes.data
+    for part in range(count):
+        _call4(flow, at, _at(U, row, ramp, part / count, now), th, k1.ctypes.data)
+        for i in range(n):
+            mid[i] = x[i] + 0.5 * h * k1[i]
+        middle = _at(U, row, ramp, (part + 0.5) / count, now)
+        _call4(flow, at_mid, middle, th, k2.ctypes.data)
+        for i in range(n):
+            mid[i] = x[i] + 0.5 * h * k2[i]
+        _call4(flow, at_mid, middle, th, k3.ctypes.data)
+        for i in range(n):
+            mid[i] = x[i] + h * k3[i]
+        _call4(flow, at_mid, _at(U, row, ramp, (part + 1.0) / count, now), th, k4.ctypes.data)
+        for i in range(n):
+            x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
 def march(
     code: tuple[int, int, int, int], lanes: int, discrete: bool, U: Array, Y: Array, th: Array, K: Array, x0: Array,
-    seen: int, step: float, count: int, stride: int, generate: bool, whole: bool,
+    parts: tuple[int, int], step: float, count: int, stride: int, generate: bool, whole: bool,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Predict through a recording: e_k = y_k − h(x_k, u_k), then x runs on to the next row and K s e_k is added.
 
-    U (N · stride, r) and Y (N, l) are the same for all lanes, and outputs read U from column `seen` on; th (np, lanes),
-    K (n, l, lanes), x0 (n + memories, lanes). The model runs at the inputs' rate, `count` classical Runge–Kutta steps a
-    row of U (or one step of a discrete model), the outputs correct it at theirs; a missing y (NaN) corrects nothing. s
-    is the slope of a folding sensor. With `generate` Y holds innovations and the states follow from them. All arrays
-    C-contiguous.
+    U (N · stride, r) and Y (N, l) are the same for all lanes; of parts (seen, ramp) outputs read U from column `seen`
+    on, and from `ramp` on (0: nowhere) stands by how much each input changes within a row about its mean. th
+    (np, lanes), K (n, l, lanes), x0 (n + memories, lanes). The model runs at the inputs' rate, `count` classical
+    Runge–Kutta steps a row of U (or one step of a discrete model), the outputs correct it at theirs; a missing y (NaN)
+    corrects nothing. s is the slope of a folding sensor. With `generate` Y holds innovations and the states follow from
+    them. All arrays C-contiguous.
     Returns innovations (N, l · lanes), predictions (N, l · lanes), states (N + 1, (n + memories) · lanes); of the last
     two only the last row unless `whole`: megabytes that several lanes would write for nobody.
     """
@@ -68,10 +103,10 @@ def march(
     rows = N if whole else 1
     E, P, X = np.empty((N, m * lanes)), np.empty((rows, m * lanes)), np.empty((rows + whole, x0.size))
     x, s, nothing = x0.copy().ravel(), np.empty(m * lanes), np.zeros(m * lanes)
-    k1, k2, k3, k4, mid = np.empty(n), np.empty(n), np.empty(n), np.empty(n), x.copy()
-    at, at_mid, at_s, thetas = x.ctypes.data, mid.ctypes.data, s.ctypes.data, th.ctypes.data
-    d1, d2, d3, d4 = k1.ctypes.data, k2.ctypes.data, k3.ctypes.data, k4.ctypes.data
-    at_nothing, width, h = nothing.ctypes.data, _WORD * m * lanes, step / count
+    mid, slopes, (seen, ramp) = x.copy(), np.empty((4, n)), parts
+    now = np.empty(U.shape[1] - ramp if ramp else 0)
+    at, at_s, thetas, at_nothing = x.ctypes.data, s.ctypes.data, th.ctypes.data, nothing.ctypes.data
+    width, h = _WORD * m * lanes, step / count
     for k in range(N):
         row = k if whole else 0
         if whole:
@@ -84,20 +119,8 @@ def march(
                 _call4(flow, at, u + _WORD * U.shape[1] * part, thetas, at)
         else:
             mid[:] = x
-        for part in range(0 if discrete else stride * count):
-            held = u + _WORD * U.shape[1] * (part // count)
-            _call4(flow, at, held, thetas, d1)
-            for i in range(n):
-                mid[i] = x[i] + 0.5 * h * k1[i]
-            _call4(flow, at_mid, held, thetas, d2)
-            for i in range(n):
-                mid[i] = x[i] + 0.5 * h * k2[i]
-            _call4(flow, at_mid, held, thetas, d3)
-            for i in range(n):
-                mid[i] = x[i] + h * k3[i]
-            _call4(flow, at_mid, held, thetas, d4)
-            for i in range(n):
-                x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+            for part in range(stride):
+                _advance(flow, U, k * stride + part, ramp, h, count, thetas, x, mid, slopes, now)
         y = at_nothing if generate else P.ctypes.data + width * row
         _call6(correct, at, Y.ctypes.data + _WORD * m * k, y, E.ctypes.data + width * k, K.ctypes.data, at_s)
     X[-1] = x

@@ -1,10 +1,13 @@
-"""Lower the sample rate of a recording so that causes stay before their effects, and bring one to a model's rate."""
+"""Bring a recording to a model's rate, causes before their effects, and its inputs to what lies between samples."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
+from aeolid.models.equations import Equations, InputFilter, Parameter
+from aeolid.models.intersample import OFFSET, PREFIX
 from aeolid.record import Record
 
 FEWEST = 10  # long samples; fewer are no recording
@@ -59,6 +62,26 @@ def at_rate_of(sample_time_s: float, record: Record) -> Record:
         f"{record.source}: sample time {record.sample_time_s:g} s, the model has {sample_time_s:g} s, {ratio:.4g} "
         "times as much and no whole multiple; " + _remedy(record.sample_time_s, sample_time_s)
     )
+
+
+def holds_of(record: Record, names: Sequence[str]) -> list[str]:
+    """Return how the roles file lets each of these inputs go on between samples; held where it leaves that open."""
+    known = {c.name: c.hold for c in record.channels}
+    return ["zoh" if known.get(n, "auto") == "auto" else known[n] for n in names]
+
+
+def read_as_declared(model: Equations, record: Record) -> Equations:
+    """Return a model whose inputs go on between the samples of a recording as its roles file says.
+
+    A model that says so itself, as a corrected one does, is returned as it is.
+    """
+    names = [s.name for s in model.inputs]
+    own = [(n, h) for n, h in zip(names, holds_of(record, names), strict=True) if h != "zoh"]
+    if not own or any(f.kind.startswith(PREFIX) for f in model.filters):
+        return model
+    filters = tuple(InputFilter(n, f"{PREFIX}{h}", (OFFSET,)) for n, h in own)
+    parameters = (*model.parameters, Parameter(OFFSET, 0.0, "s"))
+    return replace(model, parameters=parameters, filters=(*filters, *model.filters))
 
 
 def rate_of(model: object) -> float:

@@ -1,0 +1,128 @@
+"""How a recorded input goes on between its samples: held, straight, or as smooth as its band allows.
+
+A row holds the input at one instant; a model needs it all through the sample. A command goes out and is held; a
+measured signal went on changing. Held instead, it acts half a sample late and its staircase adds what it never had.
+Sample k lasts from k to k + 1 (in samples); its row may belong to the instant k − o, the common offset of the logger.
+What moves the states is the mean m_k = ∫ ũ(t − o) dt over the sample and, in continuous time, a slope about it. For a
+mode of 68 Hz at 610 samples a second (θ = ωh = 0.7) the answer is off by 0.3 % with the smooth curve, by θ²/12 = 4 %
+with straight lines (they let sinc²(θ/2) of a sine through), by 35 % held, most of it the half sample. What lies beyond
+the Nyquist frequency is not in the samples, whatever is laid between them (Åström and Wittenmark 1997, section 2.4).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from aeolid.compiled import njit
+
+Array = NDArray[np.float64]
+HOLDS = ("zoh", "foh", "band_limited")
+"""Held over the sample, straight from one to the next, the smooth curve through all of them."""
+OFFSET = "intersample_offset"  # parameter: by how much inputs act after their stamps, s
+PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS
+MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
+_NEAR, _FAR = 41 / 60, -11 / 120  # weights of means one and two samples away
+_FEWEST = 4  # samples through which a curve can be laid; fewer are joined by straight lines
+
+
+def straight(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Return the means of straight lines between the samples (first-order hold), `values` the offset in s."""
+    samples = np.ascontiguousarray(u[:: len(pieces)])
+    return _spread_over(samples, values, step, pieces, _straight_integral, _straight)
+
+
+def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Return the means of the cubic spline through the samples, `values` the offset in s.
+
+    It is off by 5 θ⁴/384 of a sine at most (Hall and Meyer 1976).
+    """
+    samples = np.ascontiguousarray(u[:: len(pieces)])
+    if len(samples) < _FEWEST or not np.all(np.isfinite(samples)):
+        return straight(u, values, step, pieces)
+    curve = CubicSpline(np.arange(len(samples), dtype=float), samples, bc_type="natural")
+    whole, last = curve.antiderivative(), float(len(samples) - 1)
+
+    def integral(u: Array, t: Array) -> Array:
+        inside = np.clip(t, 0.0, last)
+        beyond = np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[-1]
+        total: Array = whole(inside) + beyond
+        return total
+
+    def value(u: Array, t: Array) -> Array:
+        found: Array = curve(np.clip(t, 0.0, last))
+        return found
+
+    return _spread_over(samples, values, step, pieces, integral, value)
+
+
+def _spread_over(
+    u: Array, values: Array, step: float, pieces: Array, integral: Callable[[Array, Array], Array],
+    value: Callable[[Array, Array], Array],
+) -> Array:  # fmt: skip
+    """Return the means over the samples; in two pieces the value as a sample begins, and what makes up the mean."""
+    at = np.arange(len(u) + 1) - values[0] / step
+    mean: Array = np.diff(integral(u, at))
+    if len(pieces) == 1:
+        return mean
+    begins = value(u, at[:-1])
+    result: Array = np.column_stack([begins, (mean - pieces[0] * begins) / pieces[1]]).ravel()
+    return result
+
+
+def _straight(u: Array, t: Array) -> Array:
+    found: Array = np.interp(t, np.arange(len(u), dtype=float), u)
+    return found
+
+
+@njit(cache=True)
+def _straight_integral(u: Array, t: Array) -> Array:
+    """Return the integral from 0 to t (k,) of straight lines between samples u (N,), held before and after."""
+    last, total = len(u) - 1, np.zeros(len(u))
+    for k in range(last):
+        total[k + 1] = total[k] + 0.5 * (u[k] + u[k + 1])
+    out = np.empty(len(t))
+    for i in range(len(t)):
+        if t[i] <= 0.0:
+            out[i] = t[i] * u[0]
+        elif t[i] >= last:
+            out[i] = total[last] + (t[i] - last) * u[last]
+        else:
+            k = int(t[i])
+            f = t[i] - k
+            out[i] = total[k] + f * u[k] + 0.5 * f * f * (u[k + 1] - u[k])
+    return out
+
+
+def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:
+    """Return by how much each input changes within each sample (N, r) of `means` (N, r); 0 where it is held.
+
+    The line that is nearest to a sine over a sample has jθ(1 + θ²/60) times its mean for slope, θ = ωh; the two nearest
+    means on either side give that to θ⁶. At the ends, half the difference of the neighbours.
+    """
+    change = np.zeros_like(means)
+    if len(means) < 2:
+        return change
+    m = means[:, moving]
+    slope = np.gradient(m, axis=0)
+    if len(m) > _FEWEST:
+        slope[2:-2] = _NEAR * (m[3:-1] - m[1:-3]) + _FAR * (m[4:] - m[:-4])
+    change[:, moving] = slope
+    return change
+
+
+def as_held(means: Array, moving: NDArray[np.bool_]) -> Array:
+    """Return the held inputs (N, r) that act as moving ones of these means do: m less δ²m/12.
+
+    A held sine acts as sinc(θ/2) of itself, θ = ωh, and is a mean already: 1 + θ²/12 makes up for both. Of a model in
+    discrete time, made by holding its inputs, what is left is the slope within a sample: of a pole a, ah θ/12 of the
+    response, where held samples are off by θ/2.
+    """
+    found = means.copy()
+    if len(means) > 2:
+        m = means[:, moving]
+        found[1:-1, moving] -= (m[2:] - 2 * m[1:-1] + m[:-2]) / 12
+    return found
