@@ -14,7 +14,6 @@ import numpy as np
 from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.run_prior.explain import HELD, SHARE, Explanation, Found, chosen, limit_of, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.diagnose.run_prior.proof import prove
@@ -39,7 +38,7 @@ def with_beside(
     if search.lost <= limit:
         return x
     own = [h for h in all_hypotheses(rest, dict(units)) if h.place.startswith(_PLACES)]
-    towers = [] if mode.kind != SEEN else resonances(rest, Modal((), (), ()), units, {}, is_turbine(context))
+    towers = [] if mode.kind != SEEN else resonances(rest, Modal((), (), ()), units, {}, context)
     best, table, search = _explained(search, own, towers, tick)
     if best is None or best.hypothesis.entry == SEEN:
         return x

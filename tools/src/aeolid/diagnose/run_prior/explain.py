@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
-from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.resonances import resonances
@@ -29,6 +28,7 @@ DETECTED = 60.0  # nats by which the evidence must fall for an effect to be excl
 NAMED = 30.0  # nats that an effect must gain on the data of the fit …
 HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
 SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
+MOVED_SHARE = 0.25  # … or with this of it by a mode that moved: what else it does to the outputs is not told by poles
 LEAST_SHARE = 0.1  # of what was lost: less leaves the pair as different as before, whatever the run's weight does
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
@@ -96,7 +96,7 @@ def explain(
     lost, moved = first.lost, _moved(first)
     limit = limit_of(pair, first.unsteady())
     modal = compare_modes(pair, context) if lost > limit else Modal((), (), ())
-    hypotheses += resonances(pair, modal, units, moved, is_turbine(context))
+    hypotheses += resonances(pair, modal, units, moved, context)
     screened = first.screen(hypotheses, tick)
     table = first.refine(screened, tick)
     best = chosen(first, table, lost)
@@ -159,7 +159,7 @@ def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | Non
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
     least = max(HELD, search.base.weight)
     table = [s for s in table if s.nats > max(NAMED, LEAST_SHARE * lost)]
-    fit = [s for s in table if (s.weight >= least or s.nats > SHARE * lost)]
+    fit = [s for s in table if s.weight >= least or s.nats > (MOVED_SHARE if s.hypothesis.of else SHARE) * lost]
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))

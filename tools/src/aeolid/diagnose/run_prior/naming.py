@@ -16,6 +16,7 @@ from aeolid.diagnose.catalogue.simulators import settings
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.machine import is_turbine
+from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.standing import Standing
 
 Told = dict[str, tuple[float, float]]  # name → value, deviation
@@ -81,7 +82,8 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     each = 0.4 / len(found.rivals)
     names = [Name(n.entry, n.place, n.told, n.units, 0.6 * n.weight) for n in names]
     for rival in found.rivals:
-        values = dict(zip(rival.hypothesis.names, ((v, np.inf) for v in rival.values), strict=True))
+        pairs = zip(rival.hypothesis.names, rival.values, strict=True)
+        values = {n: (v, np.inf) for n, v in pairs if n not in HIDDEN}
         names.append(
             Name(rival.hypothesis.entry, rival.hypothesis.place, values,
                  dict(zip(rival.hypothesis.names, rival.hypothesis.units, strict=True)), each)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.catalogue.modes import KINDS
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
+from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.modal import Modal, model_of_runs
 from aeolid.diagnose.run_prior.moving import Swing, swing_of
 from aeolid.diagnose.run_prior.pair import Change, Pair
@@ -25,34 +27,35 @@ MOVED = ("stiffness_change", "added_mass")  # entries that move a mode
 HIDDEN = ("undamped_share",)  # values that shape an operator and are no facts of the machine
 SEEN = "tower_fore_aft"  # entry of a mode that another output shows
 _PITCH = r"pitch|blpit|beta"
+_BELOW = 2.9  # revolutions at rated speed, below which a tower of three blades swings
 _RATIOS = (0.8, 0.9, 0.95, 1.05, 1.1, 1.2)  # of frequencies that are tried
 _DAMPED = 0.15  # most damping of a mode that may move
 _SURE = 0.03  # relative deviation of its frequency
-_GROWN = 1.2  # by which the errors of the output that shows a mode most must grow for it to have moved
+_GROWN = 0.2  # of the most by which an output's errors grow: the output that shows a mode most, for it to have moved
 _SPEEDS = ("rpm", "1/min", "rad/s", "deg/s", "m/s")
 _FACTOR = 1.6  # a frequency may move by at most
 _STEP = (0.03, 0.3)  # of the logarithms of frequency and damping, in which the best is looked for
 
 
 def resonances(
-    pair: Pair, modal: Modal, units: Mapping[str, str], moved: Mapping[str, float], turbine: bool
+    pair: Pair, modal: Modal, units: Mapping[str, str], moved: Mapping[str, float], context: Mapping[str, Any]
 ) -> list[Hypothesis]:  # fmt: skip
     """Return the moves of the runs' modes whose outputs moved, and what a tower does to other outputs."""
     found: list[Hypothesis] = []
-    movable = [m for m in modal.simulated if _may_move(m, moved)]
+    most = max(moved.values(), default=1.0) - 1
+    movable = [m for m in modal.simulated if _is_sharp(m) and moved[_strongest(m)] - 1 > _GROWN * most]
     runs = model_of_runs(pair) if movable else None
     if runs is not None:
         model, records = runs
-        for m in movable:
-            swing = swing_of(model, records, pair.runs, m)
-            found += [_move(pair, swing, entry, _strongest(m), units) for entry in MOVED]
-    return found + (_towers(pair) if turbine else [])
+        swings = {s.eigenvalue: (s, _strongest(m)) for m in movable for s in [swing_of(model, records, pair.runs, m)]}
+        found += [_move(pair, s, entry, name, units) for s, name in swings.values() for entry in MOVED]
+    return found + (_towers(pair, context.get("rated_speed_rad_s")) if is_turbine(context) else [])
 
 
-def _may_move(m: Mode, moved: Mapping[str, float]) -> bool:
-    """Tell whether a mode is sharp, no multiple of the rotor's, and seen in an output that differs."""
-    sharp = 0 < m.damping < _DAMPED and m.frequency_std_hz is not None and m.frequency_std_hz < _SURE * m.frequency_hz
-    return sharp and m.rotor_order is None and moved.get(_strongest(m), 1.0) > _GROWN
+def _is_sharp(m: Mode) -> bool:
+    """Tell whether a mode's frequency is known and no multiple of the rotor's."""
+    known = m.frequency_std_hz is not None and m.frequency_std_hz < _SURE * m.frequency_hz
+    return known and 0 < m.damping < _DAMPED and m.rotor_order is None
 
 
 def _strongest(m: Mode) -> str:
@@ -87,13 +90,17 @@ def _power(unit: str, entry: str) -> float:
     return derivatives + (-1.0 if entry == "stiffness_change" else 1.0)
 
 
-def _towers(pair: Pair) -> list[Hypothesis]:
-    """Return a tower's fore-aft mode in the pitch's effect, where no output shows it itself."""
+def _towers(pair: Pair, rated: float | None) -> list[Hypothesis]:
+    """Return a tower's fore-aft mode in the pitch's effect, where no output shows it itself.
+
+    Below three times the rated speed: blades swing above.
+    """
     kind = next(k for k in KINDS if k.entry == SEEN)
     pitch = next((i for i, n in enumerate(pair.inputs) if re.search(_PITCH, n.lower())), None)
     if pitch is None or any(re.search(kind.pattern, n.lower()) for n in pair.outputs):
         return []
     low, high = kind.band_hz
+    high = min(high, _BELOW * float(rated) / (2 * np.pi)) if rated else high
     place: int = pitch
 
     def change(values: Values) -> Change:

@@ -13,6 +13,7 @@ from scipy.optimize import minimize, minimize_scalar
 from aeolid.diagnose.run_prior.evidence import Evidence, covariance_at, evidence, lost_by, prior_of, shrinkage_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
 FIT = 0.7  # of each recording in which hypotheses are chosen and fitted; the rest is sealed
@@ -67,11 +68,15 @@ class Search:
     def unsteady(self) -> float:
         """Return the most nats that one half of the runs, or of the recordings, loses when the other counts fully.
 
-        Halves of one side differ by nothing but the wind; nats go with the number of windows, here the recordings'.
+        Halves of one side differ by nothing but the wind; nats go with the number of windows, here the recordings' at
+        most. A side whose halves are too short for the windows tells nothing.
         """
         pair, last, most = self.pair, self.last, 0.0
         for of, edges in ((pair.of_runs, (0.0, 0.5, 1.0)), (pair.of_recordings, (0.0, 0.5 * last, last))):
-            early, late = (of(NOTHING, a, b) for a, b in pairwise(edges))
+            try:
+                early, late = (of(NOTHING, a, b) for a, b in pairwise(edges))
+            except NotIdentifiable:
+                continue
             for known, new in ((early, late), (late, early)):
                 prior = prior_of(known, self.ridge)
                 lost = lost_by(prior, new, evidence(prior, new, self.base.weight))
