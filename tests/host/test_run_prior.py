@@ -56,6 +56,14 @@ def test_operators_do_what_they_say() -> None:
     # a second-order drive at slope · 2 ζ/ω
     assert (ramp - op.second_order(ramp, 4.0, 0.7, STEP))[-1] == pytest.approx(2.0 * 2 * 0.7 / 4.0, abs=1e-6)
     np.testing.assert_allclose(op.delayed(ramp, 3 * STEP, STEP)[10:], ramp[7:-3], atol=1e-9)
+    # a resonance that is moved to where another system has it is that system, behind transients from rest
+    noise = np.random.default_rng(3).standard_normal(2000)
+    noise -= noise.mean()
+    noise[0] = 0.0
+    one, other = (3.0, 0.2), (4.0, 0.3)
+    there = op.resonance_moved(op.second_order(noise, *one, STEP), one, other, STEP)
+    found, expected = (x[1000:] - x[1000:].mean() for x in (there, op.second_order(noise, *other, STEP) * (3 / 4) ** 2))
+    np.testing.assert_allclose(found, expected, atol=0.02 * expected.std())  # lines between samples: (ω h)²/12
     wave = np.sin(t)
     assert np.ptp(op.play(wave, 0.5)[100:]) == pytest.approx(np.ptp(wave) - 0.5, abs=1e-3)
     assert np.abs(np.diff(op.rate_limited(wave, 0.3, STEP))).max() <= 0.3 * STEP + 1e-12
@@ -69,15 +77,18 @@ def test_loads_that_turn_with_the_rotor_stand_still_in_the_fixed_frame() -> None
 
 
 @cache
-def rig(seed: int, *, lag: float = 0.0, width: float = 0.0, stiff: bool = False) -> Record:
+def rig(
+    seed: int, *, lag: float = 0.0, width: float = 0.0, stiff: bool = False, spring: float = 48.0, loss: float = 0.5
+) -> Record:
     """Return a recording of two modes under feedback: input force, outputs speed and acceleration, wind unmeasured.
 
-    lag in s and play in N lie between command and force; stiff leaves the second mode (1.1 Hz) out.
+    lag in s and play in N lie between command and force; stiff leaves the second mode (1.1 Hz) out, spring (1/s²) and
+    loss (1/s) are its own.
     """
     rng = np.random.default_rng(seed)
     fine = 5
     h = STEP / fine
-    A = np.array([[0, 1, 0, 0], [-1.6, -0.25, 0.4, 0.0], [0, 0, 0, 1], [0.0 if stiff else 2.0, 0, -48.0, -0.5]])
+    A = np.array([[0, 1, 0, 0], [-1.6, -0.25, 0.4, 0.0], [0, 0, 0, 1], [0.0 if stiff else 2.0, 0, -spring, -loss]])
     gain = 0.0 if stiff else 1.0
     B = np.array([[0.0], [1.0], [0.0], [6.0 * gain]])
     M = np.zeros((5, 5))
@@ -98,7 +109,7 @@ def rig(seed: int, *, lag: float = 0.0, width: float = 0.0, stiff: bool = False)
         felt += follows * (acting - felt)
         if k % fine == 0:
             u[k // fine] = command
-            y[k // fine] = x[1] + 0.3 * x[3], -1.6 * x[0] - 48.0 * x[2] + felt + wind
+            y[k // fine] = x[1] + 0.3 * x[3], -1.6 * x[0] - spring * x[2] + felt + wind
         x = F @ x + G * (felt + wind)
     y += rng.standard_normal(y.shape) * np.array([2e-3, 2e-2])
     channels = (Channel("force", "N", "input"), Channel("speed", "m/s", "output"), Channel("acc", "m/s^2", "output"))
@@ -137,6 +148,24 @@ def test_a_mode_that_the_simulation_lacks_is_named() -> None:
     effect = found["effects"][0]  # type: ignore[index]
     assert (found["verdict"], effect["id"]) == ("named", "structural_mode"), found["statement"]
     assert effect["parameters"]["frequency_hz"]["value"] == pytest.approx(np.sqrt(48.0) / (2 * np.pi), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("spring", "loss", "entries"), [(40.0, 0.5, {"stiffness_change", "added_mass"}), (48.0, 1.2, {"damping_change"})]
+)
+def test_a_mode_that_moved_is_named_with_its_frequency(spring: float, loss: float, entries: set[str]) -> None:
+    found = told(rig(7, spring=spring, loss=loss), rig(1))
+    effect = found["effects"][0]  # type: ignore[index]
+    assert effect["id"] in entries, found["statement"]
+    value = effect["parameters"]["frequency_hz"]
+    assert value["value"] == pytest.approx(np.sqrt(spring) / (2 * np.pi), rel=0.02)
+
+
+def test_a_second_effect_beside_a_mode_that_the_simulation_lacks() -> None:
+    found = told(rig(8, lag=0.15), rig(6, stiff=True))
+    ids = {e["id"] for e in found["effects"]}  # type: ignore[attr-defined]
+    assert "structural_mode" in ids
+    assert ids <= {"structural_mode", "actuator_lag"}, found["statement"]
 
 
 def test_a_window_holds_the_slowest_mode() -> None:

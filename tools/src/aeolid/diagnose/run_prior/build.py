@@ -40,7 +40,7 @@ def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[
     dropped = {n for _, names in sets for n in names}
     shown = tuple(n for n in outputs if n not in dropped)
     shown += tuple(f"{stem}_{part}" for stem, _ in sets for part in ("collective", "cosine", "sine"))
-    recorded, simulated = (tuple(side_of(r, inputs, outputs) for r in group) for group in (records, runs))
+    recorded, simulated = (tuple(side_of(r, inputs, outputs, context) for r in group) for group in (records, runs))
     step = first.sample_time_s
     bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros(1), np.ones(1))
     stride, past = _window(window_s(bare, context), step, min(map(len, (*recorded, *simulated))))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +17,10 @@ from aeolid.diagnose.export import write_found
 from aeolid.diagnose.forensics import Finding
 from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.rotor_frame import blade_sets
+from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import DETECTED, NAMED, Explanation, Found, explain, with_standing
+from aeolid.diagnose.run_prior.explain import NAMED, Explanation, Found, explain, with_standing
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
@@ -68,7 +69,9 @@ def study_run(
 
     deadline.enter("full fits")
     found = explain(pair, context, units, deadline, tick)
-    standing = standing_of(pair, records, runs, context, found.moved, found.is_detected)
+    if not deadline.passed:
+        found = with_beside(pair, found, context, units, tick)
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart)
     found = with_standing(found, standing)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
@@ -78,7 +81,9 @@ def study_run(
     told = []
     for effect in found.found:
         others = _others(found, effect)
-        told.append(shown_values(effect, *values_of(pair, effect, others, ridge)))
+        own = effect.seen_in
+        values = values_of(*((pair, ridge) if own is None else (own, Search(own).ridge)), effect, others)
+        told.append(shown_values(effect, *values))
     names = tuple(tuple(names_of(f, t, found, context)) for f, t in zip(found.found, told, strict=True))
     return RunStudy(pair, found, proof, tuple(told), names)
 
@@ -107,7 +112,7 @@ def diagnosis_of(study: RunStudy, title: str, units: Mapping[str, str]) -> dict[
             "recovered_fraction": min(max(proof.gain / max(proof.ceiling, 1e-9), 0.0), 1.0) if effects else 0.0,
             "ceiling_gain": proof.ceiling,
         },
-        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": DETECTED},
+        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": x.limit},
         "not_excluded": not_excluded(x, {e["id"] for e in effects}), "next_experiment": None,
         "run": {
             "nats_lost": x.lost, "weight": x.weight, "weight_after": _finite(x.after), "errors_grow": dict(x.moved),
@@ -117,10 +122,8 @@ def diagnosis_of(study: RunStudy, title: str, units: Mapping[str, str]) -> dict[
 
 def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[str, Any]]]:
     x = study.explanation
-    if not x.is_detected:
-        return "no_mismatch", []
     if not x.found or not study.is_borne_out:
-        return "unnamed", []
+        return ("unnamed" if x.is_apart else "no_mismatch"), []
     effects: list[dict[str, Any]] = []
     open_ = False
     for names in study.names:
@@ -141,7 +144,7 @@ def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
     if verdict == "no_mismatch":
         return (
             f"Nothing separates the recording from the simulation: trusting the run fully costs {max(x.lost, 0.0):.0f}"
-            f" nats, where runs of one machine cost up to {DETECTED:.0f}"
+            f" nats, where runs of one machine cost up to {x.limit:.0f}"
         )
     if verdict == "unnamed":
         most = max(x.moved, key=lambda n: x.moved[n])
@@ -193,7 +196,7 @@ def conclude_run(
 
 
 def _without(x: Explanation) -> Explanation:
-    return Explanation(x.lost, x.weight, x.moved, (), x.table, x.modal)
+    return replace(x, found=(), change=NOTHING)
 
 
 def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding]) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline import equations_of
 from aeolid.diagnose.rotor_frame import to_fixed_frame
 from aeolid.diagnose.run_prior.explain import Explanation, Found
+from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.naming import Told
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.identify.plain import identify_plainly
@@ -29,7 +30,7 @@ def corrected_model(
     sets: Sequence[tuple[str, tuple[str, ...]]],
 ) -> Equations:  # fmt: skip
     """Return the corrected model; where the runs lack a mode it is that of the recordings themselves."""
-    lacking = any(f.scored is None for f in explanation.found)
+    lacking = any(f.scored is None or _is_resonance(f.scored.hypothesis) for f in explanation.found)
     source = [to_fixed_frame(r, sets) for r in (records if lacking else runs)]
     past = int(min(_LONGEST, math.ceil(pair.past * pair.stride), min(map(len, source)) // 20))
     outputs = len(source[0].names("output"))
@@ -37,9 +38,16 @@ def corrected_model(
     model = equations_of(found.model, shaped_noise=False)
     name = "the recordings" if lacking else "the simulation, with what it leaves out"
     model = replace(model, name=f"linear model of {name}")
+    if lacking:  # which has the other effects, too
+        return model
     for k, (effect, values) in enumerate(zip(explanation.found, told, strict=True)):
         model = _with_effect(model, effect, values, f"effect{k + 1}")
     return model
+
+
+def _is_resonance(h: Hypothesis) -> bool:
+    """Tell whether a hypothesis is a mode that moved or that an output shows beside its own."""
+    return "frequency_hz" in h.names
 
 
 def _with_effect(model: Equations, found: Found, told: Told, tag: str) -> Equations:

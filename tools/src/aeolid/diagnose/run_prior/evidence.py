@@ -116,6 +116,11 @@ def evidence(prior: Prior, recording: Gram, start: float | None = None) -> Evide
     return Evidence(at(best), float(WEIGHTS[best]), known[best][1])
 
 
+def lost_by(prior: Prior, recording: Gram, best: Evidence) -> float:
+    """Return the nats that a recording loses against its best weight when the run counts fully, or more than that."""
+    return best.nats - max(evidence_at(prior, recording, float(w)) for w in WEIGHTS if w >= 1.0)
+
+
 def evidence_at(prior: Prior, recording: Gram, weight: float) -> float:
     """Return the log evidence in nats at a weight of the run."""
     return _at(prior, recording, weight)[0]

@@ -1,7 +1,7 @@
 """Decide what explains a pair: one operator after another while each brings the run back, else a mode the run lacks.
 
-All numbers that decide stand here. Nulls of two turbines (5 MW on land, 15 MW in the sea; 14 to 17 m/s, two outputs and
-all) lose 0 to 42 nats when the run counts fully, effects that can be decided 70 to 15,000.
+All numbers that decide stand here. A pair is detected by what is lost when the run counts fully, and beside that by an
+effect that is worth enough for itself: what is lost counts every law that moved, an effect's gain its own alone.
 """
 
 from __future__ import annotations
@@ -14,18 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.run_prior.evidence import WEIGHTS, evidence_at
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+from aeolid.diagnose.run_prior.resonances import resonances
 from aeolid.diagnose.run_prior.search import Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
 
 Array = NDArray[np.float64]
-DETECTED = 60.0  # nats lost when the run counts fully, from which something separates it from the recordings
+LEAST_LOST, EACH_LOST = 30.0, 10.0  # nats lost from which something separates the sides: in all, and an output
+UNSTEADY = 1.5  # times what halves of one side lose under each other, below which nothing separates the sides either
+DETECTED = 60.0  # nats by which the evidence must fall for an effect to be excluded
 NAMED = 30.0  # nats that an effect must gain on the data of the fit …
 HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
 SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
+MOVED_SHARE = 0.25  # … or with this of it by a mode that moved: what else it does to the outputs is not told by poles
 LEAST_SHARE = 0.1  # of what was lost: less leaves the pair as different as before, whatever the run's weight does
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
@@ -50,13 +53,15 @@ class Found:
     rivals: tuple[Scored, ...] = ()
     edge: bool = False  # the mode is a pair of a blade's edgewise whirl
     standing: Standing | None = None
+    seen_in: Pair | None = None  # outputs in which it was found, where these are not all
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
     """Hold the outcome of a search.
 
-    lost: nats that the recordings lose when the run counts fully; weight: the run's best weight without an effect;
+    lost: nats that the recordings lose when the run counts fully; limit: what they may lose and nothing separate the
+    sides; weight: the run's best weight without an effect;
     moved: by output, how much one-step errors grow when the run counts fully; found: effects, first one first; table:
     what every refined hypothesis gained, by step; modal: the modes of both sides.
     """
@@ -72,11 +77,12 @@ class Explanation:
     evaluations: int = 0
     after: float = np.nan  # the run's weight with all effects
     tried: Mapping[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = field(default_factory=dict)
+    limit: float = LEAST_LOST
 
     @property
-    def is_detected(self) -> bool:
-        """Tell whether run and recordings differ by more than their noise."""
-        return self.lost > DETECTED or any(f.standing is not None for f in self.found)
+    def is_apart(self) -> bool:
+        """Tell whether run and recordings differ by more than their noise, whatever explains it."""
+        return self.lost > self.limit or any(f.standing is not None for f in self.found)
 
 
 def explain(
@@ -87,42 +93,43 @@ def explain(
     turbine = context.get("blades") is not None
     hypotheses = [h for h in all_hypotheses(pair, dict(units)) if turbine or h.entry not in AERODYNAMIC]
     first = Search(pair)
-    lost, moved = _lost(first), _moved(first)
+    lost, moved = first.lost, _moved(first)
+    limit = limit_of(pair, first.unsteady())
+    modal = compare_modes(pair, context) if lost > limit else Modal((), (), ())
+    hypotheses += resonances(pair, modal, units, moved, context)
     screened = first.screen(hypotheses, tick)
-    table = first.refine(screened, tick) if lost > DETECTED else []
-    best = _chosen(first, table, lost)
+    table = first.refine(screened, tick)
+    best = chosen(first, table, lost)
+    x = Explanation(
+        lost, first.base.weight, moved, (), tuple(table), modal, NOTHING, tuple(screened), first.evaluations,
+        tried=first.tried, limit=limit,
+    )  # fmt: skip
     if best is None:
-        modal = compare_modes(pair, context)
-        found = _from_modes(modal, moved, context, pair) if lost > DETECTED else ()
-        return Explanation(
-            lost,
-            first.base.weight,
-            moved,
-            found,
-            tuple(table),
-            modal,
-            NOTHING,
-            tuple(screened),
-            first.evaluations,
-            tried=first.tried,
-        )
-    found = (Found(best, None, _rivals(best, table)),)
-    change, after, count = best.change, best.weight, first.evaluations
-    if not deadline.passed:
-        second = Search(pair, change)
-        count += second.evaluations
-        own = [h for h in hypotheses if h.place != best.hypothesis.place]
-        left = _lost(second)
-        more = second.refine(second.screen(own, tick), tick) if left > DETECTED else []
-        further = _chosen(second, more, left)
-        if further is not None and further.nats > max(NAMED, FURTHER * best.nats):
-            found += (Found(further, None, _rivals(further, more)),)
-            change, after = further.change.after(change), further.weight
-            table += more
-    modal = Modal((), (), ())
-    return Explanation(
-        lost, first.base.weight, moved, found, tuple(table), modal, change, tuple(screened), count, after, first.tried
-    )
+        return replace(x, found=_from_modes(modal, moved, context, pair) if lost > limit else ())
+    x = replace(x, found=(Found(best, None, rivals_of(best, table)),), change=best.change, after=best.weight)
+    return x if deadline.passed else _with_further(pair, x, best, hypotheses, tick)
+
+
+def _with_further(
+    pair: Pair, x: Explanation, best: Scored, hypotheses: Sequence[Hypothesis], tick: Callable[[str], None]
+) -> Explanation:
+    """Return an explanation with a second effect at another place, where one gains enough behind the first."""
+    second = Search(pair, best.change)
+    own = [h for h in hypotheses if h.place != best.hypothesis.place]
+    more = second.refine(second.screen(own, tick), tick) if second.lost > x.limit else []
+    further = chosen(second, more, second.lost)
+    x = replace(x, evaluations=x.evaluations + second.evaluations)
+    if further is None or further.nats <= max(NAMED, FURTHER * best.nats):
+        return x
+    return replace(
+        x, found=(*x.found, Found(further, None, rivals_of(further, more))), change=further.change.after(best.change),
+        after=further.weight, table=(*x.table, *more),
+    )  # fmt: skip
+
+
+def limit_of(pair: Pair, unsteady: float) -> float:
+    """Return the nats that may be lost and nothing separate the sides, from what their halves lose."""
+    return max(LEAST_LOST, EACH_LOST * len(pair.shown), UNSTEADY * unsteady)
 
 
 def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
@@ -143,27 +150,22 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
     return replace(x, found=kept + told, change=change)
 
 
-def _lost(search: Search) -> float:
-    """Return the nats that the recordings lose when the run counts fully, or more than that."""
-    return search.base.nats - max(evidence_at(search.prior, search.recorded, w) for w in WEIGHTS if w >= 1.0)
-
-
 def _moved(search: Search) -> dict[str, float]:
     grown = np.diag(search.covariance_at(1.0)) / np.diag(search.base.covariance)
     return {n: float(v) for n, v in zip(search.pair.shown, grown, strict=True)}
 
 
-def _chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
+def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
     least = max(HELD, search.base.weight)
     table = [s for s in table if s.nats > max(NAMED, LEAST_SHARE * lost)]
-    fit = [s for s in table if (s.weight >= least or s.nats > SHARE * lost)]
+    fit = [s for s in table if s.weight >= least or s.nats > (MOVED_SHARE if s.hypothesis.of else SHARE) * lost]
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))
 
 
-def _rivals(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
+def rivals_of(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
     """Return other kinds, or other places, that gain nearly as much; forms that only hold the best one are none."""
     near = min(_RIVAL * best.nats, best.nats - _RIVAL_NATS)
     return tuple(s for s in table if s is not best and s.nats > near and not _holds(s.hypothesis, best.hypothesis))

@@ -29,7 +29,8 @@ class Hypothesis:
 
     entry: id of the catalogue; place: `input:name`, `output:name` or `rotor`; names, units, low, high: of its values,
     as the catalogue has them; grid: values to begin at; change: what the values do to the data; scaled: which values
-    are searched on a logarithmic scale (all but shares and factors).
+    are searched on a logarithmic scale (all but shares and factors); steps: widths of the first search, on that scale;
+    of: frequency in Hz and damping of the run's mode that moves.
     """
 
     entry: str
@@ -41,11 +42,14 @@ class Hypothesis:
     grid: tuple[Values, ...]
     change: Callable[[Values], Change]
     scaled: bool = True
+    steps: Values = ()
+    of: Values = ()
 
     @property
     def key(self) -> str:
         """Return what tells this hypothesis from all others of a pair."""
-        return f"{self.entry} {self.place}".strip()
+        mode = f"{self.of[0]:.3g} Hz" if self.of else ""
+        return f"{self.entry} {self.place} {mode}".strip()
 
 
 def all_hypotheses(pair: Pair, units: dict[str, str]) -> list[Hypothesis]:
@@ -204,12 +208,12 @@ def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
 
 
 def _of_rotor(pair: Pair) -> list[Hypothesis]:
-    if any(s.azimuth is None for s in pair.recordings):
+    if any(s.turned is None for s in pair.recordings):
         return []
 
     def harmonic(order: int, values: Values) -> Change:
         def waves(side: Side) -> Array:
-            angle = side.azimuth if side.azimuth is not None else np.zeros(len(side))
+            angle = side.turned if side.turned is not None else np.zeros(len(side))
             return np.column_stack([np.cos(order * angle), np.sin(order * angle)])
 
         return Change(extra=waves)

@@ -17,6 +17,7 @@ from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode, mark_harmonics
+from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ SHARP_DAMPING, SHARP_SPREAD = 0.1, 0.01  # most damping and relative deviation o
 LOOSE_DAMPING = 0.3  # of a partner
 SAME = 0.06  # relative distance within which modes are one
 ALIKE = 0.6  # cosine between the outputs' shares of modes that are one
+_PASSING = 0.03  # of a frequency: so near a multiple of the rotor's it is no mode that a kind has already
 _STATES = {2: 20}  # by number of outputs; more have more
 _MOST_STATES = 40
 _BLOCKS = 40  # of a window
@@ -32,7 +34,10 @@ _HIGHEST = 0.4  # of the blocks' rate: nearer to half of it a mode may be the im
 
 @dataclass(frozen=True)
 class Absent:
-    """Hold a mode that the recordings have and the runs lack, the output that shows it most, its turbine kind or ""."""
+    """Hold a mode that the recordings have and the runs lack, the output that shows it most, its turbine kind or "".
+
+    outputs: those that show it at least half as much.
+    """
 
     frequency_hz: float
     frequency_std_hz: float
@@ -40,6 +45,7 @@ class Absent:
     damping_std: float
     output: str
     kind: str = ""
+    outputs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +59,35 @@ class Modal:
 
 def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
     """Identify both sides at the rate of the blocks and match their modes; none where either cannot be identified."""
-    turn = context.get("rated_speed_rad_s")
+    stride, past = _coarse(pair)
+    sides = (pair.recordings, pair.runs)
+    records = [_slowed(pair, s, stride) for s in sides]
+    order = min(_STATES.get(len(pair.shown), _MOST_STATES), past * len(pair.shown))
     try:
-        recorded, simulated = (_modes(pair, sides, turn) for sides in (pair.recordings, pair.runs))
+        found = [identify_plainly(r, past=past, order=order, stable=True) for r in records]
     except NotIdentifiable:
         return Modal((), (), ())
-    highest = _HIGHEST / (pair.step * _coarse(pair)[0])
-    return Modal(recorded, simulated, _absent(recorded, simulated, highest, is_turbine(context)))
+    turns = [_turn(s, pair.step, context) for s in sides]
+    recorded, simulated = (
+        tuple(mark_harmonics(f.modes, hz) if hz else f.modes) for f, hz in zip(found, turns, strict=True)
+    )
+    absent = _absent(recorded, simulated, _HIGHEST / (pair.step * stride), is_turbine(context), turns[0])
+    return Modal(recorded, simulated, absent)
+
+
+def model_of_runs(pair: Pair) -> tuple[StateSpace, list[Record]] | None:
+    """Return the runs' model at the rate of the pair's blocks, and the blocks; None where none can be identified."""
+    records = _slowed(pair, pair.runs, pair.stride)
+    try:
+        order = _STATES.get(len(pair.shown), _MOST_STATES)
+        found = identify_plainly(records, past=pair.past, order=order, stable=True, uncertainty="none").model
+    except NotIdentifiable:
+        return None
+    return (found, records) if found.K is not None else None
 
 
 def _absent(
-    recorded: Sequence[Mode], simulated: Sequence[Mode], highest: float, turbine: bool
+    recorded: Sequence[Mode], simulated: Sequence[Mode], highest: float, turbine: bool, turn: float | None
 ) -> tuple[Absent, ...]:  # fmt: skip
     partners = [m for m in simulated if m.damping < LOOSE_DAMPING]
     alone: list[Mode] = []
@@ -71,7 +95,8 @@ def _absent(
     for m in recorded:
         if m.rotor_order is None and m.frequency_hz < highest and m.damping < LOOSE_DAMPING:
             (both if any(_is_same(p, m) for p in partners) else alone).append(m)
-    present = {_kind(m) for m in both if m.damping < SHARP_DAMPING} if turbine else set()
+    own = [m for m in both if m.damping < SHARP_DAMPING and not _is_multiple(m.frequency_hz, turn)]
+    present = {_kind(m) for m in own} if turbine else set()
     found = []
     for m in alone:
         f, std = m.frequency_hz, m.frequency_std_hz
@@ -80,9 +105,20 @@ def _absent(
         kind = _kind(m) if turbine else ""
         output = max(m.shares, key=lambda name: m.shares[name])
         found.append(
-            Absent(f, std, m.damping, m.damping_std or np.inf, output, "" if kind in present else kind)
+            Absent(f, std, m.damping, m.damping_std or np.inf, output, "" if kind in present else kind, _shown(m))
         )  # fmt: skip
     return tuple(sorted(found, key=lambda a: a.damping))
+
+
+def _is_multiple(frequency_hz: float, turn: float | None) -> bool:
+    """Tell whether a frequency is so near a multiple of the rotor's that blades which pass may be all there is."""
+    order = round(frequency_hz / turn) if turn else 0
+    return order >= 1 and turn is not None and abs(frequency_hz - order * turn) < _PASSING * frequency_hz
+
+
+def _shown(m: Mode) -> tuple[str, ...]:
+    most = max(m.shares.values())
+    return tuple(name for name, share in m.shares.items() if share >= 0.5 * most)
 
 
 def _kind(m: Mode) -> str:
@@ -102,10 +138,10 @@ def _alike(a: Mode, b: Mode) -> bool:
     return bool(x @ y > ALIKE * np.linalg.norm(x) * np.linalg.norm(y))
 
 
-def _modes(pair: Pair, sides: Sequence[Side], turn: float | None) -> tuple[Mode, ...]:
+def _slowed(pair: Pair, sides: Sequence[Side], stride: int) -> list[Record]:
+    """Return means over blocks of inputs and of outputs in the fixed frame."""
     roles = [("input", n) for n in pair.inputs] + [("output", n) for n in pair.shown]
     channels = tuple(Channel(n, "", role) for role, n in roles)
-    stride, past = _coarse(pair)
     step, records = pair.step * stride, []
     for side in sides:
         y = fixed_frame(side.y, side.azimuth, pair.blades)
@@ -113,11 +149,14 @@ def _modes(pair: Pair, sides: Sequence[Side], turn: float | None) -> tuple[Mode,
         values = np.hstack([side.u, y])[: n * stride].reshape(n, stride, -1).mean(axis=1)
         values[side.missing[: n * stride].reshape(n, stride).any(axis=1)] = np.nan
         records.append(Record(np.arange(n, dtype=np.float64) * step, values, channels, step, side.source, ""))
-    order = min(_STATES.get(len(pair.shown), _MOST_STATES), past * len(pair.shown))
-    found = identify_plainly(records, past=past, order=order, stable=True).modes
-    rates = [side.azimuth for side in sides if side.azimuth is not None]
-    hz = _turning(rates, pair.step) if rates else (turn / (2 * np.pi) if turn else None)
-    return tuple(mark_harmonics(found, hz)) if hz else tuple(found)
+    return records
+
+
+def _turn(sides: Sequence[Side], step: float, context: Mapping[str, Any]) -> float | None:
+    """Return the rotor's mean frequency in Hz, of angle or speed where they are recorded, else the rated one."""
+    angles = [side.turned for side in sides if side.turned is not None]
+    rated = context.get("rated_speed_rad_s")
+    return _turning(angles, step) if angles else (float(rated) / (2 * np.pi) if rated else None)
 
 
 def _coarse(pair: Pair) -> tuple[int, int]:

@@ -16,10 +16,12 @@ from aeolid.diagnose.catalogue.simulators import settings
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.machine import is_turbine
+from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.standing import Standing
 
 Told = dict[str, tuple[float, float]]  # name → value, deviation
 _AERO_RIVAL = 0.6  # of the gain of a factor on pitch, from which a slow wake is not told from it
+_STILL = 0.02  # by which a frequency may differ where a mode is only damped otherwise
 _LATERAL = r"side.?(to.?)?side|(^|[\W_])ss([\W_]|$)|tayp|lateral"
 _WORDS = {
     "actuator_lag": "{name} acts through a first-order lag of {tau_s:.3g} s that the simulation leaves out",
@@ -70,6 +72,8 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     assert found.scored is not None
     h = found.scored.hypothesis
     units = dict(zip(h.names, h.units, strict=True))
+    if h.of:
+        return _moved_names(h, found, told)
     own = _physical(h, found, explanation, context)
     share = 1.0 / len(own)
     names = [Name(n, h.place, told, units, share) for n in own]
@@ -78,12 +82,27 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     each = 0.4 / len(found.rivals)
     names = [Name(n.entry, n.place, n.told, n.units, 0.6 * n.weight) for n in names]
     for rival in found.rivals:
-        values = dict(zip(rival.hypothesis.names, ((v, np.inf) for v in rival.values), strict=True))
+        pairs = zip(rival.hypothesis.names, rival.values, strict=True)
+        values = {n: (v, np.inf) for n, v in pairs if n not in HIDDEN}
         names.append(
             Name(rival.hypothesis.entry, rival.hypothesis.place, values,
                  dict(zip(rival.hypothesis.names, rival.hypothesis.units, strict=True)), each)
         )  # fmt: skip
     return names
+
+
+def _moved_names(h: Hypothesis, found: Found, told: Told) -> list[Name]:
+    """Return what moves a mode: a stiffness or a mass; its damping alone where its frequency stays."""
+    (f, _), (zeta, _) = told["frequency_hz"], told["damping"]
+    what = next((k.words for k in KINDS if re.search(k.pattern, h.place.lower())), "a mode")
+    now = f"{what} of {h.of[0]:.3g} Hz and damping {h.of[1]:.2g} in the simulation is at {f:.3g} Hz with {zeta:.2g}"
+    still = abs(f / h.of[0] - 1) < _STILL
+    names = ["damping_change"] if still else [h.entry, *(r.hypothesis.entry for r in found.rivals if r.hypothesis.of)]
+    why = {"damping_change": "it is damped otherwise", "stiffness_change": "its stiffness differs",
+           "added_mass": "its mass differs"}  # fmt: skip
+    words = {n: f"{now} in the recording: {why[n]}" for n in names}
+    weights = [1.0] if len(words) == 1 else [0.6, *[0.4 / (len(words) - 1)] * (len(words) - 1)]
+    return [Name(n, h.place, told, _MODE_UNITS, w, words[n]) for n, w in zip(words, weights, strict=True)]
 
 
 def _standing_names(s: Standing) -> list[Name]:

@@ -30,6 +30,20 @@ def second_order(x: Array, omega: float, damping: float, step: float) -> Array:
     return _filtered(x, A, np.array([0.0, omega**2]), np.array([1.0, 0.0]), step)
 
 
+def resonance_moved(x: Array, zero: tuple[float, float], pole: tuple[float, float], step: float) -> Array:
+    """Return the response of (s² + 2 ζ₀ ω₀ s + ω₀²)/(s² + 2 ζ₁ ω₁ s + ω₁²), zero (ω₀ in rad/s, ζ₀), pole (ω₁, ζ₁).
+
+    A resonance at the zero goes to the pole; what is quick is left as it is.
+    """
+    (w0, z0), (w1, z1) = zero, pole
+    A = np.array([[0.0, 1.0], [-(w1**2), -2 * z1 * w1]])
+    c = np.array([w0**2 - w1**2, 2 * z0 * w0 - 2 * z1 * w1])
+    middle = x.mean()
+    moves = _filtered(np.concatenate([[0.0], x - middle]), A, np.array([0.0, 1.0]), c, step)[1:]
+    out: Array = x + moves
+    return out
+
+
 def delayed(x: Array, delay: float, step: float) -> Array:
     """Return x some seconds later (earlier where negative), by cubic splines between the samples."""
     out: Array = shift(x, delay / step, order=3, mode="nearest")

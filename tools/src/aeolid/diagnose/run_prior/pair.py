@@ -8,12 +8,14 @@ no operator on an input brings back what decimation took away. Blade outputs go 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.run_prior.grams import Gram, lagged_gram, total, with_noise
+from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
@@ -27,7 +29,10 @@ _SHORTEST = 10  # windows of a stretch without a missing sample
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Hold one recording or run: u (N, r), y (N, l), azimuth (N,) in rad or None, where samples are missing, source."""
+    """Hold one recording or run: u (N, r), y (N, l), azimuth (N,) in rad or None, where samples are missing, source.
+
+    turned (N,): the angle in rad that the rotor has turned by, from anywhere, or None.
+    """
 
     u: Array
     y: Array
@@ -35,6 +40,7 @@ class Side:
     missing: Mask
     step: float
     source: str
+    turned: Array | None = None
 
     def __len__(self) -> int:
         return len(self.u)
@@ -45,18 +51,20 @@ class Change:
     """Say what a hypothesis does to the data.
 
     inputs: operators on recorded inputs, by place; outputs: operators on outputs of the run, by place; extra: further
-    regressors (N, e) of a recording, at its sample time.
+    regressors (N, e) of a recording, at its sample time; runs: what is added to a run's blocks of outputs (n, l).
     """
 
     inputs: Mapping[int, Operator] = field(default_factory=dict)
     outputs: Mapping[int, Operator] = field(default_factory=dict)
     extra: Callable[[Side], Array] | None = None
+    runs: Callable[[Side], Array] | None = None
 
     def after(self, first: Change) -> Change:
         """Return both changes, `first` before this one."""
         return Change(
-            _chained(first.inputs, self.inputs), _chained(first.outputs, self.outputs), _beside(first.extra, self.extra)
-        )
+            _chained(first.inputs, self.inputs), _chained(first.outputs, self.outputs),
+            _beside(first.extra, self.extra), _added(first.runs, self.runs),
+        )  # fmt: skip
 
 
 def _chained(first: Mapping[int, Operator], then: Mapping[int, Operator]) -> dict[int, Operator]:
@@ -75,6 +83,12 @@ def _beside(a: Callable[[Side], Array] | None, b: Callable[[Side], Array] | None
     if a is None or b is None:
         return b if a is None else a
     return lambda side: np.hstack([a(side), b(side)])
+
+
+def _added(a: Callable[[Side], Array] | None, b: Callable[[Side], Array] | None) -> Callable[[Side], Array] | None:
+    if a is None or b is None:
+        return b if a is None else a
+    return lambda side: a(side) + b(side)
 
 
 NOTHING = Change()
@@ -117,15 +131,15 @@ class Pair:
 
     def of_recordings(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
         """Return the moments of the recordings' windows that end in a part of each, 0 … 1, with a change of them."""
-        return total([self._moments(s, change.inputs, {}, change.extra, first, last) for s in self.recordings])
+        return total([self._moments(s, replace(change, outputs={}, runs=None), first, last) for s in self.recordings])
 
     def of_runs(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
         """Return the moments of the runs' windows that end in a part of each, with what a change does to them."""
-        return total([self._moments(s, {}, change.outputs, None, first, last) for s in self.runs])
+        return total([self._moments(s, replace(change, inputs={}, extra=None), first, last) for s in self.runs])
 
     def of_runs_changed(self, change: Change, first: float, last: float) -> Gram:
-        """Return the moments of the runs' windows when their inputs are changed like the recordings'."""
-        return total([self._moments(s, change.inputs, change.outputs, None, first, last) for s in self.runs])
+        """Return the moments of the runs' windows when a change acts on them as it does on recordings."""
+        return total([self._moments(s, change, first, last) for s in self.runs])
 
     def predicted(self, side: Side, change: Change, theta: Array, first: float) -> tuple[Array, Array, Array]:
         """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units."""
@@ -140,15 +154,14 @@ class Pair:
         time_s = np.asarray(k * self.block_s, dtype=np.float64)
         return time_s, z[k][:, held:] * scale + offset, np.hstack(rows) @ theta * scale + offset
 
-    def _moments(
-        self, side: Side, inputs: Mapping[int, Operator], outputs: Mapping[int, Operator],
-        extra: Callable[[Side], Array] | None, first: float, last: float,
-    ) -> Gram:  # fmt: skip
-        u, y = _changed(side.u, inputs, side.step), _changed(side.y, outputs, side.step)
+    def _moments(self, side: Side, change: Change, first: float, last: float) -> Gram:
+        u, y = _changed(side.u, change.inputs, side.step), _changed(side.y, change.outputs, side.step)
         z = (self._blocks(u, y, side.azimuth) - self.offset) / self.scale
+        if change.runs is not None:
+            z[:, -len(self.shown) :] += change.runs(side) / self.scale[-len(self.shown) :]
         n = len(z)
         missing: Mask = np.any(side.missing[: n * self.stride].reshape(n, self.stride), axis=1)
-        added = None if extra is None else _in_blocks(extra(side), self.stride)[:, -1]
+        added = None if change.extra is None else _in_blocks(change.extra(side), self.stride)[:, -1]
         start = max(round(first * len(z)), _SETTLE + self.past) - self.past
         stop = round(last * len(z))
         parts = []
@@ -214,7 +227,7 @@ def fixed_frame(y: Array, azimuth: Array | None, blades: Sequence[Sequence[int]]
     return np.hstack(columns)
 
 
-def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str]) -> Side:
+def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str], context: Mapping[str, Any]) -> Side:
     """Return a recording's channels with missing samples filled in for the filters' sake and marked."""
     u, y = record.columns(inputs), record.columns(outputs)
     missing: Mask = ~np.all(np.isfinite(np.hstack([u, y])), axis=1)
@@ -225,7 +238,8 @@ def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str]) -> Si
         turns = np.pi / 180 if record.unit(angle[0]).startswith(("deg", "°")) else 1.0
         missing |= ~np.isfinite(values)
         azimuth = np.nan_to_num(values) * turns
-    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source)
+    angle_turned = azimuth if azimuth is not None else turned(record, context)
+    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned)
 
 
 def _filled(values: Array) -> Array:

@@ -15,6 +15,7 @@ from aeolid.diagnose.run_prior.grams import total
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.operators import turning_step
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.search import FIT
 
 Array = NDArray[np.float64]
@@ -23,6 +24,7 @@ _BLOCKS = 6  # of the sealed part, each foretold from all before it
 _FOLDS = 5  # of the whole recording, for the spread of a value
 _Z90 = 1.6449
 _MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
+_OF_FREQUENCY = 0.005  # of a frequency
 _TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig of 0.30: 0.27 to 0.33, as turns are taken)
 _INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 
@@ -103,7 +105,7 @@ def _series(pair: Pair, bare: _Foretold, full: _Foretold, change: Change) -> dic
     return found
 
 
-def values_of(pair: Pair, found: Found, others: Change, ridge: Array) -> tuple[Values, Values]:
+def values_of(pair: Pair, ridge: Array, found: Found, others: Change) -> tuple[Values, Values]:
     """Return the values of an effect on all data and their standard deviations.
 
     The value is where the evidence of all data peaks; its deviation is that of the jackknife over five parts, the
@@ -118,7 +120,8 @@ def values_of(pair: Pair, found: Found, others: Change, ridge: Array) -> tuple[V
         centre, spread = _along(pair, found, others, ridge, tuple(values), place)
         values[place] = float(np.clip(centre, h.low[place], h.high[place]))
         between = _between_samples(pair, h, place)
-        deviations.append(float(np.sqrt(spread**2 + (_MODEL * values[place]) ** 2 + between**2)))
+        model = _OF_FREQUENCY if h.names[place] == "frequency_hz" else _MODEL
+        deviations.append(float(np.sqrt(spread**2 + (model * values[place]) ** 2 + between**2)))
     return tuple(values), tuple(deviations)
 
 
@@ -136,7 +139,8 @@ def _along(pair: Pair, found: Found, others: Change, ridge: Array, values: Value
     """Return the peak of the evidence along one value, and its deviation, from five points around it."""
     assert found.scored is not None
     h, weight = found.scored.hypothesis, found.scored.weight
-    width = max(0.06 * abs(values[place]), 0.2 * pair.step if h.units[place] == "s" else 0.0)
+    share = 0.015 if h.names[place] == "frequency_hz" else 0.06
+    width = max(share * abs(values[place]), 0.2 * pair.step if h.units[place] == "s" else 0.0)
     points = values[place] + width * np.arange(-2.0, 3.0)
     points = np.clip(points, h.low[place], h.high[place])
     edges = np.linspace(0.0, 1.0, _FOLDS + 1)
@@ -172,10 +176,11 @@ def shown_values(found: Found, values: Sequence[float], deviations: Sequence[flo
         return {}
     if found.mode is not None:
         m = found.mode
-        return {"frequency_hz": (m.frequency_hz, _of_mode(m.frequency_hz, m.frequency_std_hz, 0.005)),
+        return {"frequency_hz": (m.frequency_hz, _of_mode(m.frequency_hz, m.frequency_std_hz, _OF_FREQUENCY)),
                 "damping": (m.damping, _of_mode(m.damping, m.damping_std, 0.1))}  # fmt: skip
     assert found.scored is not None
-    return {n: (v, s) for n, v, s in zip(found.scored.hypothesis.names, values, deviations, strict=True)}
+    names = found.scored.hypothesis.names
+    return {n: (v, s) for n, v, s in zip(names, values, deviations, strict=True) if n not in HIDDEN}
 
 
 def _of_mode(value: float, std: float, model: float) -> float:

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
-from aeolid.diagnose.run_prior.evidence import Evidence, covariance_at, evidence, prior_of, shrinkage_of
+from aeolid.diagnose.run_prior.evidence import Evidence, covariance_at, evidence, lost_by, prior_of, shrinkage_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
+from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
 FIT = 0.7  # of each recording in which hypotheses are chosen and fitted; the rest is sealed
 _KEPT = 8  # hypotheses that are refined
 _NEAR = 0.15  # of the best gain from which a hypothesis is refined …
 _LEAST = 3.0  # … and nats
+_WIDE = 0.35  # of two and more values, the first step of their search
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +60,29 @@ class Search:
         self.evaluations = 0
         self.tried: dict[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = {}
 
+    @property
+    def lost(self) -> float:
+        """Return the nats that the recordings lose when the run counts fully, or more than that."""
+        return lost_by(self.prior, self.recorded, self.base)
+
+    def unsteady(self) -> float:
+        """Return the most nats that one half of the runs, or of the recordings, loses when the other counts fully.
+
+        Halves of one side differ by nothing but the wind; nats go with the number of windows, here the recordings' at
+        most. A side whose halves are too short for the windows tells nothing.
+        """
+        pair, last, most = self.pair, self.last, 0.0
+        for of, edges in ((pair.of_runs, (0.0, 0.5, 1.0)), (pair.of_recordings, (0.0, 0.5 * last, last))):
+            try:
+                early, late = (of(NOTHING, a, b) for a, b in pairwise(edges))
+            except NotIdentifiable:
+                continue
+            for known, new in ((early, late), (late, early)):
+                prior = prior_of(known, self.ridge)
+                lost = lost_by(prior, new, evidence(prior, new, self.base.weight))
+                most = max(most, lost * min(1.0, self.recorded.count / new.count))
+        return most
+
     def covariance_at(self, weight: float) -> Array:
         """Return the covariance (l, l) of the innovations when the run has a weight."""
         return covariance_at(self.prior, self.recorded, weight)
@@ -65,7 +91,9 @@ class Search:
         """Return the gain in nats over the evidence without it, and the weight of the run."""
         self.evaluations += 1
         change = h.change(values).after(self.found)
-        prior = self.prior if not h.change(values).outputs else prior_of(self.pair.of_runs(change), self.ridge)
+        own = h.change(values)
+        same = not own.outputs and own.runs is None
+        prior = self.prior if same else prior_of(self.pair.of_runs(change), self.ridge)
         recorded = self.recorded
         if change.inputs is not self.found.inputs or change.extra is not self.found.extra:
             recorded = self.pair.of_recordings(change, 0.0, self.last)
@@ -75,13 +103,17 @@ class Search:
     def control(self, h: Hypothesis, values: Values) -> float:
         """Return what the same change gains on the run alone: its second half under its first, both changed.
 
-        A change that brings information back which blocks have lost gains there, too; it is no effect.
+        A change that brings information back which blocks have lost gains there, too; it is no effect. Nor is a load
+        that turns with the rotor and that the runs have themselves.
         """
         change = h.change(values)
-        if not change.inputs:
+        if change.extra is not None and any(s.turned is None for s in self.pair.runs):
+            return np.inf
+        if not change.inputs and change.extra is None:
             return 0.0
-        prior = prior_of(self.pair.of_runs_changed(change.after(self.found), 0.0, 0.5), self.ridge)
-        changed = evidence(prior, self.pair.of_runs_changed(change.after(self.found), 0.5, 1.0), self._other.weight)
+        behind = change.after(replace(self.found, inputs={}, extra=None))  # what stands is done to the runs' outputs
+        prior = prior_of(self.pair.of_runs_changed(replace(behind, extra=None), 0.0, 0.5), self.ridge)
+        changed = evidence(prior, self.pair.of_runs_changed(behind, 0.5, 1.0), self._other.weight)
         return max(0.0, self._share * (changed.nats - self._other.nats))
 
     def screen(self, hypotheses: Sequence[Hypothesis], tick: Callable[[str], None] = lambda _: None) -> list[Scored]:
@@ -129,7 +161,8 @@ class Search:
             ends = tuple(to[0](np.array(around)))
             minimize_scalar(loss, bounds=ends, method="bounded", options={"xatol": fine, "maxiter": 12})
         else:
-            simplex = np.vstack([start, *(start + 0.35 * np.eye(len(start))[k] for k in range(len(start)))])
+            steps = h.steps or (_WIDE,) * len(start)
+            simplex = np.vstack([start, start + np.diag(steps)])
             minimize(loss, start, method="Nelder-Mead",
                      options={"initial_simplex": simplex, "xatol": 0.02, "fatol": 0.3, "maxfev": 40})  # fmt: skip
         return best

@@ -1,0 +1,48 @@
+"""Recover how far the rotor has turned from its recorded speed, where no angle is recorded.
+
+The angle is known up to where it began; a force that turns with the rotor is a sum of its cosine and sine, so that the
+beginning is no matter to it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+_SPEED = r"(rot(or)?|gen(erator)?|lss|hss|shaft).{0,6}(speed|spd|rpm|omega|gag?v)|(^|_)omega|(^|_)n_?(gen|rot)|rpm"
+_UNITS = {"rpm": np.pi / 30, "1/min": np.pi / 30, "rad/s": 1.0, "deg/s": np.pi / 180, "Hz": 2 * np.pi, "1/s": 2 * np.pi}
+_SLOWEST, _FASTEST = 0.4, 1.3  # of the rated speed: means that a turbine at work can have
+
+
+def turned(record: Record, context: Mapping[str, Any]) -> Array | None:
+    """Return the rotor's angle (N,) in rad from its first sample on, from a speed of the rotor or the generator.
+
+    A generator's is divided by `gearbox_ratio`; without `rated_speed_rad_s`, or where no speed fits it, None.
+    """
+    rated = context.get("rated_speed_rad_s")
+    if not rated:
+        return None
+    for channel in record.channels:
+        if channel.unit not in _UNITS or not re.search(_SPEED, channel.name.lower()):
+            continue
+        speed = record.column(channel.name) * _UNITS[channel.unit]
+        good = np.isfinite(speed)
+        if not good.any():
+            continue
+        speed = np.interp(np.arange(len(speed)), np.flatnonzero(good), speed[good])
+        for ratio in (1.0, float(context.get("gearbox_ratio") or 1.0)):
+            if _SLOWEST < speed.mean() / (ratio * float(rated)) < _FASTEST:
+                return _sum(speed / ratio, record.sample_time_s)
+    return None
+
+
+def _sum(speed: Array, step: float) -> Array:
+    """Return the integral of a speed by the trapezoidal rule."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))])
