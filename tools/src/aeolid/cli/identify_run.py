@@ -65,6 +65,7 @@ def identify_recordings(recordings: Sequence[Path], roles: Path, markov: Path | 
         made = choose_for(asked, seen, through, streamed)
         common = asked.common | {"past": made.past, "feedthrough": mask_of(asked.method, through, made)}
         others |= {} if made.delays is None else {"delays": made.delays}
+        others |= contrast_for(asked.method, made)
     with waiting(f"identifying with a past window of {made.past} samples"):
         run = partial(run_method, asked.method, records, common, others, streamed)
         result = with_choices_made(identify_soundly(run, seen, asked.stable, asked.allow_unstable), made)
@@ -104,6 +105,13 @@ def choose_for(
         )  # fmt: skip
     window = read_past(past, records[0].sample_time_s * common["decimation"]) or 0
     return Choices(window, () if named == "auto" else tuple(named))
+
+
+def contrast_for(method: str, made: Choices) -> dict[str, str]:
+    """Return when prediction-error steps take the subspace model's place: always where no window could be compared."""
+    if method not in CHOOSING[:2]:
+        return {}
+    return {"contrast": "always" if made.check is not None and made.check.holds is None else "apart"}
 
 
 def mask_of(method: str, feedthrough: Sequence[str] | None, made: Choices) -> Sequence[str] | None:
