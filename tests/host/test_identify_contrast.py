@@ -11,6 +11,7 @@ from aeolid.identify.order import TOLERANCE, worth_a_state
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import WindowCheck
 from aeolid.identify.varx import identify_varx
+from aeolid.plants.hawt import simulate_closed_loop
 from aeolid.record import Channel, Record
 
 stress = load_study("identify_stress")
@@ -52,7 +53,7 @@ def test_a_window_with_too_many_coefficients_for_its_samples_gets_the_likeliest_
     told = drawn.poles[np.array(drawn.share) > 0.05]
     assert furthest_off(plain, drawn.plant, told) > 5 > 3 > furthest_off(held, drawn.plant, told)
     facts = held.to_json()["contrast"]
-    assert facts["taken"] and facts["ended"] and facts["apart"] > APART and "contrast" not in plain.to_json()
+    assert facts["taken"] and facts["failed"] is None and facts["apart"] > APART and "contrast" not in plain.to_json()
     assert held.model.K.any() and any("prediction-error steps" in n for n in held.notes)
 
 
@@ -69,7 +70,7 @@ def test_an_answer_that_the_steps_agree_with_stays_as_it_is():
         identify_varx(records, past=20, contrast="often")
 
 
-def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_innovations_are_white(overfitted):
+def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_their_end_is_taken(overfitted):
     found = identify_varx(overfitted[0], past=38, order=6)
     check = WindowCheck(None, 38, 25, None, 0.0, "whether it is long enough cannot be said")
     short = WindowCheck(False, 38, 76, 1.0, 9.0, "the past window is too short")
@@ -78,13 +79,22 @@ def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_innovation
         result = found if facts is None else type(found)(**{**found.__dict__, "extra": {"contrast": facts}})
         return with_choices_made(result, Choices(38, (), check=check))
 
-    white, said = {"white": True, "reason": None}, CONFIRMED.format(38)
-    assert told(white).extra["bands_hold"] is True and said in told(white).notes
-    doubtful = [told(None), told({"white": False, "reason": None}), told(white, short)]
-    doubtful += [told({"white": False, "reason": "steps come to no end"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
+    taken, said = {"taken": True, "reason": None}, CONFIRMED.format(38)
+    assert told(taken).extra["bands_hold"] is True and said in told(taken).notes
+    doubtful = [told(None), told({"taken": False, "reason": None}), told(taken, short)]
+    doubtful += [told({"taken": False, "reason": "steps come to no end"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
     for result in doubtful:
         assert result.extra["bands_hold"] is False and result.extra["bands_reason"]
         assert any(n.startswith("WARNING") for n in result.notes) and said not in result.notes
+
+
+def test_an_order_too_low_is_said_and_the_model_stays():
+    """The turbine has more than two states: what is left over is not white, and no end of steps has bands that hold."""
+    record = simulate_closed_loop(4000, 5)
+    found = identify_varx([record], past=20, order=2, contrast="apart")
+    facts = found.to_json()["contrast"]
+    assert not facts["taken"] and "white" in facts["failed"] and "do not hold" in facts["reason"]
+    np.testing.assert_array_equal(found.model.A, identify_varx([record], past=20, order=2).model.A)
 
 
 def model_with(*poles):

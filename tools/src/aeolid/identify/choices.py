@@ -109,8 +109,8 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     """Return the result with the notes and facts of the choices.
 
     bands_hold is False where the window is too short, and where prediction-error steps find poles elsewhere and have no
-    end to take (`contrast`); where nothing longer than the window could be tried, their end stands in for it if its
-    innovations are white. Results of
+    end to take (`contrast`); where nothing longer than the window could be tried, their end stands in for it where
+    it can be taken. Results of
     methods that leave nothing to choose are returned as they are.
     """
     if not isinstance(result, Identification):
@@ -119,7 +119,7 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     facts: dict[str, Any] = {"choices": made.to_json()}
     notes = list(made.notes)
     if check is not None:
-        confirmed = check.holds is None and held.get("white", False)
+        confirmed = check.holds is None and held.get("taken", False)
         window = "" if confirmed else check.reason
         reasons = [r for r in (window, held.get("reason")) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.identify.descent import ENOUGH
 from aeolid.identify.outcome import nearest
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import KNOWN, MATERIAL
@@ -25,7 +24,8 @@ if TYPE_CHECKING:
     from aeolid.identify.refine import Refinement, Run, Stretch
 
 Array = NDArray[np.float64]
-WORK = 1e10  # operations a step, a few seconds: no steps are taken where one costs more
+WORK = 4e10  # operations of all steps, some ten seconds: no more are taken
+BESIDE = 1e4  # operations a sample of each step beside its derivatives: a few runs of the predictor
 APART = 3.0  # deviations: of a pair of numbers by chance one in ninety, and less as P − I⁻¹ is below P
 MOST = 80  # steps: from a start far off they are many; no model is taken before they end
 NATS = 0.02  # of log-likelihood: a step that gains less moves no number by more than a fifth of its deviation
@@ -53,19 +53,18 @@ def farthest(before: ScaledModel, after: ScaledModel, covariance: Array) -> tupl
 class Contrast:
     """Hold a subspace model beside the end of the steps from it.
 
-    done: the steps, none left where their model fits the recordings worse; steps: how many were tried. apart,
-    frequency_hz: of the pole that moves most, deviations told and Hz. ended: whether the steps came to an end, so that
-    the information at it says how far off it may be. taken: whether the end takes the place of the subspace model;
-    white: whether its innovations are, on the longest stretch, free of the inputs' past too (`residuals`).
+    done, steps: the steps and their number; apart, frequency_hz: of the pole that moves most, deviations told and Hz;
+    failed: why the end of the steps cannot be taken, empty where it can or need not be; taken: whether it takes the
+    place of the subspace model. Taken is what the steps end at, whose innovations on the longest stretch are white and
+    free of the inputs' past (`residuals`), and which fits the recordings no worse.
     """
 
     done: Refinement
     steps: int
     apart: float
     frequency_hz: float
-    ended: bool
+    failed: str
     taken: bool
-    white: bool
 
     @property
     def doubt(self) -> str:
@@ -74,23 +73,22 @@ class Contrast:
             return ""
         return (
             f"prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.0f} "
-            f"standard deviations and {'fit the recordings worse' if self.ended else 'come to no end'}: "
-            "standard deviations do not hold"
+            f"standard deviations and {self.failed}: standard deviations do not hold"
         )
 
     def notes(self) -> list[str]:
         """Return what is to be said of it."""
         if not self.taken:
             return []
-        what = (
-            f"moved the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.1f} of its standard deviations"
-        )
-        return [f"{self.done.steps} prediction-error steps {what}: their model is taken, with the deviations it has"]
+        return [
+            f"{self.steps} prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by "
+            f"{min(self.apart, 999):.1f} of its standard deviations: their model is taken, with the deviations it has"
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON facts."""
-        facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "ended": self.ended, "taken": self.taken}
-        return {"contrast": facts | {"white": self.white, "steps": self.steps, "reason": self.doubt or None}}
+        facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "steps": self.steps, "taken": self.taken}
+        return {"contrast": facts | {"failed": self.failed or None, "reason": self.doubt or None}}
 
 
 def contrast(
@@ -101,27 +99,40 @@ def contrast(
 
     poles (n, 2, 2): covariance of its poles; step_s: sample time; kept: returns steps as they are or, where they fit
     the recordings worse, with none left; information: part of what complete recordings would tell, 0 … 1; always: take
-    the end where poles agree too. None where a step costs more than WORK. Cost of a step: that of one of `refine`.
+    the end where poles agree too. None where one step costs more than WORK, which bounds the cost.
     """
     from aeolid.identify.refine import Descent, run_model  # brings the compiled loops along, which others do without
 
-    (n, r), outputs = start.B.shape, len(start.C)
-    samples, free = sum(len(s.y) for s in stretches), n * (2 * outputs + r) + outputs * sum(through)
-    if 2.0 * samples * n * (n + outputs) * (n + free) > WORK:
+    outputs, samples = len(start.C), sum(len(s.y) for s in stretches)
+    steps = min(MOST, int(WORK / _work(start, samples, sum(through))))
+    if steps == 0:
         return None
     descent = Descent(stretches, through, False)
-    path = descent.path(start, MOST, max(ENOUGH, 2 * NATS / (samples * outputs)))
+    path = descent.path(start, steps, 2 * NATS / (samples * outputs))
     found = descent.result(path, None, "no step gains")
     pole, apart = farthest(start, found.model, poles)
-    ended = 1 < len(path) <= MOST
-    wanted = ended and found.root is not None and (always or apart > APART)
-    done = kept(found) if wanted else found
-    taken = wanted and done.steps > 0
-    if taken and done.root is not None:
-        done = replace(done, root=done.root / np.sqrt(information))
-    white = taken and _white(run_model(done.model, stretches, np.eye(outputs)), stretches)
     hertz = float(abs(np.log(pole)) / (2 * np.pi * step_s)) if pole else 0.0
-    return Contrast(done, len(path) - 1, apart, hertz, ended, taken, white)
+    met = Contrast(found, len(path) - 1, apart, hertz, "", False)
+    if apart <= APART and not always:
+        return met
+    if len(path) > steps:
+        return replace(met, failed="come to no end")
+    if len(path) == 1 or found.root is None:
+        return replace(met, failed="cannot be taken")
+    if not _white(run_model(found.model, stretches, np.eye(outputs)), stretches):
+        return replace(met, failed="leave innovations that are not white")
+    done = kept(found)
+    if not done.steps or done.root is None:
+        return replace(met, failed="fit the recordings worse")
+    return replace(met, done=replace(done, root=done.root / np.sqrt(information)), taken=True)
+
+
+def _work(model: ScaledModel, samples: int, through: int) -> float:
+    """Return the operations of a step: derivatives, their factor, and what runs over the samples beside them."""
+    (n, r), outputs = model.B.shape, len(model.C)
+    free = n * (2 * outputs + r) + outputs * through
+    each = n * (n + outputs) * (n + free) + outputs * free**2
+    return float(samples * (2.0 * each + BESIDE))
 
 
 def _white(run: Run, stretches: Sequence[Stretch]) -> bool:
