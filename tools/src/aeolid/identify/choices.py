@@ -108,10 +108,10 @@ def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], aut
 def with_choices_made(result: Result, made: Choices) -> Result:
     """Return the result with the notes and facts of the choices.
 
-    bands_hold is False where the window is too short, and where prediction-error steps find poles elsewhere and have no
-    end to take (`contrast`); where nothing longer than the window could be tried, their end stands in for it where
-    it can be taken. Results of
-    methods that leave nothing to choose are returned as they are.
+    bands_hold is False where the window is too short, where prediction-error steps find poles elsewhere and have no end
+    to take, and where innovations at their end are not white (`contrast`). Where nothing longer than the window could
+    be tried, an end that is taken stands in for it. Results of methods that leave nothing to choose are returned as
+    they are.
     """
     if not isinstance(result, Identification):
         return result
@@ -123,7 +123,7 @@ def with_choices_made(result: Result, made: Choices) -> Result:
         window = "" if confirmed else check.reason
         reasons = [r for r in (window, held.get("reason")) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []
-        notes += [f"WARNING: {held['reason']}; record longer, or name the order"] if held.get("reason") else []
+        notes += [f"WARNING: {held['reason']}; record longer, or name a higher order"] if held.get("reason") else []
         notes += [CONFIRMED.format(check.past)] if confirmed else []
         reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
         holds = (check.holds is True or confirmed) and not reasons

@@ -55,8 +55,8 @@ class Contrast:
 
     done, steps: the steps and their number; apart, frequency_hz: of the pole that moves most, deviations told and Hz;
     failed: why the end of the steps cannot be taken, empty where it can or need not be; taken: whether it takes the
-    place of the subspace model. Taken is what the steps end at, whose innovations on the longest stretch are white and
-    free of the inputs' past (`residuals`), and which fits the recordings no worse.
+    place of the subspace model; white: whether its innovations on the longest stretch are white and free of the inputs'
+    past (`residuals`). Taken is what the steps end at, if it is white and fits the recordings no worse.
     """
 
     done: Refinement
@@ -65,12 +65,18 @@ class Contrast:
     frequency_hz: float
     failed: str
     taken: bool
+    white: bool
 
     @property
     def doubt(self) -> str:
         """Return why the deviations do not hold, empty where they do."""
-        if self.apart <= APART or self.taken:
+        if self.taken or (self.white and self.apart <= APART):
             return ""
+        if self.apart <= APART:
+            return (
+                f"after {self.steps} prediction-error steps innovations still follow their own past or that of the "
+                "inputs, so that modes may be missing: standard deviations may not hold"
+            )
         return (
             f"prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by {min(self.apart, 999):.0f} "
             f"standard deviations and {self.failed}: standard deviations do not hold"
@@ -87,7 +93,8 @@ class Contrast:
 
     def to_json(self) -> dict[str, Any]:
         """Return the JSON facts."""
-        facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "steps": self.steps, "taken": self.taken}
+        facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "steps": self.steps, "taken": self.taken,
+                 "white": self.white}  # fmt: skip
         return {"contrast": facts | {"failed": self.failed or None, "reason": self.doubt or None}}
 
 
@@ -112,14 +119,15 @@ def contrast(
     found = descent.result(path, None, "no step gains")
     pole, apart = farthest(start, found.model, poles)
     hertz = float(abs(np.log(pole)) / (2 * np.pi * step_s)) if pole else 0.0
-    met = Contrast(found, len(path) - 1, apart, hertz, "", False)
+    white = _white(run_model(found.model, stretches, np.eye(outputs)), stretches)
+    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white)
     if apart <= APART and not always:
         return met
     if len(path) > steps:
         return replace(met, failed="come to no end")
     if len(path) == 1 or found.root is None:
         return replace(met, failed="cannot be taken")
-    if not _white(run_model(found.model, stretches, np.eye(outputs)), stretches):
+    if not white:
         return replace(met, failed="leave innovations that are not white")
     done = kept(found)
     if not done.steps or done.root is None:
