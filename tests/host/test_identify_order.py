@@ -42,7 +42,7 @@ def test_the_smallest_within_the_tolerance_is_taken_and_said():
     )
     other = smallest_sufficient(losses, tolerance=0.001, what="joint order", of=" of all", each="channel", tail="; so")
     assert other.order == 5 and other.reason.startswith("joint order 5: the smallest whose one-step error of all on")
-    assert other.reason.endswith("within 0% per channel of the best (joint order 5 of 1 to 6); so")
+    assert other.reason.endswith("within 0.1% per channel of the best (joint order 5 of 1 to 6); so")
     assert shared is least_squares
 
 

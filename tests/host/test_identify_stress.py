@@ -91,6 +91,11 @@ def test_neighbours_are_matched_by_assignment_and_only_nearby():
     assert match(true, np.array([0.97j])) == [0, None, None]
 
 
+def test_a_found_pole_that_belongs_to_none_does_not_push_the_others_on():
+    """The sum of distances is less where each takes its neighbour's: 1 + 1/2 + 2 for 8."""
+    assert match(np.array([1j, 2j, 3j]), np.array([2j, 3j, 9j])) == [None, 0, 1]
+
+
 def record_of(values):
     """Return a recording of one input and one output."""
     channels = (Channel("u1", "", "input"), Channel("y1", "", "output"))

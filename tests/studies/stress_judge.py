@@ -57,17 +57,32 @@ def _excited(drawn: Drawn) -> Any:
 
 
 def match(true: Any, found: Any) -> list[int | None]:
-    """Return for each true pole s the index of its own among the found ones, None where none is near; in 1/s."""
-    cost = abs(true[:, None] - found[None]) / np.maximum(abs(true)[:, None], 1e-12)
-    rows, columns = linear_sum_assignment(np.minimum(cost, 1e3))
+    """Return for each true pole s the index of its own among the found ones, None where none is near; in 1/s.
+
+    A pair that is not near costs as much as the worst one that is, however far: else the sum of distances is least
+    where a found pole that belongs to none pushes all others on to their neighbours.
+    """
+    cost = np.ones((len(true), len(found)))
+    for i, s in enumerate(true):
+        for j, other in enumerate(found):
+            cost[i, j] = min(_apart(complex(s), complex(other)), 1.0)
+    rows, columns = linear_sum_assignment(cost)
     place: list[int | None] = [None] * len(true)
     for i, j in zip(rows, columns, strict=True):
-        s, other = true[i], found[j]
-        real = s.imag == 0
-        near = cost[i, j] <= NEAR if not real else other.imag == 0 and (
-            abs(s) < 1e-9 or 1 / FACTOR <= other.real / s.real <= FACTOR)  # fmt: skip
-        place[i] = int(j) if near else None
+        place[i] = int(j) if cost[i, j] < 1.0 else None
     return place
+
+
+def _apart(s: complex, other: complex) -> float:
+    """Return the distance of a found pole over what is near: NEAR of |s|, of a real pole the factor FACTOR."""
+    if s.imag != 0:
+        return abs(s - other) / (NEAR * abs(s))
+    if other.imag != 0:
+        return np.inf
+    if abs(s) < 1e-9:
+        return 0.5
+    ratio = other.real / s.real
+    return float(abs(np.log(ratio)) / np.log(FACTOR)) if ratio > 0 else np.inf
 
 
 def judge(drawn: Drawn, code: int, facts: dict[str, Any] | None) -> dict[str, Any]:

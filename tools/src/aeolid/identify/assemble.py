@@ -26,7 +26,7 @@ from aeolid.identify.order import (
     require_order,
 )
 from aeolid.identify.parsimony import guard_order
-from aeolid.identify.quantify import quantify
+from aeolid.identify.quantify import Uncertainty, quantify
 from aeolid.identify.result import Identification, Settings
 from aeolid.identify.streamed import theta_in_units
 from aeolid.identify.subspace import (
@@ -46,6 +46,7 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 if TYPE_CHECKING:
+    from aeolid.identify.contrast import Contrast
     from aeolid.identify.refine import Refinement
 
 Array = NDArray[np.float64]
@@ -115,12 +116,8 @@ def assemble(
     _require_loop_shows(windows, settings, choice.order, through)
     T = basis.state_map(choice.order)
     fitted = system_matrices(factor, T, through)
-    scaled = stabilise(factor, fitted, T) if settings.stable else fitted
-    rest, done = equilibrium(factor, T, scaled), _refine(windows, settings, through, scaled)
-    done = _kept(done, (scaled, rest), records, scaling)
-    if done is not None and done.steps:
-        scaled, rest = done.model, done.equilibrium()
-    known = quantify(windows.records, scaling, factor, basis, fitted, scaled, estimate, through, settings, done)
+    before = stabilise(factor, fitted, T) if settings.stable else fitted
+    known, scaled, rest, said = _settled(windows, settings, through, basis, (fitted, before), estimate, records, extra)
     model = with_start(model_in_units(scaled, rest, scaling, records[0]), records)
     model, fit = with_innovations(model, records)
     return Identification(
@@ -137,11 +134,42 @@ def assemble(
         windows=factor.windows,
         skipped=factor.skipped,
         gain_method=scaled.gain_method,
-        notes=(*_notes(factor, estimate, model), *((few,) if few else ()), *notes, *_say_refinement(settings, done)),
+        notes=(*_notes(factor, estimate, model), *((few,) if few else ()), *notes, *said),
         version=aeolid.__version__,
-        extra=(extra or {}) | known.facts | ({} if done is None else {"refinement": done.to_json()}),
+        extra=(extra or {}) | known.facts,
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
     )
+
+
+def _settled(
+    windows: Windows, settings: Settings, through: tuple[bool, ...], basis: StateBasis,
+    models: tuple[ScaledModel, ScaledModel], estimate: MarkovEstimate, records: Sequence[Record],
+    extra: dict[str, Any] | None,
+) -> tuple[Uncertainty, ScaledModel, Array, list[str]]:  # fmt: skip
+    """Return the model with the steps that were asked for or are needed, its rest, what is known and said of it.
+
+    models: as the regressions gave it, and that with poles moved inside, or the same.
+    """
+    fitted, scaled = models
+    rest = equilibrium(windows.whole, basis.state_map(len(fitted.A)), scaled)
+    done = _kept(_refine(windows, settings, through, scaled), (scaled, rest), records, windows.scaling)
+
+    def quantified() -> Uncertainty:
+        return quantify(
+            windows.records, windows.scaling, windows.whole, basis, fitted, scaled, estimate, through, settings, done
+        )
+
+    if done is not None and done.steps:
+        scaled, rest = done.model, done.equilibrium()
+    said, known = _say_refinement(settings, done), quantified()
+    facts = {} if done is None else {"refinement": done.to_json()}
+    held = _contrasted(windows, settings, through, (scaled, rest), known.poles, records, extra or {})
+    if held is not None and held.taken:
+        scaled, rest, done = held.done.model, held.done.equilibrium(), held.done
+        known = quantified()
+    if held is not None:
+        said, facts = [*said, *held.notes()], facts | held.to_json()
+    return replace(known, facts=known.facts | facts), scaled, rest, said
 
 
 def _require_loop_shows(windows: Windows, settings: Settings, order: int, through: tuple[bool, ...]) -> None:
@@ -159,6 +187,27 @@ def _kept(
     from aeolid.identify.keep_better import keep_better
 
     return keep_better(done, before, records, lambda m, at: model_in_units(m, at, scaling, records[0]))
+
+
+def _contrasted(
+    windows: Windows, settings: Settings, through: tuple[bool, ...], before: tuple[ScaledModel, Array],
+    poles: Array | None, records: Sequence[Record], extra: dict[str, Any],
+) -> Contrast | None:  # fmt: skip
+    """Hold the model against prediction-error steps from it, where the settings ask for that; see `contrast`."""
+    asked = settings.contrast != "none" and not settings.refined and not settings.stable and settings.markov is None
+    if not asked or poles is None or settings.uncertainty != "asymptotic":
+        return None
+    from aeolid.identify.contrast import contrast
+    from aeolid.identify.extended import collect  # brings the compiled loops along, which others do without
+    from aeolid.identify.refine import cut_stretches
+
+    def kept(done: Refinement) -> Refinement:
+        return _kept(done, before, records, windows.scaling) or done
+
+    stretches = cut_stretches(collect(windows.records, windows.scaling.without_innovations(), settings.past))
+    information = float(extra.get("preparation", {}).get("information", 1.0))
+    always = settings.contrast == "always"
+    return contrast(stretches, before[0], poles, through, records[0].sample_time_s, kept, information, always)
 
 
 def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]) -> StateBasis:

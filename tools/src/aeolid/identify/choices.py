@@ -21,6 +21,10 @@ from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
 Result = TypeVar("Result")
+CONFIRMED = (
+    "the data allow no past window much longer than {} samples to hold it against: modes are those of prediction-error "
+    "steps, which have no window, and their innovations are white"
+)
 TESTED = 0.3  # of the longest window allowed, in which feedthrough is tested where the window is not given
 
 
@@ -102,22 +106,28 @@ def _said(tested: tuple[Feedthrough, ...], missing: tuple[Feedthrough, ...], aut
 
 
 def with_choices_made(result: Result, made: Choices) -> Result:
-    """Return the result with the notes and facts of the choices; bands_hold is False where the window is too short.
+    """Return the result with the notes and facts of the choices.
 
-    Results of methods that leave nothing to choose are returned as they are.
+    bands_hold is False where the window is too short, where prediction-error steps find poles elsewhere and have no end
+    to take, and where innovations at their end are not white (`contrast`). Where nothing longer than the window could
+    be tried, an end that is taken stands in for it. Results of methods that leave nothing to choose are returned as
+    they are.
     """
     if not isinstance(result, Identification):
         return result
-    check = made.check
+    check, held = made.check, result.extra.get("contrast", {})
     facts: dict[str, Any] = {"choices": made.to_json()}
     notes = list(made.notes)
     if check is not None:
-        reasons = [check.reason] if check.reason else []
+        confirmed = check.holds is None and held.get("taken", False)
+        window = "" if confirmed else check.reason
+        reasons = [r for r in (window, held.get("reason")) if r]
+        notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []
+        notes += [f"WARNING: {held['reason']}; record longer, or name a higher order"] if held.get("reason") else []
+        notes += [CONFIRMED.format(check.past)] if confirmed else []
         reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
-        holds = check.holds is True and not made.missing
+        holds = (check.holds is True or confirmed) and not reasons
         facts |= {"bands_hold": holds, "bands_reason": "; ".join(reasons) or None, "window": check.to_json()}
-        if check.reason:
-            notes.append(f"WARNING: {check.reason}; lengthen --past, or --decimate")
     return replace(result, notes=(*result.notes, *notes), extra=result.extra | facts)
 
 

@@ -29,12 +29,13 @@ def descend(
     *,
     steps: int,
     floor: float,
+    enough: float = ENOUGH,
 ) -> Iterator[Model]:
     """Yield the start and the model after each step, until a step gains too little.
 
     loss_of: mean log error power per output, infinite for a model that is not admitted; factor_of: triangular factor
     (npar + 1, npar + 1) of the weighted [∂e/∂θ, e]; move: the model with Δθ (npar,) added; floor: loss below which the
-    errors are rounding and no step is taken.
+    errors are rounding and no step is taken; enough: gain in loss below which no further step is taken.
     """
     model = start
     yield model
@@ -46,7 +47,7 @@ def descend(
         if not usable(R):
             return
         model, found = _best_step(model, R, loss, loss_of, move)
-        if loss - found < ENOUGH:
+        if loss - found < enough:
             return
         loss = found
         yield model

@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.identify.descent import MOST_STEPS, column_scale, covariance_root, descend, usable
+from aeolid.identify.descent import ENOUGH, MOST_STEPS, column_scale, covariance_root, descend, usable
 from aeolid.identify.extended import Samples
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.sensitivity import Coordinates, chunk_length, error_derivatives, unpack
@@ -183,8 +183,8 @@ class Descent:
     feedthrough: tuple[bool, ...]
     stable: bool
 
-    def path(self, start: ScaledModel, steps: int) -> list[ScaledModel]:
-        """Return the start and the models after each step."""
+    def path(self, start: ScaledModel, steps: int, enough: float = ENOUGH) -> list[ScaledModel]:
+        """Return the start and the models after each step; enough: gain in mean log error power that ends them."""
         if not admitted(start):
             return [start]
         slowest = max(self._slowest(), spectral_radius(start.A - start.K @ start.C))
@@ -206,7 +206,7 @@ class Descent:
             moved = at(model).move(model, delta)
             return replace(moved, A=move_inside(moved.A)) if self.stable else moved
 
-        return list(descend(start, loss, factor, move, steps=steps, floor=np.log(RESOLVED) + 1e-9))
+        return list(descend(start, loss, factor, move, steps=steps, floor=np.log(RESOLVED) + 1e-9, enough=enough))
 
     def _slowest(self) -> float:
         """Return the largest magnitude of a predictor's pole that the longest stretch can show, below 1.

@@ -29,6 +29,8 @@ class Settings:
     decides where order is None; refined: whether prediction-error steps follow. delays: inputs with the
     samples by which they act late. missing, detrend and robust say what was done to the recordings first. solution:
     which Ξ is taken where data are singular. unexcited: "refuse" or "take" loops that nothing moves from outside.
+    contrast: with prediction-error steps from the model: "none", "apart" (their end is taken where it is told apart) or
+    "always" (it is taken).
     """
 
     method: str
@@ -53,6 +55,7 @@ class Settings:
     robust: str = "never"
     unexcited: str = "refuse"
     solution: str = "smallest"
+    contrast: str = "none"
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

@@ -59,6 +59,7 @@ def identify_records(
         made = _choose(request, seen, through, streamed)
         common = request.common() | {"past": made.past, "feedthrough": _mask_of(request.method, through, made)}
         own |= {} if made.delays is None else {"delays": made.delays}
+        own |= _contrast_for(request.method, made)
     with tell(f"identifying with a past window of {made.past} samples"):
         run = partial(_run_method, request.method, records, common, own, streamed)
         result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
@@ -117,6 +118,13 @@ def _choose(
         )  # fmt: skip
     window = read_past(past, records[0].sample_time_s * request.decimate) or 0
     return Choices(window, () if named == "auto" else tuple(named))
+
+
+def _contrast_for(method: str, made: Choices) -> dict[str, str]:
+    """Return when prediction-error steps take the subspace model's place: always where no window could be compared."""
+    if method not in CHOOSING[:2]:
+        return {}
+    return {"contrast": "always" if made.check is not None and made.check.holds is None else "apart"}
 
 
 def _mask_of(method: str, feedthrough: Sequence[str] | None, made: Choices) -> Sequence[str] | None:

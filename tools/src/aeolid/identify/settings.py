@@ -11,6 +11,8 @@ from aeolid.identify.result import Settings
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.record import Record
 
+CONTRASTS = ("none", "apart", "always")
+
 
 def require_some(records: Sequence[Record]) -> None:
     """Refuse an empty experiment set."""
@@ -55,10 +57,12 @@ def make_settings(
     return Settings(method, past, chosen, order, through, regularization, decimation, stable, source)
 
 
-def with_choices(settings: Settings, refined: bool, order_criterion: str) -> Settings:
+def with_choices(settings: Settings, refined: bool, order_criterion: str, contrast: str = "none") -> Settings:
     """Return the settings with the way to the order and to the final numbers; raises UsageError on what cannot be."""
     if order_criterion not in CRITERIA:
         raise UsageError(f"order criterion {order_criterion!r} is none of {', '.join(CRITERIA)}")
+    if contrast not in CONTRASTS:
+        raise UsageError(f"contrast {contrast!r} is none of {', '.join(CONTRASTS)}")
     if refined and settings.uncertainty == "bootstrap":
         raise UsageError("a bootstrap repeats the subspace estimate, not its refinement; leave one of them out")
-    return replace(settings, refined=refined, order_criterion=order_criterion)
+    return replace(settings, refined=refined, order_criterion=order_criterion, contrast=contrast)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.markov import estimate_markov
-from aeolid.identify.order import TOLERANCE
+from aeolid.identify.order import worth_a_state
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, least_squares, system_matrices
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import WindowFactor
@@ -191,7 +191,7 @@ def _order(
     basis = find_states(fitted, estimate_markov(fitted, through, regularization).theta, fitted.past)
     most = max(min(most, largest_useful_order(basis)), 1)
     losses = np.array([_loss(fitted, held_out, basis, n, through) for n in range(1, most + 1)])
-    allowed = min(TOLERANCE, 4.0 / max(held_out.windows, 1) ** 0.75)
+    allowed = worth_a_state(held_out.windows)
     return int(np.flatnonzero(losses <= losses.min() + allowed)[0]) + 1
 
 

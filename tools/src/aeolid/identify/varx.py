@@ -38,6 +38,7 @@ def identify_varx(
     robust: str = "auto",
     solution: str = "auto",
     unexcited: str = "refuse",
+    contrast: str = "none",
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -59,6 +60,8 @@ def identify_varx(
     "high-pass" (see `detrend`). robust: "auto" (default), "always" or "never" takes spikes for missing (see `spikes`).
     solution: of singular data, "smallest", "pivoted" or "auto" (default: by held-out error; see `solution`).
     unexcited: "refuse" (default) loops whose recordings fit plants that differ, "take" them where no plant is sought.
+    contrast: with the end of prediction-error steps, which takes the model's place: "none" (default), "apart" where
+    poles differ by more than their deviations explain, or "always" (see `contrast`).
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -66,7 +69,7 @@ def identify_varx(
         "varx", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_preparation(with_choices(settings, refined, order_criterion), missing, detrend, robust)
+    settings = with_preparation(with_choices(settings, refined, order_criterion, contrast), missing, detrend, robust)
     settings = with_solution(settings, solution, unexcited)
     prepared = prepare(records, settings, delays)
     records = prepared.records

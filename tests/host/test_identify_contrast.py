@@ -1,0 +1,121 @@
+"""Hold the answers that prediction-error steps stand behind: tight bands over wrong modes end, right ones stay."""
+
+import numpy as np
+import pytest
+from study_modules import load_study
+
+from aeolid.errors import UsageError
+from aeolid.identify.choices import CONFIRMED, Choices, with_choices_made
+from aeolid.identify.contrast import APART, farthest
+from aeolid.identify.order import TOLERANCE, worth_a_state
+from aeolid.identify.subspace import ScaledModel
+from aeolid.identify.truncation import WindowCheck
+from aeolid.identify.varx import identify_varx
+from aeolid.plants.hawt import simulate_closed_loop
+from aeolid.record import Channel, Record
+
+stress = load_study("identify_stress")
+from stress_plants import draw  # noqa: E402  # the study names its folder
+
+
+def records_of(drawn):
+    """Return the recordings of a drawn plant."""
+    inputs = drawn.plant.B.shape[1]
+    names = [f"u{i}" for i in range(inputs)] + [f"y{i}" for i in range(len(drawn.plant.C))]
+    channels = tuple(Channel(n, "", "input" if n[0] == "u" else "output") for n in names)
+    step = drawn.plant.sample_time_s
+    return [Record(np.arange(len(v)) * step, v, channels, step, "drawn", "0") for v in drawn.recordings]
+
+
+def furthest_off(found, plant, poles):
+    """Return by how many deviations the nearest identified mode is off the worst of these poles of the plant."""
+    off = []
+    for pole in poles:
+        s = np.log(pole) / plant.sample_time_s
+        hz, zeta = abs(s) / (2 * np.pi), -s.real / abs(s)
+        near = min(found.modes, key=lambda m: abs(np.log(m.eigenvalue / pole)))
+        off += [abs(near.frequency_hz - hz) / near.frequency_std_hz, abs(near.damping - zeta) / near.damping_std]
+    return max(off)
+
+
+@pytest.fixture(scope="module")
+def overfitted():
+    """Return a recording of 633 samples whose window takes 152 coefficients, and the plant."""
+    drawn = draw(1, 146)
+    return records_of(drawn), drawn
+
+
+def test_a_window_with_too_many_coefficients_for_its_samples_gets_the_likeliest_modes(overfitted):
+    """With 591 windows for 152 coefficients the deviations know nothing of what Ξ is off by; the steps do."""
+    records, drawn = overfitted
+    plain = identify_varx(records, past=38, order=6)
+    held = identify_varx(records, past=38, order=6, contrast="apart")
+    told = drawn.poles[np.array(drawn.share) > 0.05]
+    assert furthest_off(plain, drawn.plant, told) > 5 > 3 > furthest_off(held, drawn.plant, told)
+    facts = held.to_json()["contrast"]
+    assert facts["taken"] and facts["failed"] is None and facts["apart"] > APART and "contrast" not in plain.to_json()
+    assert held.model.K.any() and any("prediction-error steps" in n for n in held.notes)
+
+
+def test_an_answer_that_the_steps_agree_with_stays_as_it_is():
+    """Open loop, white excitation, 2000 samples: subspace and likelihood differ by less than the deviations."""
+    drawn = draw(1, 32)
+    records = records_of(drawn)
+    plain, held = (identify_varx(records, past=20, contrast=how) for how in ("none", "apart"))
+    facts = held.to_json()["contrast"]
+    assert facts["apart"] < APART and not facts["taken"] and facts["reason"] is None
+    np.testing.assert_array_equal(plain.model.A, held.model.A)
+    assert identify_varx(records, past=20, contrast="always").to_json()["contrast"]["taken"]
+    with pytest.raises(UsageError, match="contrast"):
+        identify_varx(records, past=20, contrast="often")
+
+
+def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_their_end_is_taken(overfitted):
+    found = identify_varx(overfitted[0], past=38, order=6)
+    check = WindowCheck(None, 38, 25, None, 0.0, "whether it is long enough cannot be said")
+    short = WindowCheck(False, 38, 76, 1.0, 9.0, "the past window is too short")
+
+    def told(facts, check=check):
+        result = found if facts is None else type(found)(**{**found.__dict__, "extra": {"contrast": facts}})
+        return with_choices_made(result, Choices(38, (), check=check))
+
+    taken, said = {"taken": True, "reason": None}, CONFIRMED.format(38)
+    assert told(taken).extra["bands_hold"] is True and said in told(taken).notes
+    doubtful = [told(None), told({"taken": False, "reason": None}), told(taken, short)]
+    doubtful += [told({"taken": False, "reason": "steps come to no end"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
+    for result in doubtful:
+        assert result.extra["bands_hold"] is False and result.extra["bands_reason"]
+        assert any(n.startswith("WARNING") for n in result.notes) and said not in result.notes
+
+
+def test_an_order_too_low_is_said_and_the_model_stays():
+    """The turbine has more than two states: what is left over is not white, and no end of steps has bands that hold."""
+    record = simulate_closed_loop(4000, 5)
+    found = identify_varx([record], past=20, order=2, contrast="apart")
+    facts = found.to_json()["contrast"]
+    assert not facts["taken"] and "white" in facts["failed"] and "do not hold" in facts["reason"]
+    np.testing.assert_array_equal(found.model.A, identify_varx([record], past=20, order=2).model.A)
+
+
+def model_with(*poles):
+    """Return a model with these real poles."""
+    n = len(poles)
+    return ScaledModel(
+        np.diag(poles), np.ones((n, 1)), np.ones((1, n)), np.zeros((1, 1)), np.zeros((n, 1)), np.eye(1), ""
+    )
+
+
+def test_the_distance_is_in_deviations_and_of_known_poles():
+    spread = np.zeros((2, 2, 2))
+    spread[:, 0, 0] = spread[:, 1, 1] = 0.01**2
+    before = model_with(0.9, 0.5)
+    order = np.linalg.eigvals(before.A)
+    pole, apart = farthest(before, model_with(0.92, 0.5), spread)
+    assert pole == pytest.approx(0.9) and apart == pytest.approx(2.0, rel=1e-3)
+    spread[int(np.argmax(order))] *= 100  # not known any more
+    assert farthest(before, model_with(0.92, 0.51), spread)[1] == pytest.approx(1.0, rel=1e-3)
+
+
+def test_many_held_out_samples_tell_smaller_modes():
+    assert worth_a_state(100) == worth_a_state(1000) == TOLERANCE
+    assert worth_a_state(20_000) < TOLERANCE / 5
