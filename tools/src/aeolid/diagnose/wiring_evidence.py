@@ -176,7 +176,8 @@ def _lagged(u: Array, samples: float) -> Array:
     if samples <= 0.0:
         return u
     keep = float(np.exp(-1.0 / samples))
-    return u[0] + np.asarray(lfilter([1.0 - keep], [1.0, -keep], u - u[0]))
+    lagged: Array = u[0] + np.asarray(lfilter([1.0 - keep], [1.0, -keep], u - u[0]))
+    return lagged
 
 
 def _one_lag(inputs: int) -> Iterator[tuple[float, ...]]:
