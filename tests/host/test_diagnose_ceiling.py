@@ -9,11 +9,11 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import write_case
 
+from aeolid.diagnose.blocks import block_interval
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.detect import ceiling
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.proof import block_interval
 from aeolid.diagnose.verdict import diagnose
 
 Array = NDArray[np.float64]

@@ -10,10 +10,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.frame import scales_of
 from aeolid.diagnose.free_run import FreeRun, fitted_to_run_free
-from aeolid.diagnose.point import Free, Point, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.split import Split
 from aeolid.models import equations_file
 from aeolid.models.integrate import Compiled, compile_equations

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from aeolid.cli.main import main
-from aeolid.diagnose import predictor
+from aeolid.diagnose import evaluation
 from aeolid.diagnose.gains import kalman_gain
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
@@ -38,7 +38,7 @@ def with_rounding(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
         return K * (1 + 1e-13 * rng.standard_normal(K.shape))
 
     if seed:
-        monkeypatch.setattr(predictor, "kalman_gain", gain)
+        monkeypatch.setattr(evaluation, "kalman_gain", gain)
 
 
 @pytest.mark.diagnosis

@@ -14,9 +14,9 @@ from study_modules import load_study
 
 from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue.base import Z90, Slot
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import prepare
 
 SIZE = Slot("inverse", "period_s", "s", 0.0, 0.02, 5.0, 0.1)

@@ -16,7 +16,8 @@ from aeolid.diagnose import scores
 from aeolid.diagnose.blocks import shares_of
 from aeolid.diagnose.case import Case, load_case
 from aeolid.diagnose.directions import cells_of
-from aeolid.diagnose.predictor import Free, Point, Predictor
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared, prepare
 from aeolid.diagnose.projection import span
 from aeolid.diagnose.refit import finalists

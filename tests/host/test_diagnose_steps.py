@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, minimize
 
-from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
+from aeolid.diagnose.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.steps import Limits, expected_gain, limited_step, limits_of, next_damping
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations

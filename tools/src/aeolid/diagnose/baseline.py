@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete
 
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.modal import ModalForm
@@ -19,14 +18,6 @@ from aeolid.models.state_space import StateSpace
 Array = NDArray[np.float64]
 FELT = "felt_"  # what an accelerometer feels of a state's equation: name of the intermediate, before the state's
 _STILL = 1e-9  # spread of an input, in its value, below which only rounding moves it
-
-
-def discretise(model: StateSpace, step: float) -> StateSpace:
-    """Return the zero-order-hold equivalent of a continuous-time model; its noise model does not carry over."""
-    if model.sample_time_s:
-        return model
-    A, B, C, D, _ = cont2discrete((model.A, model.B, model.C, model.D), step, method="zoh")
-    return replace(model, A=A, B=B, C=C, D=D, K=None, innovation_covariance=None, sample_time_s=step)
 
 
 def equations_of(model: StateSpace, *, shaped_noise: bool, modal: ModalForm | None = None) -> Equations:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from aeolid.diagnose.alongside import alongside, with_run
-from aeolid.diagnose.baseline import discretise, equations_of
+from aeolid.diagnose.baseline import equations_of
 from aeolid.diagnose.case import MOST_STATES, Case
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.exogenous import with_time
+from aeolid.diagnose.held import discretise
 from aeolid.diagnose.rotor_frame import blade_sets, to_fixed_frame, worth_rate
 from aeolid.diagnose.sampled import sample_fmu
 from aeolid.diagnose.simulated import Surrogate, check_run, is_simple, surrogate, with_values

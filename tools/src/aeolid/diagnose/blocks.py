@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_DRAWS = 2000  # of the blocks of a sum
 _NONE = 1e-9  # variance below which a direction has none
 _ALL = 1e-9  # share of a direction's length outside one block, below which the rest is rounding
 
@@ -68,3 +69,13 @@ def redrawn(shares: Array, blocks: Blocks) -> Array:
     """
     result: Array = blocks.weights @ (shares @ standardiser(shares.T @ shares, _NONE))
     return result
+
+
+def block_interval(values: Array, seed: int, level: float = 0.9) -> tuple[float, float]:
+    """Return the block-bootstrap interval of a sum; blocks of N^(1/2) samples keep slow correlation."""
+    length = max(1, int(np.sqrt(len(values))))
+    blocks = np.add.reduceat(values, np.arange(0, len(values), length))
+    rng = np.random.default_rng(seed)
+    sums = rng.choice(blocks, size=(_DRAWS, len(blocks))).sum(axis=1)
+    low, high = np.quantile(sums, [(1 - level) / 2, (1 + level) / 2])
+    return float(low), float(high)

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import unlisted
 from aeolid.diagnose.catalogue.base import Attachment, Slot
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.moved import Moved
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 
 Array = NDArray[np.float64]
 
@@ -96,8 +97,3 @@ def at_bound(value: float, slot: Slot) -> bool:
     if not np.isfinite(width):
         return False
     return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width
-
-
-def finite(value: float) -> float | None:
-    """Return a number as JSON can hold it: None where it is not finite."""
-    return float(value) if np.isfinite(value) else None

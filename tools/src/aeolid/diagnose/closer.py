@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.directions import deviations
 from aeolid.diagnose.experiment import Experiment, menu_of, stretch_of
-from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import imitate
 from aeolid.diagnose.scores import Bank, Row, minimum_detectable
+from aeolid.diagnose.segments import Segment
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

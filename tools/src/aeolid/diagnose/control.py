@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.exogenous import with_time
 from aeolid.diagnose.frame import carry_free, carry_point
-from aeolid.diagnose.point import Prior, Segment
+from aeolid.diagnose.point import Prior
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.segments import Segment
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.divergent import Diverging, diverging
 from aeolid.diagnose.exogenous import with_exogenous, without_unused
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.free_run import FreeRun, fitted_to_run_free
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.predictor import Fit
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.recorded_wind import SHARE
 from aeolid.diagnose.verdict import shown_proof

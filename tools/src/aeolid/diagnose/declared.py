@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from aeolid.diagnose.candidate import Candidate, finite
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import location
 from aeolid.diagnose.moved import SURE, Moved, moved_in
+from aeolid.diagnose.numbers import finite
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.race import whispering
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from aeolid.diagnose.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
-from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.forces import FORCE, RATE
+from aeolid.diagnose.numbers import finite
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared

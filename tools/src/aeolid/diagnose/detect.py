@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter, welch
 
 from aeolid.compiled import njit
+from aeolid.diagnose.blocks import block_interval
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.noise import filter_var
-from aeolid.diagnose.point import Point, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.proof import block_interval
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.simulated import Surrogate
 
 Array = NDArray[np.float64]

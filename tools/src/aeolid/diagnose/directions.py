@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.point import shifted
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.projection import outside, span
 from aeolid.diagnose.quiet import audible

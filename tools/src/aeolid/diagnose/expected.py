@@ -15,10 +15,11 @@ from aeolid.diagnose import alongside
 from aeolid.diagnose.catalogue.wind import winds
 from aeolid.diagnose.cells import LEVEL
 from aeolid.diagnose.loop import Controller, can_close, controller_of, imitate_in_loop
-from aeolid.diagnose.point import Point, Segment
+from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.quiet import silent_forces
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.sums import written_out
 from aeolid.models import expressions as ex
 

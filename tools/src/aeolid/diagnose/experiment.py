@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.proof import imitate
+from aeolid.diagnose.segments import Segment
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

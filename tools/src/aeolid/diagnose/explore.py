@@ -9,9 +9,10 @@ import numpy as np
 from scipy.stats import qmc
 
 from aeolid.diagnose import modal
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.quiet import quieted
 
 _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from aeolid import output
-from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.correction import Correction, correct
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.divergent import Diverging
+from aeolid.diagnose.numbers import finite
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.verdict import shown_proof
 from aeolid.formats.headings import heading_line

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline import discretise
+from aeolid.diagnose.held import discretise
 from aeolid.diagnose.standing import Baseline, stretches_of, words
 from aeolid.diagnose.strays import FAR, codes_of, strays_of
 from aeolid.errors import DataError

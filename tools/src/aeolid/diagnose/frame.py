@@ -12,9 +12,11 @@ from aeolid.diagnose import alongside
 from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.deadline import Deadline, unlimited
-from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.fitted import Fit
+from aeolid.diagnose.point import Free, Point, Prior, Scales
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.recorded_wind import RecordedWind
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.simulated import Surrogate
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.explore import fit_quietly
-from aeolid.diagnose.point import Free, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.fitted import Fit
+from aeolid.diagnose.point import Free
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import NUISANCE
 from aeolid.diagnose.recorded_wind import PREFIX
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.split import Split
 from aeolid.models.equations import Equations
 

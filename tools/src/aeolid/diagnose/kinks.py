@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.evaluation import Evaluator
 from aeolid.diagnose.point import Free, Point
-
-if TYPE_CHECKING:
-    from aeolid.diagnose.predictor import Predictor
 
 Array = NDArray[np.float64]
 _LADDER = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # steps along one value, in typical sizes, to both sides
@@ -27,7 +24,7 @@ class Beyond:
     kinks: tuple[int, ...]
 
 
-def beyond_kinks(predictor: Predictor, value: float, point: Point, free: Free, promised: Array) -> Beyond:
+def beyond_kinks(predictor: Evaluator, value: float, point: Point, free: Free, promised: Array) -> Beyond:
     """Look along each free θ whose slope promises a gain that no step brought: `promised` (k,) nats, above none.
 
     The likelihood of a limit has a kink wherever it meets a recorded sample, and a local optimum at many of them: a

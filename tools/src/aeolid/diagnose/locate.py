@@ -13,8 +13,8 @@ from aeolid.diagnose.case import Case
 from aeolid.diagnose.catalogue.rotor import radians_a_unit
 from aeolid.diagnose.cells import Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
 from aeolid.diagnose.noise import touched
-from aeolid.diagnose.point import Segment
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.segments import Segment
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.compiled import njit
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.noise import colour_var
-from aeolid.diagnose.point import Point, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.segments import Segment
 from aeolid.models.integrate import addresses
 from aeolid.models.march import march, outputs, settle
 

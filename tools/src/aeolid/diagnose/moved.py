@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.prepare import NUISANCE
 from aeolid.models.equations import Equations, Parameter
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from aeolid.diagnose.candidate import at_bound
 from aeolid.diagnose.catalogue.base import Z90, Attachment, Slot
-from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.fitted import Fit
 from aeolid.models.equations import Equations
 
 _MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it

@@ -1,10 +1,9 @@
-"""Hold what a predictor runs on and what a fit may move: data, parameter values, free sets, scales."""
+"""Hold what a predictor needs beside data and what a fit may move: parameter values, free sets, scales."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,41 +11,7 @@ from numpy.typing import NDArray
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Segment:
-    """Hold a gap-free stretch of one recording; the first `burn` rows settle the state and are not scored.
-
-    y (N, l) one row every `step` seconds; u (N · stride, r) at the recording's own rate.
-    """
-
-    u: Array
-    y: Array
-    step: float
-    source: str
-    start_s: float
-    burn: int
-    stride: int = 1
-
-    @property
-    def fine_step(self) -> float:
-        """Return the sample time of u in seconds."""
-        return self.step / self.stride
-
-    @cached_property
-    def middle(self) -> Array:
-        """Return the typical input (r,)."""
-        return np.median(self.u, axis=0) if len(self.u) else np.zeros(self.u.shape[1])
-
-    @property
-    def stop_s(self) -> float:
-        """Return where the stretch ends, in seconds."""
-        return self.start_s + len(self.y) * self.step
-
-    def head(self, rows: int) -> Segment:
-        """Return the first rows, all scored."""
-        return replace(self, u=self.u[: rows * self.stride], y=self.y[:rows], burn=0)
+LEAST_VARIANCE = 1e-16  # of process and sensor noise, in squares of their typical size
 
 
 @dataclass(frozen=True, eq=False)

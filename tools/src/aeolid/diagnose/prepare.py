@@ -19,15 +19,17 @@ from aeolid.diagnose.catalogue.base import Attachment, Site
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.exogenous import Exogenous, exogenous_channels, with_exogenous
 from aeolid.diagnose.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.frame import Frame, carry_fit, carry_prior, scales_of
 from aeolid.diagnose.intersample import Sampling, declared_sampling, with_sampling
 from aeolid.diagnose.magnitudes import visible_sizes
-from aeolid.diagnose.point import Free, Point, Scales, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Free, Point, Scales
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.recorded_wind import PREFIX, SIZES, recorded_wind, smoothed_wind, with_smoothed_wind
 from aeolid.diagnose.resample import factor_for
 from aeolid.diagnose.riccati import steady_gain
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.signals import motions_of_signals
 from aeolid.diagnose.simulated import Surrogate
 from aeolid.diagnose.split import Split, split_records

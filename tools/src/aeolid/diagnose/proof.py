@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from aeolid.diagnose.blocks import block_interval
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.gains import row_matrix
 from aeolid.diagnose.noise import colour_var
-from aeolid.diagnose.point import Point, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Point
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.segments import Segment
 
 Array = NDArray[np.float64]
-_DRAWS = 2000
 PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _LEAST_ROWS = 20  # of a prediction restarted from the filtered state
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
@@ -80,16 +82,6 @@ def _memory(predictor: Predictor, fit: Fit) -> float:
         return np.inf
     growth = float(np.max(np.abs(np.linalg.eigvals(A))))
     return 1.0 / np.log(growth) if growth > 1.0 else np.inf
-
-
-def block_interval(values: Array, seed: int, level: float = 0.9) -> tuple[float, float]:
-    """Return the block-bootstrap interval of a sum; blocks of N^(1/2) samples keep slow correlation."""
-    length = max(1, int(np.sqrt(len(values))))
-    blocks = np.add.reduceat(values, np.arange(0, len(values), length))
-    rng = np.random.default_rng(seed)
-    sums = rng.choice(blocks, size=(_DRAWS, len(blocks))).sum(axis=1)
-    low, high = np.quantile(sums, [(1 - level) / 2, (1 + level) / 2])
-    return float(low), float(high)
 
 
 def _restarted(predictor: Predictor, point: Point, horizon: int) -> list[Array]:

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.forces import FORCE, RATE
 from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.models.equations import Equations
 
 Bools = NDArray[np.bool_]

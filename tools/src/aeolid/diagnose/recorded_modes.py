@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
-from aeolid.diagnose.point import Segment
-from aeolid.diagnose.predictor import Fit
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.segments import Segment
 from aeolid.errors import AeolidError
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.equations import Equations

@@ -6,9 +6,10 @@ from dataclasses import replace
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.explore import fit_quietly
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.moved import moved_in
 from aeolid.diagnose.plausible import objection, values_of, without_the_mute
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.recorded_modes import Known, recorded_modes
 from aeolid.diagnose.refit import without_slopes

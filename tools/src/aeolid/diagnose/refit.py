@@ -12,11 +12,12 @@ from aeolid.diagnose.candidate import Candidate, at_bound
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.explore import TRIED, core, explore, fit_briefly, fit_fully, fit_quietly
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.frame import carry_point
 from aeolid.diagnose.moved import moved_in
 from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
 from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
 from aeolid.diagnose.scores import Bank, Row, overlap
 from aeolid.diagnose.starts import starts_of

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
-from aeolid.diagnose.candidate import finite
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.catalogue.base import Attachment, Slot
 from aeolid.diagnose.directions import Cell, cells_of, own_of
+from aeolid.diagnose.numbers import finite
 from aeolid.diagnose.prepare import Prepared
 
 Array = NDArray[np.float64]

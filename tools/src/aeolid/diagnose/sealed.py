@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from aeolid.diagnose.blocks import block_interval
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry
 from aeolid.diagnose.prepare import NUISANCE, Prepared
-from aeolid.diagnose.proof import PROVEN, Proof, block_interval, prove
+from aeolid.diagnose.proof import PROVEN, Proof, prove
 from aeolid.diagnose.reestimate import estimated_on_all
 from aeolid.diagnose.several import form_beside
 

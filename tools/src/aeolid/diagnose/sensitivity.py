@@ -6,17 +6,14 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.evaluation import Evaluator
 from aeolid.diagnose.noise import Noise, whiten_lanes
 from aeolid.diagnose.point import Free, Point
 from aeolid.models.machine_code import LANES
-
-if TYPE_CHECKING:
-    from aeolid.diagnose.predictor import Predictor
 
 Array = NDArray[np.float64]
 _POOL = ThreadPoolExecutor(max_workers=2)  # the compiled filter releases the interpreter lock
@@ -34,7 +31,7 @@ class Variant:
     segment: int | None = None
 
 
-def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, free: Free) -> Array:
+def sensitivity(predictor: Evaluator, point: Point, noise: Noise, base: Array, free: Free) -> Array:
     """Return d(−residual)/d(parameter) (M, k): forward differences for `free`, then the noise model's own.
 
     Zero for a parameter whose small step makes the model run away, and for one that moves nothing: a fit leaves both
@@ -58,7 +55,7 @@ def sensitivity(predictor: Predictor, point: Point, noise: Noise, base: Array, f
     return np.hstack([own, _var_columns(predictor, point, noise)])
 
 
-def columns(predictor: Predictor, at: Point, noise: Noise, base: Array, variants: Sequence[Variant]) -> Array:
+def columns(predictor: Evaluator, at: Point, noise: Noise, base: Array, variants: Sequence[Variant]) -> Array:
     """Return the change of −residual (M, k) a unit of each variant's step; `base` is the residual at `at`.
 
     A variant may start from another point than `at`, as long as the residual there is the same. A column lies in one
@@ -74,7 +71,7 @@ def columns(predictor: Predictor, at: Point, noise: Noise, base: Array, variants
 
 
 def _fill(
-    result: Array, predictor: Predictor, at: Point, noise: Noise, base: Array, variants: Sequence[Variant],
+    result: Array, predictor: Evaluator, at: Point, noise: Noise, base: Array, variants: Sequence[Variant],
     places: Sequence[int],
 ) -> None:  # fmt: skip
     """Write the columns of up to LANES variants of one kind."""
@@ -92,7 +89,7 @@ def _fill(
         first += rows[i]
 
 
-def _alike(predictor: Predictor, variants: Sequence[Variant]) -> list[list[int]]:
+def _alike(predictor: Evaluator, variants: Sequence[Variant]) -> list[list[int]]:
     """Group variants that may run side by side: the same inputs behind the filters, the same stretches."""
     model = predictor.compiled.model
     own = [model.index(p) for f in model.filters for p in f.parameters]
@@ -102,7 +99,7 @@ def _alike(predictor: Predictor, variants: Sequence[Variant]) -> list[list[int]]
     return list(groups.values())
 
 
-def _var_columns(predictor: Predictor, point: Point, noise: Noise) -> Array:
+def _var_columns(predictor: Evaluator, point: Point, noise: Noise) -> Array:
     """Return d(−residual)/d(VAR coefficient) (M, q l²): the noise model is estimated too and is projected out.
 
     Leaving them in the step is Kaufman's variable projection: the fit then converges in a few iterations although
@@ -121,7 +118,7 @@ def _var_columns(predictor: Predictor, point: Point, noise: Noise) -> Array:
     return np.vstack(parts)
 
 
-def step_of(predictor: Predictor, index: int, point: Point) -> float:
+def step_of(predictor: Evaluator, index: int, point: Point) -> float:
     """Return a finite-difference step for one θ, into the allowed range."""
     h = _STEP * max(float(predictor.scales.theta[index]), abs(float(point.theta[index])))
     return h if point.theta[index] + h <= predictor.scales.high[index] else -h
@@ -143,7 +140,7 @@ def noise_variant(point: Point, index: int) -> Variant:
     return Variant(replace(point, noise=amplitude), h)
 
 
-def gain_variant(predictor: Predictor, point: Point, state: int, output: int) -> Variant:
+def gain_variant(predictor: Evaluator, point: Point, state: int, output: int) -> Variant:
     """Move K[state, output]."""
     assert point.K is not None
     h = _STEP * float(predictor.scales.gain[state, output])
@@ -152,7 +149,7 @@ def gain_variant(predictor: Predictor, point: Point, state: int, output: int) ->
     return Variant(replace(point, K=K), h)
 
 
-def _x0_variant(predictor: Predictor, point: Point, segment: int, state: int) -> Variant:
+def _x0_variant(predictor: Evaluator, point: Point, segment: int, state: int) -> Variant:
     h = _STEP * predictor.scales.x0[state]
     x0 = list(point.x0)
     x0[segment] = x0[segment].copy()

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.evaluation import Evaluator
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.noise import Noise
 from aeolid.diagnose.point import Free, Point
 from aeolid.diagnose.sensitivity import sensitivity
 from aeolid.diagnose.steps import limited_step, limits_of
 
-if TYPE_CHECKING:
-    from aeolid.diagnose.predictor import Fit, Predictor
-
 Array = NDArray[np.float64]
 
 
-def settled(head: Predictor, fit: Fit) -> Array:
+def settled(head: Evaluator, fit: Fit) -> Array:
     """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start."""
     free = Free((), (), (), fit.free.x0)  # states of effects that are not in the fit stay at rest
     best, choice = np.inf, fit.point.x0[0]
@@ -47,6 +45,6 @@ def settled(head: Predictor, fit: Fit) -> Array:
     return choice
 
 
-def _squares(predictor: Predictor, point: Point, noise: Noise) -> tuple[float, Array]:
+def _squares(predictor: Evaluator, point: Point, noise: Noise) -> tuple[float, Array]:
     base = predictor.whitened(predictor.innovations(point), noise)
     return (float(base @ base) if np.all(np.abs(base) < 1e9) else np.inf), base

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline import equations_of, offset_sizes
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.modal import ModalForm, modal_form
-from aeolid.diagnose.point import Free, Point, Prior, Scales, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Free, Point, Prior, Scales
+from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.segments import Segment
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.equations import Equations

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.point import Segment
+from aeolid.diagnose.segments import Segment
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 

@@ -11,9 +11,10 @@ from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.diagnose.baseline import noisy_states
 from aeolid.diagnose.catalogue.base import Attachment
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.forces import FORCE
 from aeolid.diagnose.point import Point, shifted
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared, riccati_gains
 from aeolid.diagnose.scores import Row
 from aeolid.models.integrate import output_jacobian

@@ -4,23 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.evaluation import Evaluator
 from aeolid.diagnose.gains import closed_loop
-from aeolid.diagnose.point import Free, Point
-
-if TYPE_CHECKING:
-    from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.point import LEAST_VARIANCE, Free, Point
 
 Array = NDArray[np.float64]
 _ROUNDS = 12  # times the limits are looked through
 _NEAR = 0.97  # eigenvalues from this modulus on are kept off the unit circle
 _SHARE = 0.5  # of its distance from the unit circle an eigenvalue may cover in one step
 _LEAST = 1e-5  # damping
-LEAST_VARIANCE = 1e-16  # of process and sensor noise, in squares of their typical size
 _STEEP = 1e100  # a slope beyond is none
 _STEP = 1e-4  # of a typical size, for the eigenvalues' slopes
 
@@ -42,7 +38,7 @@ class Limits:
         return replace(self, low=low, high=high)
 
 
-def limits_of(predictor: Predictor, point: Point, free: Free, width: int) -> Limits:
+def limits_of(predictor: Evaluator, point: Point, free: Free, width: int) -> Limits:
     """Return the ranges of the free θ and noise variances and, where gains are free, the walls, for `width` entries.
 
     A variance may fall to a tenth and grow tenfold in a step: its effect on the gain is far from straight beyond.
@@ -56,7 +52,7 @@ def limits_of(predictor: Predictor, point: Point, free: Free, width: int) -> Lim
     return limits if point.K is None or not free.gain else _with_walls(limits, predictor, point, free)
 
 
-def _with_walls(limits: Limits, predictor: Predictor, point: Point, free: Free) -> Limits:
+def _with_walls(limits: Limits, predictor: Evaluator, point: Point, free: Free) -> Limits:
     """Add that no eigenvalue of A − K C comes closer to the unit circle than half its distance.
 
     d|λ| = Re(λ̄/|λ| · wᴴ d(A − K C) v / wᴴ v), v and w the right and left eigenvectors. Without it a fit runs against
@@ -86,7 +82,7 @@ def _with_walls(limits: Limits, predictor: Predictor, point: Point, free: Free) 
     return replace(limits, slopes=slopes[good], slack=slack[good])
 
 
-def _closed(predictor: Predictor, point: Point, theta: Array) -> tuple[Array, Array]:
+def _closed(predictor: Evaluator, point: Point, theta: Array) -> tuple[Array, Array]:
     assert point.K is not None
     return closed_loop(predictor.compiled, predictor.middle, theta, point.K, predictor.segments[0].step)
 

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.candidate import Candidate, finite
+from aeolid.diagnose.blocks import block_interval
+from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.catalogue import entry, unlisted
 from aeolid.diagnose.catalogue.base import Attachment
 from aeolid.diagnose.closer import describe_closer, look_closer
@@ -16,8 +17,9 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.declared import also_speaking, contradicted, form_speaking, parameter_effect
 from aeolid.diagnose.experiment import advise, describe, menu_of, stretch_of
 from aeolid.diagnose.locate import whereabouts
+from aeolid.diagnose.numbers import finite
 from aeolid.diagnose.pipeline import Study
-from aeolid.diagnose.proof import PROVEN, Proof, block_interval
+from aeolid.diagnose.proof import PROVEN, Proof
 from aeolid.diagnose.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.rotation import is_silent
 from aeolid.diagnose.scores import minimum_detectable

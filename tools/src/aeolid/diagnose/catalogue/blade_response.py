@@ -10,9 +10,8 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Site, Slot, location
-from aeolid.diagnose.catalogue.following import Filter, following, is_possible
+from aeolid.diagnose.catalogue.following import Filter, following, is_possible, memories_of
 from aeolid.diagnose.catalogue.modes import KINDS, Kind, attach_named, derivatives_seen, kind_of, named_mode
-from aeolid.diagnose.catalogue.sensor_second_order import memories_of
 from aeolid.diagnose.catalogue.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 

@@ -17,7 +17,7 @@ from aeolid.diagnose.catalogue.base import Attachment, Site, Slot
 from aeolid.diagnose.catalogue.forces import with_parameters
 from aeolid.diagnose.catalogue.wiring import SHARE_SIZE, unit_of_output, with_reading
 from aeolid.models import expressions as ex
-from aeolid.models.equations import Equations, State
+from aeolid.models.equations import STEP, Equations, State
 
 SHORTEST, AT_NULL = 0.5, 3.0  # rows: what is faster is a memory; a stiff null costs every model that it is in
 
@@ -80,4 +80,25 @@ def following(
     return Attachment(
         entry, key, where, edit, slots, start_states=names, fixed={share: 1.0}, share=share, grid=f.grid,
         starts=f.starts, equation=equation, statement=statement,
+    )  # fmt: skip
+
+
+def memories_of(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
+    """Follow T² m'' + 2 zeta T m' + m = y exactly for y straight between rows, T = 1/omega, w = T m'.
+
+    The steady answer to a ramp of slope s is y − 2 zeta T s; what m and T m' lack of it turns and decays.
+    """
+    now, before, rate, rate_before = f"{tag}_now", f"{tag}_before", f"{tag}_rate", f"{tag}_rate_before"
+    slope = f"{inverse}*({now} - {before})/{STEP}"  # T s
+    turn = f"{STEP}/max({inverse}, 1e-9*{STEP})"
+    root = f"sqrt(1 - {zeta}**2)"
+    decay, c, s = f"exp(-{zeta}*{turn})", f"cos({turn}*{root})", f"sin({turn}*{root})"
+    d = f"({tag} - {before} + 2*{zeta}*{slope})"
+    return (
+        (rate_before, rate, "0"),
+        (before, now, "reading"),
+        (now, "reading", "reading"),
+        (rate, f"{slope} + {decay}*(({rate} - {slope})*({c} - {zeta}/{root}*{s}) - {d}/{root}*{s})", "0"),
+        (tag, f"{now} - 2*{zeta}*{slope} + {decay}*({d}*({c} + {zeta}/{root}*{s})"
+              f" + ({rate_before} - {slope})/{root}*{s})", now),
     )  # fmt: skip

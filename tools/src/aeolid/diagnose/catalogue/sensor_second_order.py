@@ -7,9 +7,9 @@ from functools import partial
 
 from aeolid.diagnose.catalogue.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.catalogue.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.catalogue.following import AT_NULL, SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.catalogue.following import AT_NULL, SHORTEST, Filter, following, is_possible, memories_of
 from aeolid.diagnose.catalogue.wiring import with_reading
-from aeolid.models.equations import STEP, Equations, Parameter
+from aeolid.models.equations import Equations, Parameter
 
 _SHORTEST, _AVERAGED = 0.02, 0.25  # rows: as a lag of first order; beyond the Nyquist rate nothing tells the two apart
 _ROWS = (1.0, 3.0, 10.0)  # rows: periods that the bank scores
@@ -44,27 +44,6 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
         site, j, tag, Filter(inverse, zeta, slots, grid, ({}, *starts)), entry="sensor_second_order",
         key=f"sensor_second_order output:{name}, in states", where=location(f"output:{name}", outputs=(name,)),
         equation=_EQUATION.format(name=name), statement=partial(_statement, name),
-    )  # fmt: skip
-
-
-def memories_of(tag: str, inverse: str, zeta: str) -> tuple[tuple[str, str, str], ...]:
-    """Follow T² m'' + 2 zeta T m' + m = y exactly for y straight between rows, T = 1/omega, w = T m'.
-
-    The steady answer to a ramp of slope s is y − 2 zeta T s; what m and T m' lack of it turns and decays.
-    """
-    now, before, rate, rate_before = f"{tag}_now", f"{tag}_before", f"{tag}_rate", f"{tag}_rate_before"
-    slope = f"{inverse}*({now} - {before})/{STEP}"  # T s
-    turn = f"{STEP}/max({inverse}, 1e-9*{STEP})"
-    root = f"sqrt(1 - {zeta}**2)"
-    decay, c, s = f"exp(-{zeta}*{turn})", f"cos({turn}*{root})", f"sin({turn}*{root})"
-    d = f"({tag} - {before} + 2*{zeta}*{slope})"
-    return (
-        (rate_before, rate, "0"),
-        (before, now, "reading"),
-        (now, "reading", "reading"),
-        (rate, f"{slope} + {decay}*(({rate} - {slope})*({c} - {zeta}/{root}*{s}) - {d}/{root}*{s})", "0"),
-        (tag, f"{now} - 2*{zeta}*{slope} + {decay}*({d}*({c} + {zeta}/{root}*{s})"
-              f" + ({rate_before} - {slope})/{root}*{s})", now),
     )  # fmt: skip
 
 
