@@ -16,7 +16,7 @@ from aeolid.diagnose.case import load_case
 from aeolid.diagnose.catalogue.base import Site
 from aeolid.diagnose.catalogue.response_modes import behind_static
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.point import Segment
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.signals import motions_of_signals, static_outputs
 from aeolid.diagnose.verdict import diagnose
 from aeolid.models import equations_file

@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.blocks import block_interval
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.explore import fit_quietly
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.plausible import objection
-from aeolid.diagnose.point import Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.proof import PROVEN, block_interval
+from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.refit import finalists
 from aeolid.diagnose.rivals import are_kin, rivals_of
 from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.split import segments_of
 from aeolid.record import Record
 

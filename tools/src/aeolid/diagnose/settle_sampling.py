@@ -24,11 +24,13 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidate import Candidate
 from aeolid.diagnose.case import Case
+from aeolid.diagnose.fitted import Fit
 from aeolid.diagnose.frame import carry_free, carry_point
 from aeolid.diagnose.intersample import Sampling, filters_of, traits_of, with_sampling
-from aeolid.diagnose.point import Free, Point, Segment
-from aeolid.diagnose.predictor import Fit, Predictor
+from aeolid.diagnose.point import Free, Point
+from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
+from aeolid.diagnose.segments import Segment
 from aeolid.diagnose.sensitivity import Variant, columns, theta_variant
 from aeolid.models.integrate import Compiled
 from aeolid.models.intersample import HOLDS, OFFSET

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.anatomy import Motion
 from aeolid.diagnose.exogenous import Exogenous
-from aeolid.diagnose.point import Segment
+from aeolid.diagnose.segments import Segment
 from aeolid.models import expressions as ex
 from aeolid.models.equations import STEP, TIME, Equations, Memory, Output
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline import discretise
+from aeolid.diagnose.held import discretise
 from aeolid.diagnose.strays import without_codes
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations

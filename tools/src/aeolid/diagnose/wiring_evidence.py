@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from aeolid.diagnose.baseline import discretise
 from aeolid.diagnose.case import Case
+from aeolid.diagnose.held import discretise
 from aeolid.diagnose.riccati import steady_gain
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
