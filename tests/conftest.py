@@ -35,7 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
     for name, meaning in MARKS.items():
         config.addinivalue_line("markers", f"{name}: {meaning}")
     if ANSWERS:
-        from aeolid.diagnose import verdict
+        from aeolid.diagnose.conclusion import verdict
 
         diagnose = verdict.diagnose
 

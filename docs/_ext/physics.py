@@ -9,7 +9,7 @@ from prose import inline
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 
 
 class Catalogue(SphinxDirective):

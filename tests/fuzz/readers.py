@@ -94,7 +94,7 @@ def read_roles(path: Path) -> None:
 
 def read_case(path: Path) -> None:
     """Load a case, or one of the files that it names."""
-    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.data.case import load_case
 
     _beside(path, "a.csv", seeds.table(".csv"))
     for name, text in {"roles.toml": seeds.ROLES, "model.toml": seeds.EQUATIONS, "case.toml": seeds.CASE}.items():

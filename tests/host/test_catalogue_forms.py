@@ -15,16 +15,17 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from study_modules import load_study
 from test_catalogue_turbine import everything, site_of
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import ENTRIES, entry, unlisted
-from aeolid.diagnose.catalogue.blade_response import responses
-from aeolid.diagnose.correction import corrected_model
-from aeolid.diagnose.exogenous import with_exogenous
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.starts import turns
+from aeolid.diagnose.conclusion.correction import corrected_model
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.exogenous import with_exogenous
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.hypotheses.parts.blade_response import responses
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.starts import turns
-from aeolid.diagnose.sums import written_out
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
 

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from aeolid.diagnose.anatomy import motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import equations_of
-from aeolid.diagnose.catalogue import ENTRIES, entry
-from aeolid.diagnose.catalogue.base import Attachment, Site
-from aeolid.diagnose.exogenous import Exogenous, with_exogenous, without_unused
+from aeolid.diagnose.data.exogenous import Exogenous, with_exogenous, without_unused
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site
+from aeolid.diagnose.structure.anatomy import motions_of_equations, motions_of_state_space
+from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.equations_file import to_toml

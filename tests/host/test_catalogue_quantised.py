@@ -10,10 +10,10 @@ import pytest
 from study_modules import load_study
 from test_catalogue_signals import site_of
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue.sensor_quantisation import ENTRY
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.entries.sensor_quantisation import ENTRY
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.verdict import diagnose
 
 rig = load_study("diagnosis")
 

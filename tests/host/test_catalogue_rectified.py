@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.sensor_rectified import noise_of
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.entries.sensor_rectified import noise_of
 
 TIME_S = 0.02 * np.arange(3000)
 

@@ -17,11 +17,11 @@ from scipy import signal
 from study_modules import load_study
 
 from aeolid.cli.main import main
-from aeolid.diagnose.baseline import equations_of, shape_forces
-from aeolid.diagnose.catalogue import ENTRIES, entry
-from aeolid.diagnose.catalogue.base import Attachment, Site
-from aeolid.diagnose.exogenous import Exogenous, with_exogenous, without_unused
-from aeolid.diagnose.forensics import examine
+from aeolid.diagnose.data.exogenous import Exogenous, with_exogenous, without_unused
+from aeolid.diagnose.data.forensics import examine
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site
+from aeolid.diagnose.structure.baseline import equations_of, shape_forces
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.models.input_filters import KINDS, WHOLE
@@ -456,7 +456,7 @@ def test_degrees_stated_as_radians_are_doubted() -> None:
 
 @pytest.mark.parametrize("kind", ["equations", "state_space"])
 def test_a_free_run_finds_swapped_turned_and_scaled_channels(kind: str, tmp_path: Path) -> None:
-    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.data.case import load_case
 
     case = load_case(rig.write_case(tmp_path, rig.Fault("", kind, noise=(0.1, 0.4, 0.002)), 800, 3))
     plain = case.records[0]

@@ -20,14 +20,14 @@ import pytest
 from numpy.typing import NDArray
 from study_modules import load_study
 
-from aeolid.diagnose import prepare
-from aeolid.diagnose.anatomy import motions_of_equations, motions_of_state_space
-from aeolid.diagnose.baseline import equations_of, shape_forces, with_force
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.base import Attachment, Site, Slot
-from aeolid.diagnose.exogenous import exogenous_channels, with_exogenous
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.baseline import prepare
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.exogenous import exogenous_channels, with_exogenous
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot
+from aeolid.diagnose.scoring.scores import score_bank
+from aeolid.diagnose.structure.anatomy import motions_of_equations, motions_of_state_space
+from aeolid.diagnose.structure.baseline import equations_of, shape_forces, with_force
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations

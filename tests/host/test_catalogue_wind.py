@@ -10,11 +10,12 @@ import pytest
 from study_modules import load_study
 from test_catalogue_turbine import site_of
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import rotational_sampling, rotor
-from aeolid.diagnose.catalogue.wind import wind
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.entries import rotational_sampling
+from aeolid.diagnose.hypotheses.parts import rotor
+from aeolid.diagnose.hypotheses.parts.wind import wind
+from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations, simulate
 

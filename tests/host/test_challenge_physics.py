@@ -21,7 +21,7 @@ from aeolid.challenge.paths import RING, Drive, Sensor, drive, read
 from aeolid.challenge.plants import Setup, simulate
 from aeolid.challenge.worth import Predictor, Worth, worth
 from aeolid.challenge.write import state_space
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.errors import DataError
 from aeolid.models import equations_file
 from aeolid.models.exchange.files import read_state_space

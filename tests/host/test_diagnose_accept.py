@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aeolid.diagnose.race import is_accepted
+from aeolid.diagnose.candidates.race import is_accepted
 
 SPREAD = np.random.default_rng(6).standard_normal(400) / 4  # the sum of 400 scatters by 5 nats
 

@@ -9,13 +9,13 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import write_case
 
-from aeolid.diagnose.anatomy import motions_of_equations
-from aeolid.diagnose.baseline import noisy_states
-from aeolid.diagnose.between import motions_between
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.sums import factors_of
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.structure.anatomy import motions_of_equations
+from aeolid.diagnose.structure.baseline import noisy_states
+from aeolid.diagnose.structure.between import motions_between
+from aeolid.diagnose.structure.sums import factors_of
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations

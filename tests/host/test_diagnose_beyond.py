@@ -15,23 +15,24 @@ from small_cases import SWING_STEP as STEP
 from small_cases import swinging
 from test_diagnose_known import with_rounding
 
-from aeolid.diagnose import beyond, pipeline
-from aeolid.diagnose.beyond import beyond_the_catalogue, form_beyond, reader, ringing
-from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import unlisted
-from aeolid.diagnose.catalogue.base import Attachment, Slot, location
-from aeolid.diagnose.catalogue.places import Follows, places
-from aeolid.diagnose.catalogue.shapes import shapes
-from aeolid.diagnose.correction import corrected_model
+from aeolid.diagnose import pipeline
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.race import is_accepted
+from aeolid.diagnose.conclusion.correction import corrected_model
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.deadline import unlimited
-from aeolid.diagnose.noise import filter_var
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.hypotheses.generic.places import Follows, places
+from aeolid.diagnose.hypotheses.generic.shapes import shapes
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot, location
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import is_accepted
-from aeolid.diagnose.sealed import Held
-from aeolid.diagnose.verdict import diagnose
-from aeolid.diagnose.waves import _LEVEL, _along, _Clock, _in_time, _Score, _scores, _seen
+from aeolid.diagnose.predictor.noise import filter_var
+from aeolid.diagnose.scoring.waves import _LEVEL, _along, _Clock, _in_time, _Score, _scores, _seen
+from aeolid.diagnose.validation import beyond
+from aeolid.diagnose.validation.beyond import beyond_the_catalogue, form_beyond, reader, ringing
+from aeolid.diagnose.validation.sealed import Held
 from aeolid.models import expressions as ex
 
 

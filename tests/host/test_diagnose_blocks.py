@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.linalg import sqrtm
 
-from aeolid.diagnose.blocks import Array, Blocks, blocks_of, redrawn, shares_of, standardiser
+from aeolid.diagnose.stats.blocks import Array, Blocks, blocks_of, redrawn, shares_of, standardiser
 
 
 def directions(rows: int, inside: slice, count: int, seed: int) -> Array:

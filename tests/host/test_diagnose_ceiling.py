@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import write_case
 
-from aeolid.diagnose.blocks import block_interval
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.detect import ceiling
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.localise.detect import ceiling
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.stats.blocks import block_interval
 
 Array = NDArray[np.float64]
 STEP, LOSS, HEAT = 1.0, 0.05, 0.2

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from aeolid.diagnose.cells import LEVEL, Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
+from aeolid.diagnose.localise.cells import LEVEL, Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
 
 Array = NDArray[np.float64]
 ROWS, OUTPUTS = 3000, 3

@@ -13,8 +13,8 @@ from random_plants import STEP, draw_plant
 from scipy.signal import lfilter
 from small_cases import SWING, SWING_CHANNELS, write_case
 
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.channel_faults import RATIOS, ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.baseline.channel_faults import RATIOS, ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.data.case import Case, load_case
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record

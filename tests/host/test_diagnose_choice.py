@@ -14,20 +14,20 @@ import pytest
 from study_modules import load_study
 
 from aeolid.cli.main import main
-from aeolid.diagnose import first_effect, several
-from aeolid.diagnose import refit as refit_module
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import sensor_scale
-from aeolid.diagnose.catalogue.base import Slot
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates import refit as refit_module
+from aeolid.diagnose.candidates.race import fit_rows, select_density
+from aeolid.diagnose.candidates.refit import best_of, finalists, refit, renewed, with_least_noise, with_more_noise
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.deadline import unlimited
-from aeolid.diagnose.explore import quieted
-from aeolid.diagnose.first_effect import against, kin
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import best_of, finalists, refit, renewed, with_least_noise, with_more_noise
-from aeolid.diagnose.rivals import leading
-from aeolid.diagnose.scores import Bank, Row, score_bank
-from aeolid.diagnose.several import adds, is_another, is_worth_a_name_beside, without_the_needless
+from aeolid.diagnose.hypotheses.entries import sensor_scale
+from aeolid.diagnose.hypotheses.parts.base import Slot
+from aeolid.diagnose.predictor.explore import quieted
+from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
+from aeolid.diagnose.selection import first_effect, several
+from aeolid.diagnose.selection.first_effect import against, kin
+from aeolid.diagnose.selection.rivals import leading
+from aeolid.diagnose.selection.several import adds, is_another, is_worth_a_name_beside, without_the_needless
 
 
 def lagging(folder: Path) -> tuple[Prepared, Bank]:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from aeolid.cli.main import main
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 
 STUDIES = Path(__file__).resolve().parents[1] / "studies"
 sys.path.insert(0, str(STUDIES))

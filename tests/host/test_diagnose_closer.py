@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import SWING, SWING_CHANNELS, SWING_STEP, swinging, write_case
 
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.closer import Closer, describe_closer, feasible, look_closer
-from aeolid.diagnose.experiment import Experiment
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.scores import Bank, score_bank
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.data.case import Case, load_case
+from aeolid.diagnose.experiments.closer import Closer, describe_closer, feasible, look_closer
+from aeolid.diagnose.experiments.experiment import Experiment
+from aeolid.diagnose.scoring.scores import Bank, score_bank
 
 Array = NDArray[np.float64]
 IDS = ("cubic_stiffness", "actuator_lag", "sensor_scale", "coulomb_friction", "deadband")

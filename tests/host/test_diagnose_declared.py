@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from small_cases import SWING, SWING_CHANNELS, write_case
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.declared import explains_away
-from aeolid.diagnose.moved import SURE
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.moved import SURE
+from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.conclusion.declared import explains_away
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.scoring.scores import score_bank
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 0.02, 2000

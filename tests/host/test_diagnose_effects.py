@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.export import write_all
+from aeolid.diagnose.conclusion.export import write_all
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.verdict import diagnose
 
 SAMPLES = 3000
 SEEN = {"null, 0.5 N over 0.5 s, sensor 0.01": 111, "null, position only": 115}  # recordings that once got a name

@@ -16,18 +16,18 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete
 from small_cases import SWING, SWING_CHANNELS, write_case
 
-from aeolid.diagnose import declared, verdict
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue.base import Attachment
-from aeolid.diagnose.colour import survives_colour
-from aeolid.diagnose.declared import also_speaking
-from aeolid.diagnose.exchange import exchanged
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows, select_density
-from aeolid.diagnose.refit import refit
-from aeolid.diagnose.rivals import leads
-from aeolid.diagnose.scores import Bank, Row, score_bank
-from aeolid.diagnose.sentence import sentence
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates.race import fit_rows, select_density
+from aeolid.diagnose.candidates.refit import refit
+from aeolid.diagnose.conclusion import declared, verdict
+from aeolid.diagnose.conclusion.declared import also_speaking
+from aeolid.diagnose.conclusion.sentence import sentence
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
+from aeolid.diagnose.selection.colour import survives_colour
+from aeolid.diagnose.selection.exchange import exchanged
+from aeolid.diagnose.selection.rivals import leads
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 0.02, 3000

@@ -11,11 +11,11 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import SWING_STEP, narrow, write_case
 
-from aeolid.diagnose import expected
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.expected import evidence_in_loop
-from aeolid.diagnose.loop import LAGS, Controller, _closed, controller_of, imitate_in_loop
-from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.localise import expected
+from aeolid.diagnose.localise.expected import evidence_in_loop
+from aeolid.diagnose.localise.loop import LAGS, Controller, _closed, controller_of, imitate_in_loop
 
 Array = NDArray[np.float64]
 STEP, ROWS = 0.1, 6000

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose import experiment
-from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.experiment import Advice, Experiment, advise, describe
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.experiments import experiment
+from aeolid.diagnose.experiments.experiment import Advice, Experiment, advise, describe
+from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.record import Channel
 
 DRIVE = (Channel("drive", "V", "input"),)

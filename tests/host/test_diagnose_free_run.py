@@ -10,13 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from aeolid.diagnose.fitted import Fit
-from aeolid.diagnose.frame import scales_of
-from aeolid.diagnose.free_run import FreeRun, fitted_to_run_free
-from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.segments import Segment
-from aeolid.diagnose.split import Split
+from aeolid.diagnose.baseline.frame import scales_of
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.data.split import Split
+from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.predictor.point import Free, Point
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.validation.free_run import FreeRun, fitted_to_run_free
 from aeolid.models import equations_file
 from aeolid.models.integrate import Compiled, compile_equations
 from aeolid.report.evidence import appendix

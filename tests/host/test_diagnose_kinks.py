@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from small_cases import swinging
 
-from aeolid.diagnose import refit
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.kinks import beyond_kinks
-from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.scores import score_bank
-from aeolid.diagnose.starts import starts_of
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates import refit
+from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.candidates.starts import starts_of
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.predictor.kinks import beyond_kinks
+from aeolid.diagnose.predictor.point import Free, Point
+from aeolid.diagnose.scoring.scores import score_bank
 
 ONE = Free((0,), (), (), ())
 

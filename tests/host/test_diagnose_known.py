@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from aeolid.cli.main import main
-from aeolid.diagnose import evaluation
-from aeolid.diagnose.gains import kalman_gain
+from aeolid.diagnose.predictor import evaluation
+from aeolid.diagnose.predictor.gains import kalman_gain
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"
 KNOWN, DRYER = SHARED / "cases" / "known", SHARED / "data" / "dryer.csv"

@@ -13,14 +13,14 @@ from scipy.signal import lfilter
 from scipy.stats import binom
 from small_cases import SWING, SWING_CHANNELS, SWING_STEP, swinging, write_case
 
-from aeolid.diagnose import deficiency
-from aeolid.diagnose.blocks import blocks_of
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.deficiency import deficient, wander
-from aeolid.diagnose.locate import evidence_cells, whereabouts
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.projection import outside, span
-from aeolid.diagnose.verdict import _where
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.conclusion.verdict import _where
+from aeolid.diagnose.data.case import Case, load_case
+from aeolid.diagnose.localise import deficiency
+from aeolid.diagnose.localise.deficiency import deficient, wander
+from aeolid.diagnose.localise.locate import evidence_cells, whereabouts
+from aeolid.diagnose.stats.blocks import blocks_of
+from aeolid.diagnose.stats.projection import outside, span
 
 Array = NDArray[np.float64]
 TURN_S = 1.25  # of the rotor

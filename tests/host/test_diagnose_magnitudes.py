@@ -12,13 +12,14 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from study_modules import load_study
 
-from aeolid.diagnose import directions, first_effect, scores
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.declared import Moved
-from aeolid.diagnose.gains import kalman_gain
-from aeolid.diagnose.magnitudes import visible_sizes
-from aeolid.diagnose.point import Point
-from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.conclusion.declared import Moved
+from aeolid.diagnose.data.case import Case, load_case
+from aeolid.diagnose.predictor.gains import kalman_gain
+from aeolid.diagnose.predictor.point import Point
+from aeolid.diagnose.scoring import directions, scores
+from aeolid.diagnose.selection import first_effect
+from aeolid.diagnose.structure.magnitudes import visible_sizes
 from aeolid.models import equations_file
 from aeolid.models.equations import Parameter
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, simulate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from aeolid.diagnose.match import matched
+from aeolid.diagnose.data.match import matched
 from aeolid.errors import DataError
 from aeolid.record import Channel, Record
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from aeolid.cli.main import main
-from aeolid.diagnose.rotor_frame import worth_rate
+from aeolid.diagnose.data.rotor_frame import worth_rate
 from aeolid.identify.decimate import decimate
 from aeolid.record import Channel, Record
 

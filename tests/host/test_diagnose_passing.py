@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose.beyond import reader
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue.base import Slot
-from aeolid.diagnose.catalogue.places import places
-from aeolid.diagnose.passing import passings
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.generic.places import places
+from aeolid.diagnose.hypotheses.parts.base import Slot
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.structure.passing import passings
+from aeolid.diagnose.validation.beyond import reader
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.integrate import compile_equations

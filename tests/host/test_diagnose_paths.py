@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 from scipy.stats import binom
 
-from aeolid.diagnose.cells import LEVEL, Cell
-from aeolid.diagnose.paths import colourless, path_cells
+from aeolid.diagnose.localise.cells import LEVEL, Cell
+from aeolid.diagnose.localise.paths import colourless, path_cells
 
 Array = NDArray[np.float64]
 ROWS, SPLIT = 3000, 1300

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue.base import Z90, Slot
-from aeolid.diagnose.fitted import Fit
-from aeolid.diagnose.plausible import objection, undetermined, undriven, values_of, without_the_mute
-from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.prepare import prepare
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.parts.base import Z90, Slot
+from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.predictor.point import Free, Point
 
 SIZE = Slot("inverse", "period_s", "s", 0.0, 0.02, 5.0, 0.1)
 SHAPE = Slot("zeta", "damping", "1", 0.7, 0.2, 0.98, 0.05, local=False)

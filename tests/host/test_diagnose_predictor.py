@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize
 
-from aeolid.diagnose.noise import colour_var, estimate_noise, filter_var
-from aeolid.diagnose.point import Free, Point, Prior, Scales
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.riccati import exponential, steady_gain
-from aeolid.diagnose.segments import Segment
-from aeolid.diagnose.sensitivity import sensitivity
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.noise import colour_var, estimate_noise, filter_var
+from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.predictor.riccati import exponential, steady_gain
+from aeolid.diagnose.predictor.sensitivity import sensitivity
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 

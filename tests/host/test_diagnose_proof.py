@@ -7,10 +7,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from aeolid.diagnose.point import Free, Point, Prior, Scales
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.proof import prove
-from aeolid.diagnose.segments import Segment
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.validation.proof import prove
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose import directions
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.point import Point
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.quiet import audible, quieted
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.predictor.point import Point
+from aeolid.diagnose.predictor.quiet import audible, quieted
+from aeolid.diagnose.scoring import directions
+from aeolid.diagnose.scoring.scores import score_bank
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.signal import cont2discrete
 
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.resample import finer
 from aeolid.diagnose.pipeline import Study, study
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.resample import finer
 
 STEP, MOTOR, LOAD, SHAFT, TWISTING = 0.02, 0.6, 1.4, 90.0, 0.5  # s, kg m², kg m², N m, N m s
 MODEL = """\

@@ -10,16 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from aeolid.diagnose import reestimate
-from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.fitted import Fit
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.recorded_modes import recorded_modes
-from aeolid.diagnose.reestimate import estimated_on_all
-from aeolid.diagnose.scores import score_bank
-from aeolid.diagnose.segments import Segment
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates import reestimate
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.candidates.recorded_modes import recorded_modes
+from aeolid.diagnose.candidates.reestimate import estimated_on_all
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.models.equations import Equations
 
 pytestmark = pytest.mark.slow  # its fixtures are

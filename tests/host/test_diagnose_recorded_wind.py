@@ -13,12 +13,8 @@ from small_cases import write_case as write_small
 
 from aeolid.challenge.draw import build, draw_all
 from aeolid.challenge.write import write_case
-from aeolid.diagnose import free_run
-from aeolid.diagnose import prepare as stage
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.correction import corrected_model
-from aeolid.diagnose.exogenous import with_exogenous
-from aeolid.diagnose.recorded_wind import (
+from aeolid.diagnose.baseline import prepare as stage
+from aeolid.diagnose.baseline.recorded_wind import (
     LEVEL,
     RATE,
     SHARE,
@@ -28,7 +24,11 @@ from aeolid.diagnose.recorded_wind import (
     wind_findings,
     with_smoothed_wind,
 )
-from aeolid.diagnose.scores import score_bank
+from aeolid.diagnose.conclusion.correction import corrected_model
+from aeolid.diagnose.data.case import Case, load_case
+from aeolid.diagnose.data.exogenous import with_exogenous
+from aeolid.diagnose.scoring.scores import score_bank
+from aeolid.diagnose.validation import free_run
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Memory

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from small_cases import SAMPLES, SWING_STEP, swinging
 
-from aeolid.diagnose import reestimate
-from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates import reestimate
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.race import fit_rows
+from aeolid.diagnose.candidates.reestimate import baseline_of_all, estimated_on_all
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.race import fit_rows
-from aeolid.diagnose.reestimate import baseline_of_all, estimated_on_all
-from aeolid.diagnose.scores import score_bank
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.scoring.scores import score_bank
 
 
 def fitted(folder: Path) -> tuple[Prepared, Candidate]:

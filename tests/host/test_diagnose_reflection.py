@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from aeolid.diagnose.reflection import reflect
+from aeolid.diagnose.predictor.reflection import reflect
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

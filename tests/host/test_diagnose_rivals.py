@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose import pipeline
-from aeolid.diagnose.moved import Moved
-from aeolid.diagnose.rivals import (
+from aeolid.diagnose.candidates.moved import Moved
+from aeolid.diagnose.selection.rivals import (
     are_kin,
     leading,
     leads,

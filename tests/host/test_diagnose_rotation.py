@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from aeolid.diagnose.case import Case
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.rotation import Fold, Rotation, folds_of, is_silent
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.validation.rotation import Fold, Rotation, folds_of, is_silent
 from aeolid.models import equations_file
 from aeolid.record import Channel, Record
 

@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from scipy.stats import binom, chi2, kstest
 from study_modules import load_study
 
-from aeolid.diagnose import scores
-from aeolid.diagnose.blocks import shares_of
-from aeolid.diagnose.case import Case, load_case
-from aeolid.diagnose.directions import cells_of
-from aeolid.diagnose.point import Free, Point
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.projection import span
-from aeolid.diagnose.refit import finalists
-from aeolid.diagnose.scores import Bank, minimum_detectable, overlap, score_bank
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates.refit import finalists
+from aeolid.diagnose.data.case import Case, load_case
+from aeolid.diagnose.predictor.point import Free, Point
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.scoring import scores
+from aeolid.diagnose.scoring.directions import cells_of
+from aeolid.diagnose.scoring.scores import Bank, minimum_detectable, overlap, score_bank
+from aeolid.diagnose.stats.blocks import shares_of
+from aeolid.diagnose.stats.projection import span
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]

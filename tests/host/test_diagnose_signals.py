@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 from small_cases import write_case
 
-from aeolid.diagnose.anatomy import Motion
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue.base import Site
-from aeolid.diagnose.catalogue.response_modes import behind_static
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.hypotheses.parts.base import Site
+from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.segments import Segment
-from aeolid.diagnose.signals import motions_of_signals, static_outputs
-from aeolid.diagnose.verdict import diagnose
+from aeolid.diagnose.structure.anatomy import Motion
+from aeolid.diagnose.structure.signals import motions_of_signals, static_outputs
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations

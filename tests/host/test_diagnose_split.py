@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from aeolid.diagnose.forensics import examine, rails
-from aeolid.diagnose.resample import factor_for
-from aeolid.diagnose.split import Split, split_records
+from aeolid.diagnose.data.forensics import examine, rails
+from aeolid.diagnose.data.resample import factor_for
+from aeolid.diagnose.data.split import Split, split_records
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Channel, Record
 

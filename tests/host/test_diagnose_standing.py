@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from aeolid.diagnose.case import Case
-from aeolid.diagnose.forensics import examine
-from aeolid.diagnose.masking import masked_case
-from aeolid.diagnose.standing import stretches_of
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.forensics import examine
+from aeolid.diagnose.data.masking import masked_case
+from aeolid.diagnose.data.standing import stretches_of
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations
 from aeolid.record import Channel, Record

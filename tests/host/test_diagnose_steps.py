@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import LinearConstraint, minimize
 
-from aeolid.diagnose.point import Free, Point, Prior, Scales
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.segments import Segment
-from aeolid.diagnose.steps import Limits, expected_gain, limited_step, limits_of, next_damping
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.predictor.steps import Limits, expected_gain, limited_step, limits_of, next_damping
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 
@@ -97,7 +97,7 @@ def slow_predictor() -> tuple[Predictor, Point]:
 
 
 def modulus(predictor: Predictor, point: Point) -> float:
-    from aeolid.diagnose.gains import closed_loop
+    from aeolid.diagnose.predictor.gains import closed_loop
 
     assert point.K is not None
     closed, _ = closed_loop(predictor.compiled, predictor.middle, point.theta, point.K, predictor.segments[0].step)

@@ -10,11 +10,11 @@ import pytest
 from numpy.typing import NDArray
 from small_cases import write_case
 
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.baseline.prepare import prepare
+from aeolid.diagnose.candidates.switches import paying
 from aeolid.diagnose.conclude import conclude
-from aeolid.diagnose.prepare import prepare
-from aeolid.diagnose.scores import score_bank
-from aeolid.diagnose.switches import paying
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.scoring.scores import score_bank
 
 Array = NDArray[np.float64]
 STEP, SAMPLES = 1.0, 1500

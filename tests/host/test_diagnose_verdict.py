@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aeolid.diagnose import verdict
-from aeolid.diagnose.declared import form_speaking
-from aeolid.diagnose.rivals import is_other
-from aeolid.diagnose.sentence import sentence
+from aeolid.diagnose.conclusion import verdict
+from aeolid.diagnose.conclusion.declared import form_speaking
+from aeolid.diagnose.conclusion.sentence import sentence
+from aeolid.diagnose.selection.rivals import is_other
 
 
 def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tuple[str, list[str], str]:

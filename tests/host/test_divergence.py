@@ -12,10 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from aeolid.cli.main import main
-from aeolid.diagnose import export
-from aeolid.diagnose.correction import Correction
+from aeolid.diagnose.conclusion import export
+from aeolid.diagnose.conclusion.correction import Correction
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.divergent import diverging
+from aeolid.diagnose.validation.divergent import diverging
 from aeolid.models import equations_file
 from aeolid.models.divergence import FAR, divergence_of, growing
 from aeolid.models.model_file import Signal

@@ -142,7 +142,7 @@ def test_the_page_of_files_names_every_key_that_is_read() -> None:
     prose = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
     named = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`]+)`", prose))))
     package = ROOT / "tools/src/aeolid"
-    for file in ("record.py", "models/equations_file.py", "diagnose/case.py"):
+    for file in ("record.py", "models/equations_file.py", "diagnose/data/case.py"):
         for keys in re.findall(r"check_keys\([^{}]*\{([^}]*)\}", (package / file).read_text(encoding="utf-8")):
             assert set(re.findall(r'"(\w+)"', keys)) <= named, f"{file}: {keys}"
     assert set(KINDS) | {slot for kind in KINDS.values() for slot in kind.slots} <= named

@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 
 from aeolid.cli import reference
-from aeolid.diagnose.catalogue import ENTRIES
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 
 pytestmark = pytest.mark.slow  # its fixtures are
 

@@ -14,7 +14,7 @@ import pytest
 
 from aeolid.cli import guard
 from aeolid.cli.main import main
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import AeolidError, DataError, NotIdentifiable, UsageError
 from aeolid.plants.examples import write_examples
 

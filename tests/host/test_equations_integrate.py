@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy import signal
 from scipy.integrate import solve_ivp
 
-from aeolid.diagnose.baseline import equations_of
-from aeolid.diagnose.held import discretise
+from aeolid.diagnose.data.held import discretise
+from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.errors import DataError
 from aeolid.models import equations_file, integrate
 from aeolid.models.equations import Equations

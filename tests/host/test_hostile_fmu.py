@@ -15,7 +15,7 @@ import pytest
 from fmu_build import CO_SIMULATION, DESCRIPTION, build_fmu
 
 from aeolid.cli.main import main
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.models.exchange import fmu, fmu_unpack
 from aeolid.models.exchange.fmu import open_fmu, run_fmu

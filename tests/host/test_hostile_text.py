@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import AeolidError, DataError
 from aeolid.models import equations_file
 from aeolid.models.equations_size import MOST_OPERATIONS, MOST_STATES

@@ -9,7 +9,7 @@ import pytest
 from scipy.linalg import block_diag, expm
 
 from aeolid.cli.main import main
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.folding import image_of
 from aeolid.identify.order import OrderChoice

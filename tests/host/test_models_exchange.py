@@ -12,7 +12,7 @@ from scipy.io import savemat
 from scipy.linalg import expm
 
 from aeolid.cli.main import main
-from aeolid.diagnose.case import load_case
+from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError, UsageError
 from aeolid.formats import read_record, write_table
 from aeolid.models.exchange.files import read_state_space

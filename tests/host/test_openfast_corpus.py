@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from study_modules import load_study
 
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.catalogue import entry
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.catalogue import entry
 
 study = load_study("openfast_corpus")
 design, making, answers, judging = study.design, study.making, study.answers, study.judging

@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.simulators import _ROWS, settings
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.simulators import _ROWS, settings
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.disc import disc_of
 from aeolid.diagnose.run_prior.grams import lagged_gram, with_noise

@@ -11,10 +11,10 @@ import pytest
 
 from aeolid.cli import common
 from aeolid.cli.main import main
-from aeolid.diagnose.case import load_case
 from aeolid.diagnose.conclude import conclude
+from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.deadline import PHASES, Deadline
-from aeolid.diagnose.predictor import Predictor
+from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.plants.examples import write_examples
 
 

@@ -237,8 +237,8 @@ def nats_of_truth(study: Study, truth: Sequence[str]) -> float | None:
     Below 5 nats nobody could tell it from nothing on these data (MISMATCH section 6: undecidable). None where the truth
     is no effect that can be fitted.
     """
-    from aeolid.diagnose.proof import prove
-    from aeolid.diagnose.race import fit_rows
+    from aeolid.diagnose.candidates.race import fit_rows
+    from aeolid.diagnose.validation.proof import prove
 
     rows = [r for r in study.bank.rows if r.attachment.entry in truth]
     bare, prepared = study.prepared.only(()), study.prepared
@@ -253,7 +253,7 @@ def nats_of_truth(study: Study, truth: Sequence[str]) -> float | None:
 
 def answer(hidden: Hidden, study: Study) -> dict[str, Any]:
     """Draw the verdict, judge it, and where the effect was not found say whether it could have been."""
-    from aeolid.diagnose.verdict import diagnose
+    from aeolid.diagnose.conclusion.verdict import diagnose
 
     found = diagnose(study)
     row = judge(hidden, found) | {"statement": found["statement"], "nats": None}
@@ -286,7 +286,7 @@ def judge(hidden: Hidden, diagnosis: dict[str, Any]) -> dict[str, Any]:
 
 def diagnose_one(hidden: Hidden, folder: Path, samples: int, seed: int, sham: int) -> dict[str, Any]:
     """Write a case, diagnose it, judge the answer."""
-    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.data.case import load_case
     from aeolid.diagnose.pipeline import study
 
     begun = time.perf_counter()

@@ -70,7 +70,7 @@ def wilson(good: int, of: int) -> tuple[float, float]:
 
 def family(identifier: str) -> str:
     """Return the family of an entry; what is no entry is its own."""
-    from aeolid.diagnose.catalogue import ENTRIES
+    from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 
     return next((e.family for e in ENTRIES if e.id == identifier), identifier)
 

@@ -42,11 +42,11 @@ def one(number: int, seed: int, samples: int) -> Facts:
     """Hide an effect, fit the entry that names it and say where value and deviation come to lie."""
     from aeolid.challenge.draw import build, place
     from aeolid.challenge.write import write_case
-    from aeolid.diagnose.case import load_case
-    from aeolid.diagnose.prepare import prepare
-    from aeolid.diagnose.race import fit_rows
-    from aeolid.diagnose.reestimate import estimated_on_all
-    from aeolid.diagnose.scores import score_bank
+    from aeolid.diagnose.baseline.prepare import prepare
+    from aeolid.diagnose.candidates.race import fit_rows
+    from aeolid.diagnose.candidates.reestimate import estimated_on_all
+    from aeolid.diagnose.data.case import load_case
+    from aeolid.diagnose.scoring.scores import score_bank
 
     item = valued()[number]
     only = replace(item, kinds=("equations",), forms=1)

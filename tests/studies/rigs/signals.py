@@ -309,9 +309,9 @@ def judge(fault: Fault, found: dict[str, Any]) -> dict[str, Any]:
 
 def diagnose_one(fault: Fault, folder: Path, samples: int, seed: int, sham: int) -> dict[str, Any]:
     """Write a case, diagnose it, judge the answer."""
-    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.conclusion.verdict import diagnose
+    from aeolid.diagnose.data.case import load_case
     from aeolid.diagnose.pipeline import study
-    from aeolid.diagnose.verdict import diagnose
 
     begun = time.perf_counter()
     case = load_case(write_case(folder, fault, samples, seed))

@@ -258,7 +258,7 @@ def trials() -> list[Trial]:
 
 def diagnose_one(trial: Trial, folder: Path, samples: int, seed: int, sham: int) -> dict[str, Any]:
     """Write a case, diagnose it, judge the answer."""
-    from aeolid.diagnose.case import load_case
+    from aeolid.diagnose.data.case import load_case
     from aeolid.diagnose.pipeline import study
 
     begun = time.perf_counter()

@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 def run(json_target: JsonOption = None, force: ForceOption = False) -> None:
     """List the effects a diagnosis can name, with equations, parameters and what they are confused with."""
     declare("catalogue", force=force, files={"--json": json_target})
-    from aeolid.diagnose.catalogue import ENTRIES
+    from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 
     facts: list[dict[str, Any]] = [
         {

@@ -93,8 +93,8 @@ def _diagnosed(
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    from aeolid.diagnose.case import load_case
     from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.diagnose.data.case import load_case
     from aeolid.diagnose.deadline import Deadline
     from aeolid.errors import Contradiction
 

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.case import Case
-from aeolid.diagnose.channel_faults import ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.baseline.channel_faults import ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.baseline.simulated import check_run, is_simple
+from aeolid.diagnose.conclusion.export import write_all, write_ended
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.forensics import SWAPPED, Finding, examine
+from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.deadline import Deadline, unlimited
-from aeolid.diagnose.export import write_all, write_ended
-from aeolid.diagnose.forensics import SWAPPED, Finding, examine
-from aeolid.diagnose.masking import masked_case
 from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
-from aeolid.diagnose.simulated import check_run, is_simple
-from aeolid.diagnose.verdict import diagnose
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 

@@ -10,33 +10,33 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.beyond import form_beyond
-from aeolid.diagnose.candidate import Candidate
-from aeolid.diagnose.case import Case
-from aeolid.diagnose.catalogue import unlisted
-from aeolid.diagnose.control import survives_control
+from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.baseline.recorded_wind import wind_findings
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.control import survives_control
+from aeolid.diagnose.candidates.race import fit_finalists, fit_whispering, is_accepted
+from aeolid.diagnose.candidates.reestimate import baseline_of_all
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.forensics import Finding, examine
+from aeolid.diagnose.data.intersample import sampling_findings
 from aeolid.diagnose.deadline import Deadline, unlimited
-from aeolid.diagnose.deficiency import deficient
-from aeolid.diagnose.detect import Ceiling, band_power, ceiling
-from aeolid.diagnose.exchange import Alternative, exchanged
-from aeolid.diagnose.expected import evidence_in_loop
-from aeolid.diagnose.first_effect import find_first, first_effect
-from aeolid.diagnose.forensics import Finding, examine
-from aeolid.diagnose.intersample import sampling_findings
-from aeolid.diagnose.locate import evidence_cells
-from aeolid.diagnose.paths import evidence_paths
-from aeolid.diagnose.point import Point
-from aeolid.diagnose.predictor import Predictor
-from aeolid.diagnose.prepare import Prepared
-from aeolid.diagnose.proof import PROVEN, Proof, imitate
-from aeolid.diagnose.race import fit_finalists, fit_whispering, is_accepted
-from aeolid.diagnose.recorded_wind import wind_findings
-from aeolid.diagnose.reestimate import baseline_of_all
-from aeolid.diagnose.rivals import outdone_by
-from aeolid.diagnose.rotation import Rotation, rotate
-from aeolid.diagnose.scores import Bank, score_bank
-from aeolid.diagnose.sealed import Held, declared_against, hold_against
-from aeolid.diagnose.several import further_effects, what_is_left
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.localise.deficiency import deficient
+from aeolid.diagnose.localise.detect import Ceiling, band_power, ceiling
+from aeolid.diagnose.localise.expected import evidence_in_loop
+from aeolid.diagnose.localise.locate import evidence_cells
+from aeolid.diagnose.localise.paths import evidence_paths
+from aeolid.diagnose.predictor.point import Point
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.scoring.scores import Bank, score_bank
+from aeolid.diagnose.selection.exchange import Alternative, exchanged
+from aeolid.diagnose.selection.first_effect import find_first, first_effect
+from aeolid.diagnose.selection.rivals import outdone_by
+from aeolid.diagnose.selection.several import further_effects, what_is_left
+from aeolid.diagnose.validation.beyond import form_beyond
+from aeolid.diagnose.validation.proof import PROVEN, Proof, imitate
+from aeolid.diagnose.validation.rotation import Rotation, rotate
+from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against
 
 Array = NDArray[np.float64]
 

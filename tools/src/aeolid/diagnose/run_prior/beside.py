@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.proof import PROVEN
 from aeolid.diagnose.run_prior.explain import HELD, SHARE, Explanation, Found, chosen, limit_of, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Modal
@@ -19,6 +18,7 @@ from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.diagnose.run_prior.proof import prove
 from aeolid.diagnose.run_prior.resonances import SEEN, resonances
 from aeolid.diagnose.run_prior.search import Scored, Search
+from aeolid.diagnose.validation.proof import PROVEN
 
 _PLACES = ("input:", "rotor")  # of effects that other outputs show as well as the mode's own
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from aeolid.diagnose.rotor_frame import blade_sets
+from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame, side_of
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly

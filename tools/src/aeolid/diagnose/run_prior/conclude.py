@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.case import Case
+from aeolid.diagnose.conclusion.export import write_found
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.forensics import Finding
+from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.divergent import diverging
-from aeolid.diagnose.export import write_found
-from aeolid.diagnose.forensics import Finding
-from aeolid.diagnose.proof import PROVEN
-from aeolid.diagnose.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
@@ -27,6 +25,8 @@ from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.standing import standing_of
+from aeolid.diagnose.validation.divergent import diverging
+from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]

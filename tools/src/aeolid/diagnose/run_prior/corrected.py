@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.baseline import equations_of
-from aeolid.diagnose.rotor_frame import to_fixed_frame
+from aeolid.diagnose.data.rotor_frame import to_fixed_frame
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.naming import Told
 from aeolid.diagnose.run_prior.pair import Pair
+from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.identify.plain import identify_plainly
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, InputFilter, Output, Parameter

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.rotor_frame import blade_sets
+from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.pair import fixed_frame
 from aeolid.record import Record
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.catalogue.modes import KINDS
+from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame
 from aeolid.errors import NotIdentifiable

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.catalogue import entry
-from aeolid.diagnose.catalogue.base import location
-from aeolid.diagnose.catalogue.modes import KINDS
-from aeolid.diagnose.catalogue.simulators import settings
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.base import location
+from aeolid.diagnose.hypotheses.parts.modes import KINDS
+from aeolid.diagnose.hypotheses.simulators import settings
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.machine import is_turbine

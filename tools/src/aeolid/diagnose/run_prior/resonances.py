@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.catalogue.modes import KINDS
+from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.machine import is_turbine

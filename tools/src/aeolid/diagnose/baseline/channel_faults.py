@@ -1,0 +1,220 @@
+"""Find channels recorded with another sign, in another unit or under another's name, before any physics (S0).
+
+Each hypothesis transforms the recording and adds no parameter; `wiring_evidence` says what each is worth. A fault is
+said where the evidence is large, there in most of the recording, at just this factor, and where hardly anything is left
+over that past inputs with free weights would explain.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, Wiring, judge_of
+from aeolid.diagnose.data.case import Case
+from aeolid.record import Record
+
+RATIOS: tuple[tuple[float, str, tuple[str, ...]], ...] = (  # factor, its words, units of which one is exchanged
+    (180 / np.pi, "degrees to a radian", ("deg", "rad", "deg/s", "rad/s")),
+    (30 / np.pi, "rpm to a rad/s", ("rpm", "rad/s")),
+    (6.0, "deg/s to an rpm", ("rpm", "deg/s")),
+    (9.80665, "m/s^2 to a g", ("m/s^2", "m/s2", "g")),
+    (3.6, "km/h to a m/s", ("m/s", "km/h")),
+    (60.0, "seconds to a minute", ("s", "min", "1/s", "1/min", "rpm", "Hz")),
+    (100.0, "centimetres to a metre", ("m", "cm", "m/s", "cm/s")),
+    (1000.0, "a thousand", ()),  # of every unit
+)
+_COARSE, _FINE = 4, 15  # orders of the autoregression: to choose whom to ask again, and to answer
+_MOST = 2  # faults at once
+_AGAIN = 6  # hypotheses that are asked again
+_LEAST = 20.0  # nats, beyond the logarithm of the number of hypotheses
+_RATE = 0.06  # nats a sample and output: a wrong sign turns what most of a recording shows; 0.08 to 0.4 are usual
+_EXPLAINED = 0.7  # of what inputs with free weights would gain over the wiring as declared
+_SURE = 2.33  # deviations of the gain's parts
+_ALIKE = 3.0  # nats: less tells no two faults apart
+_OF_SIGN = 0.15  # of a sign's gain must be that over no response at all; a quarter is expected
+_ASIDE = 1e3  # a factor with which a response does not count
+_BESIDE = 1.6  # a factor is the known one only where one so much larger or smaller says less
+
+
+@dataclass(frozen=True)
+class ChannelFault:
+    """Hold one fault: id and place as in the catalogue, factor (what was recorded over what is meant), nats, words."""
+
+    id: str
+    entry: str
+    channels: tuple[str, ...]
+    factor: float
+    gain: float
+    statement: str
+    equation: str
+
+    def to_effect(self) -> dict[str, Any]:
+        """Return it as an effect of diagnosis.json."""
+        role, _, _ = self.entry.partition(":")
+        where = {"entry": self.entry, "inputs" if role.startswith("input") else "outputs": list(self.channels)}
+        values = {} if self.id == "data_channel_swap" else {"factor": {"value": self.factor, "std": None, "unit": "1"}}
+        return {
+            "id": self.id, "family": "sensor_nonlinearity", "statement": self.statement, "location": where,
+            "equation": self.equation, "parameters": values, "rivals": [], "weight": 1.0, "sealed_gain_share": None,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Hypothesis:
+    """Hold a wiring that puts right what was done to some channels, and what that was."""
+
+    wiring: Wiring
+    kind: str  # sign, unit, swap
+    role: str  # input, output
+    numbers: tuple[int, ...]
+    factor: float = 1.0  # by which the columns are multiplied to put them right
+    words: str = ""
+
+
+def channel_faults(case: Case) -> tuple[tuple[ChannelFault, ...], Case]:
+    """Return what is wrong with the wiring, at most two faults, and the case with that put right.
+
+    Only baselines that are models are asked. Cost: some 2 N (l p)² operations for each of the hypotheses, of which each
+    channel has about ten, and each has 1 + 6 r lags.
+    """
+    judge = judge_of(case)
+    if judge is None:
+        return (), case
+    found: list[ChannelFault] = []
+    wiring = judge.declared
+    for _ in range(_MOST):
+        best = _clearest(judge, wiring)
+        if best is None:
+            break
+        wiring = best[0].wiring
+        found.append(_described(judge, *best))
+    return tuple(found), case if not found else replace(case, records=_put_right(judge, wiring, case.records))
+
+
+def with_faults(diagnosis: dict[str, Any], faults: Sequence[ChannelFault]) -> dict[str, Any]:
+    """Return a diagnosis of the recording put right as one of the recording that was given: its faults come first."""
+    if not faults:
+        return diagnosis
+    said = "; and ".join(f.statement for f in faults)
+    effects = [f.to_effect() for f in faults]
+    return diagnosis | {
+        "verdict": "data_fault",
+        "statement": f"{said}. With that put right: {diagnosis['statement']}",
+        "effects": [*effects, *diagnosis["effects"]],
+        "location": effects[0]["location"],
+    }
+
+
+def _hypotheses(judge: Judge, base: Wiring) -> Iterator[_Hypothesis]:
+    """Yield every single change of a wiring that is asked."""
+    for role, names, units in (("input", judge.names[0], judge.units[0]), ("output", judge.names[1], judge.units[1])):
+        for j, unit in enumerate(units):
+            yield _scaled(base, "sign", role, j, -1.0)
+            for ratio, words, known in RATIOS:
+                if not known or unit.replace(" ", "").replace("²", "^2") in known:
+                    yield _scaled(base, "unit", role, j, ratio, words)
+                    yield _scaled(base, "unit", role, j, 1 / ratio, words)
+        for i, j in itertools.combinations(range(len(names)), 2):
+            orders = list(base.input_order if role == "input" else base.output_order)
+            orders[i], orders[j] = orders[j], orders[i]
+            order = tuple(orders)
+            swapped = replace(base, input_order=order) if role == "input" else replace(base, output_order=order)
+            yield _Hypothesis(swapped, "swap", role, (i, j))
+
+
+def _scaled(base: Wiring, kind: str, role: str, number: int, factor: float, words: str = "") -> _Hypothesis:
+    factors = list(base.inputs if role == "input" else base.outputs)
+    factors[number] *= factor
+    told = tuple(factors)
+    scaled = replace(base, inputs=told) if role == "input" else replace(base, outputs=told)
+    return _Hypothesis(scaled, kind, role, (number,), factor, words)
+
+
+def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hypothesis]] | None:
+    """Return the change that a wiring asks for, its nats, and what the data do not tell from it; None mostly."""
+    asked = list(_hypotheses(judge, base))
+    if judge.worth(base, _COARSE)[0] == -np.inf:
+        return None
+    ranked = sorted(asked, key=lambda h: -judge.worth(h.wiring, _COARSE)[0])[:_AGAIN]
+    before, parts, _ = judge.worth(base, _FINE)
+    answers = sorted(((judge.worth(h.wiring, _FINE), h) for h in ranked), key=lambda a: -a[0][0])
+    (after, of_best, _), best = answers[0]
+    gain, steps = after - before, of_best - parts
+    if gain < max(_LEAST + np.log(len(asked)), _RATE * judge.rows):
+        return None
+    if gain < _SURE * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(judge, best, after, before):
+        return None
+    plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
+    if after - plain < _EXPLAINED * (free - plain):
+        return None
+    return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < _ALIKE]
+
+
+def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) -> bool:
+    """Tell whether the channel's factor is the known one: not one that lies beside it, nor one near 0.
+
+    Along a factor a of a channel the log-likelihood is a parabola: with its top at −1 it lies 4 c lower at 1 and c
+    lower at 0, where the model's response between the channel and the others does not count. Where most of the gain is
+    there already, the response is of another kind than the model's and has no sign.
+    """
+    if best.kind == "swap":
+        return True
+    if best.kind == "sign":
+        aside = _scaled(best.wiring, "", best.role, best.numbers[0], _ASIDE if best.role == "output" else 1 / _ASIDE)
+        if worth - judge.worth(aside.wiring, _FINE)[0] < _OF_SIGN * (worth - before):
+            return False
+    beside = [_scaled(best.wiring, "", best.role, best.numbers[0], f).wiring for f in (_BESIDE, 1 / _BESIDE)]
+    return all(judge.worth(w, _FINE)[0] < worth for w in beside)
+
+
+def _put_right(judge: Judge, wiring: Wiring, records: Sequence[Record]) -> tuple[Record, ...]:
+    """Return the recordings with their channels exchanged and multiplied as the wiring says."""
+    result = []
+    for record in records:
+        values = record.values.copy()
+        places = {c.name: i for i, c in enumerate(record.channels)}
+        for names, factors, orders in (
+            (judge.names[0], wiring.inputs, wiring.input_order),
+            (judge.names[1], wiring.outputs, wiring.output_order),
+        ):
+            for j, name in enumerate(names):
+                if name in places:
+                    values[:, places[name]] = factors[j] * record.column(names[orders[j]])
+        result.append(replace(record, values=values))
+    return tuple(result)
+
+
+def _described(judge: Judge, best: _Hypothesis, gain: float, alike: Sequence[_Hypothesis]) -> ChannelFault:
+    """Say a fault in words, and what explains the recording as well."""
+    names = judge.names[0] if best.role == "input" else judge.names[1]
+    said, equation = _words(best, names)
+    others = [_words(h, judge.names[0] if h.role == "input" else judge.names[1])[0] for h in alike]
+    told = "".join(f"; or {o}" for o in others)
+    channels = tuple(names[n] for n in best.numbers)
+    entry = f"{best.role}s:{' and '.join(channels)}" if best.kind == "swap" else f"{best.role}:{channels[0]}"
+    ids = {"sign": "sensor_sign", "unit": "sensor_scale", "swap": "data_channel_swap"}
+    return ChannelFault(
+        ids[best.kind], entry, channels, 1 / best.factor, gain, f"{said} ({gain:.0f} nats){told}", equation
+    )
+
+
+def _words(fault: _Hypothesis, names: Sequence[str]) -> tuple[str, str]:
+    first = names[fault.numbers[0]]
+    if fault.kind == "swap":
+        other = names[fault.numbers[1]]
+        text = f"the channels {first} and {other} are swapped: each was recorded under the other's name"
+        return text, f"{first}_recorded = {other}, {other}_recorded = {first}"
+    if fault.kind == "sign":
+        return f"{first} is recorded with the wrong sign", f"{first}_recorded = -{first}"
+    factor = 1 / fault.factor
+    text = f"{first} is recorded as {factor:.5g} times what its unit says ({_ratio(fault.factor)}, {fault.words})"
+    return text, f"{first}_recorded = {factor:.5g}*{first}"
+
+
+def _ratio(factor: float) -> str:
+    return f"{max(factor, 1 / factor):.5g}"

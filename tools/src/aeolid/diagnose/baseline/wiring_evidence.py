@@ -1,0 +1,206 @@
+"""Say what a wiring of a recording's channels is worth: the baseline's prediction, whitened by an autoregression.
+
+The baseline predicts the transformed recording, and a vector autoregression whitens what it leaves over, so that
+unmeasured forces of any colour cost every wiring the same. The evidence is the Gaussian log-likelihood of the
+autoregression's innovations of covariance S, −N/2 log det S + N Σ log|f_j| for outputs multiplied by f_j. A lag of an
+input, which the model may lack besides, turns phases and would be taken for a sign: every wiring, the declared one too,
+may have one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.held import discretise
+from aeolid.diagnose.predictor.riccati import steady_gain
+from aeolid.errors import DataError
+from aeolid.models.equations import Equations
+from aeolid.models.integrate import compile_equations, simulate
+from aeolid.models.recursion import run_states
+from aeolid.models.state_space import StateSpace
+
+Array = NDArray[np.float64]
+PARTS = 10  # stretches into which evidence is told
+_LAGS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # time constants of one input's lag, samples; none is off by more than √2
+_MOST_ROWS = 20_000  # of all recordings: more make no sign clearer
+_FEWEST = 200
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Say how columns of a recording become channels of the model: channel j is factor_j times column order_j."""
+
+    inputs: tuple[float, ...]
+    outputs: tuple[float, ...]
+    input_order: tuple[int, ...]
+    output_order: tuple[int, ...]
+
+    def apply(self, u: Array, y: Array) -> tuple[Array, Array]:
+        """Return inputs (N, r) and outputs (N, l) as this wiring has them."""
+        return u[:, list(self.input_order)] * self.inputs, y[:, list(self.output_order)] * self.outputs
+
+
+class Judge:
+    """Hold a baseline and recordings, and say what each wiring is worth."""
+
+    def __init__(self, model: StateSpace | Equations, blocks: Sequence[tuple[Array, Array]], step: float) -> None:
+        self.model, self.blocks, self.step = model, blocks, step
+        self.names = [s.name for s in model.inputs], [s.name for s in model.outputs]
+        self.units = [s.unit for s in model.inputs], [s.unit for s in model.outputs]
+        r, m = len(self.names[0]), len(self.names[1])
+        self.declared = Wiring((1.0,) * r, (1.0,) * m, tuple(range(r)), tuple(range(m)))
+        self._gain = _observer(model, blocks) if isinstance(model, StateSpace) else None
+        self.skip = self._settled()
+
+    def _settled(self) -> int:
+        """Return the samples after which the start no longer counts; at most a fifth of the shortest recording."""
+        shortest = min(len(u) for u, _ in self.blocks)
+        if not isinstance(self.model, StateSpace) or self._gain is None:
+            return shortest // 5
+        slowest = float(np.max(np.abs(np.linalg.eigvals(self.model.A - self._gain @ self.model.C)), initial=0.0))
+        return int(min(3 / max(1 - slowest, 1e-6), shortest // 5))
+
+    def residuals(self, wiring: Wiring, lags: tuple[float, ...]) -> list[Array] | None:
+        """Return what the baseline leaves over of each recording; None where it does not run on it."""
+        result = []
+        for u, y in self.blocks:
+            v, z = wiring.apply(u, y)
+            v = np.column_stack([_lagged(v[:, j], lag) for j, lag in enumerate(lags)]) if v.shape[1] else v
+            left = self._left(v, z)
+            if left is None or not np.all(np.isfinite(left)):
+                return None
+            result.append(left[self.skip :])
+        return result
+
+    def _left(self, u: Array, y: Array) -> Array | None:
+        if isinstance(self.model, StateSpace):
+            m, K = self.model, self._gain
+            assert K is not None
+            v, z = u - m.u_offset, y - m.y_offset
+            return (
+                z
+                - run_states(m.A - K @ m.C, v @ (m.B - K @ m.D).T + z @ K.T, np.zeros(m.order))[:-1] @ m.C.T
+                - v @ m.D.T
+            )
+        try:
+            return y - simulate(compile_equations(self.model), u, self.model.theta, self.model.x0, self.step)
+        except DataError:
+            return None
+
+    def worth(self, wiring: Wiring, order: int) -> tuple[float, Array, tuple[float, ...]]:
+        """Return the log-likelihood with the best lag, its parts by stretch, and the lag."""
+        none = (0.0,) * len(self.names[0])
+        best = (-np.inf, np.zeros(PARTS), none)
+        for lags in [none, *_one_lag(len(none))]:
+            left = self.residuals(wiring, lags)
+            if left is None:
+                continue
+            total, parts = _evidence(left, order)
+            jacobian = float(np.sum(np.log(np.abs(wiring.outputs))))
+            rows = sum(len(r) - order for r in left)
+            if total + rows * jacobian > best[0]:
+                best = (total + rows * jacobian, parts + rows * jacobian / PARTS, lags)
+        return best
+
+    @property
+    def rows(self) -> int:
+        """Return the number of samples that count, times the outputs."""
+        return sum(len(u) - self.skip for u, _ in self.blocks) * len(self.names[1])
+
+    def plain(self, wiring: Wiring, order: int, *, free: bool = False) -> float:
+        """Return the log-likelihood of a wiring without lags; free: past inputs have free weights besides."""
+        left = self.residuals(wiring, (0.0,) * len(self.names[0]))
+        if left is None:
+            return -np.inf
+        inputs = [wiring.apply(u, y)[0][self.skip :] for u, y in self.blocks]
+        rows = sum(len(r) - order for r in left)
+        jacobian = rows * float(np.sum(np.log(np.abs(wiring.outputs))))
+        return _evidence(left, order, inputs if free else None)[0] + jacobian
+
+
+def judge_of(case: Case) -> Judge | None:
+    """Return the judge of a case; None where the baseline is no model or the recordings are too short."""
+    model = case.baseline
+    if not isinstance(model, StateSpace | Equations) or not model.outputs or not model.inputs:
+        return None
+    step = case.records[0].sample_time_s
+    model = discretise(model, step) if isinstance(model, StateSpace) else model
+    share = max(_MOST_ROWS // len(case.records), _FEWEST)
+    blocks = []
+    for record in case.records:
+        piece = record.slice(0, share)
+        try:
+            u = (
+                model.inputs_of(piece)
+                if isinstance(model, Equations)
+                else piece.columns([s.name for s in model.inputs])
+            )
+        except DataError:
+            return None
+        y = piece.columns([s.name for s in model.outputs])
+        if len(piece) >= _FEWEST and np.isfinite(u).all(axis=1).mean() > 0.9 and np.isfinite(y).mean() > 0.9:
+            blocks.append((_filled(u), _filled(y)))
+    moving = [np.vstack([b[k] for b in blocks]) for k in (0, 1)] if blocks else []
+    if not moving or not all(np.all(np.ptp(part, axis=0) > 0) for part in moving):
+        return None
+    return Judge(model, blocks, step)
+
+
+def _filled(values: Array) -> Array:
+    """Return channels whose missing samples are drawn straight: a few change no sign."""
+    filled, rows = values.copy(), np.arange(len(values))
+    for column in filled.T:
+        bad = ~np.isfinite(column)
+        if bad.any() and not bad.all():
+            column[bad] = np.interp(rows[bad], rows[~bad], column[~bad])
+    return filled
+
+
+def _observer(model: StateSpace, blocks: Sequence[tuple[Array, Array]]) -> Array:
+    """Return a gain K with A − K C stable: that of unmeasured inputs of a third of the recorded ones' spread."""
+    u, y = (np.vstack([b[k] for b in blocks]) for k in (0, 1))
+    moved = model.B @ np.diag(0.1 * np.var(u, axis=0)) @ model.B.T
+    moved += 1e-9 * max(float(np.trace(moved)), 1e-300) * np.eye(model.order)
+    return steady_gain(model.A, model.C, moved, np.diag(0.01 * np.var(y, axis=0)))
+
+
+def _lagged(u: Array, samples: float) -> Array:
+    """Return a channel behind a first-order lag of so many samples, settled at its start; 0 returns it."""
+    if samples <= 0.0:
+        return u
+    keep = float(np.exp(-1.0 / samples))
+    late: Array = u[0] + np.asarray(lfilter([1.0 - keep], [1.0, -keep], u - u[0]))
+    return late
+
+
+def _one_lag(inputs: int) -> Iterator[tuple[float, ...]]:
+    for j, lag in itertools.product(range(inputs), _LAGS):
+        yield tuple(lag if i == j else 0.0 for i in range(inputs))
+
+
+def _evidence(left: Sequence[Array], order: int, inputs: Sequence[Array] | None = None) -> tuple[float, Array]:
+    """Return the log-likelihood of an autoregression (with past inputs where given), whole and by stretch."""
+    rows, targets = [], []
+    for i, r in enumerate(left):
+        past = [r[order - k - 1 : len(r) - k - 1] for k in range(order)]
+        if inputs is not None:
+            past += [inputs[i][order - k - 1 : len(r) - k - 1] for k in range(order)]
+        rows.append(np.column_stack([*past, np.ones(len(r) - order)]))
+        targets.append(r[order:])
+    Z, T = np.vstack(rows), np.vstack(targets)
+    scale = np.maximum(np.sqrt(np.mean(Z**2, axis=0)), 1e-300)
+    Z = Z / scale
+    gram = Z.T @ Z
+    E = T - Z @ np.linalg.solve(gram + 1e-10 * len(Z) * np.eye(len(gram)), Z.T @ T)
+    S = E.T @ E / len(E)
+    S += 1e-12 * np.diag(np.maximum(np.var(T, axis=0), 1e-300))
+    L = np.linalg.cholesky(S)
+    each = -0.5 * np.sum(np.linalg.solve(L, E.T) ** 2, axis=0) - float(np.sum(np.log(np.diag(L))))
+    return float(each.sum()), np.array([part.sum() for part in np.array_split(each, PARTS)])

@@ -1,0 +1,1 @@
+"""From a hypothesis to numbers: starts, fits, early stops, admissibility, negative control."""

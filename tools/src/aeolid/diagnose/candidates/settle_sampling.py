@@ -1,0 +1,262 @@
+"""Settle with the baseline how inputs go on between their samples and which instant a row belongs to (S1).
+
+Whatever physics is left out, half a sample that nobody settled is found first and bends every value: at 60 dB the
+damping of an oscillator came out 13 times too large, and a clock offset, a stop and a spring were named. So the hold of
+each input, and one offset of all inputs against all outputs up to a sample either way, are chosen by the likelihood of
+the fitted baseline, and once more beside the first effect, which may have hidden or imitated them.
+
+What the likelihood may choose among depends on the recording:
+- measured inputs in open loop: held, straight or band-limited; any offset from -1 to 1 sample;
+- commands (held for several samples, or new at every sample up to the Nyquist frequency): early by up to a sample,
+  which no drive can be, or late by exactly one; late by part of one is what a lag or a dead time does: physics;
+- feedback: held, whole samples only. An input that answers an output knows of its error, and by a fraction or a curve
+  between samples the next output would be foretold from itself; a whole sample of the wrong way does not gain, because
+  the sign of a loop that holds is against the plant's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.baseline.frame import carry_free, carry_point
+from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.data.intersample import Sampling, filters_of, traits_of, with_sampling
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.predictor.point import Free, Point
+from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
+from aeolid.models.integrate import Compiled
+from aeolid.models.intersample import HOLDS, OFFSET
+
+Array = NDArray[np.float64]
+_QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
+_PROMISE = 2.0  # nats that a score promises, two deviations: below that nothing is tried
+_TINY = 1e-4  # samples: step of a finite difference
+_EXACT = 2.0  # nats, two deviations: what a whole sample may be short of the best offset and still be it
+_BEYOND = 1.5  # samples: what is likelier there than within one is no habit
+_PAST, _SEEN = 40, 10  # samples of an input's own past, longer than steps are held, and of the outputs
+_MOVED = 0.1  # samples by which an offset beside an effect is another than that of the baseline alone
+_LEADERS = 4  # kinds of effects beside which it is looked again
+_ANSWERS = 0.02  # share of what an input's past does not foretell, but outputs do: such an input is fed back
+_ROWS = 20_000  # rows that show feedback
+
+
+@dataclass(frozen=True, eq=False)
+class _Stage:
+    """Hold what trials start from: model with the offset in it, predictor, point, free set, and the value to beat.
+
+    promised: nats that the score of an earlier and of a later offset promises; sampling: as the stage reads inputs.
+    """
+
+    predictor: Predictor
+    point: Point
+    free: Free
+    place: int
+    value: float
+    promised: tuple[float, float]
+    sampling: Sampling
+
+    @property
+    def step(self) -> float:
+        """Return the sample time of the inputs in s."""
+        return self.predictor.segments[0].fine_step
+
+    def tried(self, sampling: Sampling, iterations: int = _QUICK) -> Sampling:
+        """Return a sampling as a brief fit has it, with what it gains."""
+        predictor = read_by(self.predictor, sampling)
+        theta = self.point.theta.copy()
+        theta[self.place] = sampling.offset_s
+        own = (*self.free.theta, self.place) if sampling.free else self.free.theta
+        free = replace(self.free, theta=own)
+        found = predictor.climb(replace(self.point, theta=theta), free, iterations, _TOLERANCE)
+        if found is None:
+            return replace(sampling, gain=-np.inf)
+        return replace(sampling, offset_s=float(found[1].theta[self.place]), gain=self.value - found[0])
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Say what may be chosen: which inputs may move, any offset or (commands) early ones, whole samples only or not."""
+
+    moving: tuple[str, ...]
+    any_offset: bool
+    whole: bool
+
+    def trials(self, now: Sampling, step: float) -> list[Sampling]:
+        """Return the samplings to fit briefly, those as read now left out."""
+        others = [tuple((n, h if n in self.moving else was) for n, was in now.holds) for h in HOLDS[1:]]
+        holds = [now.holds, *(others if self.moving else ())]
+        offsets = (0.0, -1.0, 1.0) if self.whole else (0.0, -1.0, 1.0, -0.5, *([0.5] if self.any_offset else []))
+        found = [replace(now, holds=h, offset_s=o * step, free=self._is_free(o)) for h in holds for o in offsets]
+        return [s for s in found if s.holds != now.holds or s.offset_s]
+
+    def _is_free(self, offset: float) -> bool:
+        return self.any_offset or (offset < 0 and not self.whole)
+
+    def allows(self, sampling: Sampling, step: float) -> bool:
+        """Tell whether a fitted offset is still one of these: a command is not late by part of a sample."""
+        late = sampling.offset_s > 0 and sampling.offset_s != step
+        return self.any_offset or not late
+
+
+def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> Sampling | None:
+    """Return the sampling under which the fit data are clearly likelier than as the stage reads them; None elsewhere.
+
+    winner: the effect beside which to look, none by default. Clearly: by more than ln N nats, the price of two
+    parameters in N rows (BIC). An optimum beyond a sample either way is no habit and is left to the catalogue. Cost:
+    sensitivities where the scores promise nothing, else some ten brief fits.
+    """
+    if prepared.surrogate is not None or not prepared.sampling.holds:
+        return None
+    stage, choice = _stage(prepared, winner), choice_of(case, prepared)
+    best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None
+    if best is not None or winner is None or not prepared.sampling.free:
+        return best
+    beside, alone = float(stage.point.theta[stage.place]), prepared.sampling.offset_s
+    if abs(beside - alone) < _MOVED * stage.step:
+        return None
+    return _nearly_whole(stage, replace(prepared.sampling, offset_s=beside))
+
+
+def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate]) -> Sampling | None:
+    """Return the sampling of the likeliest pair of one and an effect; None where it is the stage's own.
+
+    An offset that a missing lag bent, or a curve that it hid, lets another effect lead: the best few of all kinds are
+    fitted with what else the inputs may do (an analogue input half a sample off and a lag of six: 634 nats for the lag
+    as the baseline alone reads the input, 984 for a mode that is not there).
+    """
+    kinds: dict[str, Candidate] = {}
+    for c in sorted((c for c in candidates if c.plausible), key=lambda c: -c.score):
+        kinds.setdefault(c.attachments[0].entry, c)
+    found: list[tuple[float, Sampling | None]] = []
+    for c in list(kinds.values())[:_LEADERS]:
+        if prepared.deadline.skips("how inputs go on between samples, beside the effects found"):
+            break
+        own = settle(case, prepared, c)
+        found.append((c.fit.log_posterior + (0.0 if own is None else own.gain), own))
+    return max(found, key=lambda pair: pair[0], default=(0.0, None))[1]
+
+
+def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
+    """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs."""
+    trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
+    best = max((s for s in trials if choice.allows(s, stage.step)), key=lambda s: s.gain, default=None)
+    if best is None or not np.isfinite(best.gain):
+        return None
+    best = _finished(stage, choice, best)
+    rows = sum(len(s.y) for s in stage.predictor.segments)
+    clear = best.gain > np.log(rows) and choice.allows(best, stage.step)
+    return best if clear and not _goes_on(stage, best) else None
+
+
+def choice_of(case: Case, prepared: Prepared) -> Choice:
+    """Return what the likelihood may choose among on this recording.
+
+    A model identified at the sample time of the recording has what lies between the samples in it: only offsets are
+    open then.
+    """
+    traits = traits_of(prepared.records, [n for n, _ in prepared.sampling.holds])
+    names, rate = list(prepared.site.input_names), getattr(case.baseline, "sample_time_s", 0.0)
+    known = case.context.get("closed_loop")
+    fed_back = known if isinstance(known, bool) else _is_fed_back(prepared.predictor.segments, range(len(names)))
+    moving = () if fed_back or rate else tuple(t.name for t in traits if t.hold is None)
+    measured = all(t.kind == "smooth" or t.hold in HOLDS[1:] for t in traits)
+    return Choice(moving, measured and not fed_back, fed_back)
+
+
+def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:
+    """Return a predictor whose model has an offset, its inputs read otherwise; the machine code stays."""
+    old = predictor.compiled
+    kept = old.model.filters[len(sampling.holds) :]
+    compiled = Compiled(replace(old.model, filters=(*filters_of(sampling), *kept)), old.code)
+    vars(compiled)["wide"] = old.wide
+    return Predictor(compiled, predictor.segments, predictor.scales, predictor.var_order, predictor.deadline)
+
+
+def _stage(prepared: Prepared, winner: Candidate | None) -> _Stage:
+    source, fit = (prepared.predictor, prepared.fit) if winner is None else (winner.predictor, winner.fit)
+    effects = prepared.attachments if winner is None else winner.attachments
+    step, now = source.segments[0].fine_step, prepared.sampling
+    working = with_sampling(prepared.frame.working, replace(now, free=True), step)
+    frame = replace(prepared.frame, working=working, compiled={})
+    predictor = frame.extend(effects, source.segments)[0].with_order(source.var_order or 0)
+    old, model = source.compiled.model, predictor.compiled.model
+    place, point, free = model.index(OFFSET), carry_point(fit.point, old, model), carry_free(fit.free, old, model)
+    free = replace(free, theta=tuple(i for i in free.theta if i != place))
+    at = predictor.at(point, free)
+    return _Stage(predictor, point, free, place, predictor.objective(point), _promised(predictor, at, place), now)
+
+
+def _promised(predictor: Predictor, at: Fit, place: int) -> tuple[float, float]:
+    """Return the nats that moving the offset down and up promises beyond what all that is free could do."""
+    h, base = _TINY * predictor.segments[0].fine_step, at.residual
+    moves = [theta_variant(at.point, {place: -h}), theta_variant(at.point, {place: h}), Variant(at.point, 1.0)]
+    found = columns(predictor, at.point, at.noise, base, moves)
+    down, up = (found[:, k] - found[:, 2] / moves[k].h for k in (0, 1))
+    result = []
+    for column, sign in ((down, -1.0), (up, 1.0)):
+        own = column - at.jacobian @ np.linalg.lstsq(at.jacobian, column, rcond=1e-10)[0]
+        slope = sign * float(own @ base)
+        result.append(0.5 * slope**2 / max(float(own @ own), 1e-300) if slope > 0 else 0.0)
+    return result[0], result[1]
+
+
+def _finished(stage: _Stage, choice: Choice, best: Sampling) -> Sampling:
+    """Return the best trial, fitted further, after each moving input had its chance of being held."""
+    for name in choice.moving if len(choice.moving) > 1 else ():
+        holds = tuple((n, "zoh" if n == name else h) for n, h in best.holds)
+        if holds != best.holds:
+            best = max(best, stage.tried(replace(best, holds=holds)), key=lambda s: s.gain)
+    return _nearly_whole(stage, best) if best.free else best
+
+
+def _nearly_whole(stage: _Stage, sampling: Sampling) -> Sampling:
+    """Return a sampling with its offset held at the nearest whole sample where that is as likely."""
+    free = stage.tried(replace(sampling, free=True), _THOROUGH)
+    near = float(np.rint(free.offset_s / stage.step)) * stage.step
+    exact = stage.tried(replace(free, offset_s=near, free=False), _THOROUGH)
+    return exact if exact.gain > free.gain - _EXACT else free
+
+
+def _goes_on(stage: _Stage, best: Sampling) -> bool:
+    """Tell whether it is likelier still beyond the one sample that a habit may be, or a late command's lag is."""
+    shift = best.offset_s / stage.step
+    if abs(shift) < 1.0:
+        return False
+    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step, free=False) for k in (_BEYOND, 0.75)]
+    beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
+    physics = shift > 0 and not best.free and within > best.gain
+    return beyond > best.gain or physics
+
+
+def _is_fed_back(segments: Sequence[Segment], places: Sequence[int]) -> bool:
+    """Tell whether the outputs' past foretells part of an input that its own past does not.
+
+    Without the outputs of the same row: those may have been written later than the input beside them.
+    """
+    for place in places:
+        parts = [_pasts(s, place) for s in segments if len(s.y) > 4 * _PAST]
+        if not parts:
+            continue
+        own, seen, now = (np.vstack(p)[:_ROWS] for p in zip(*parts, strict=True))
+        errors = [now - X @ np.linalg.lstsq(X, now, rcond=1e-10)[0] for X in (own, np.hstack([own, seen]))]
+        alone, both = (float(np.sum(e**2)) for e in errors)
+        if alone - both > _ANSWERS * alone and alone > 1e-12 * float(np.sum(now**2)):
+            return True
+    return False
+
+
+def _pasts(segment: Segment, place: int) -> tuple[Array, Array, Array]:
+    """Return one and an input's past (n, 41), the outputs' past (n, 10 l), and the input (n, 1), whole rows only."""
+    u, y, first = segment.u[:: segment.stride, place : place + 1], segment.y, _PAST
+    own = np.hstack([np.ones((len(y) - first, 1)), *(u[first - i : len(u) - i] for i in range(1, _PAST + 1))])
+    seen = np.hstack([y[first - i : len(y) - i] for i in range(1, _SEEN + 1)])
+    whole = np.all(np.isfinite(seen), axis=1)
+    return own[whole], seen[whole], u[first:][whole]

@@ -1,0 +1,1 @@
+"""Verdict, wording, corrected model, files."""

@@ -1,0 +1,83 @@
+"""Say which declared values the recording contradicts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.moved import SURE, Moved, moved_in
+from aeolid.diagnose.candidates.race import whispering
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.base import location
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.stats.numbers import finite
+
+_SPEAKS = 4.0  # nats of score from which a form without a name still forbids "the structure is right"
+
+
+def moved(study: Study) -> list[Moved]:
+    """Return the re-fitted declared values, the surest move first; at least one."""
+    return moved_in(study.prepared.declared, study.unsealed.extended, study.unsealed.fit)
+
+
+def contradicted(study: Study) -> bool:
+    """Tell whether declared values moved surely, and none of them to the end of its range."""
+    values = moved(study)
+    return values[0].deviations > SURE and not any(m.at_end for m in values if m.deviations > SURE)
+
+
+def also_speaking(study: Study) -> list[Candidate]:
+    """Return effects that fit better, for what their parameters cost, though they were not proven, best first.
+
+    Only those that make the declared values right again: values that move may be stand-ins for an effect (a drag of
+    10 nats bent two stiffnesses and a friction; beside it, all were as declared). Where a stiffness stays 50 deviations
+    off beside the effect, it is wrong whatever else there is. That something is there the values tell; which of two
+    tells it better is no question of a threshold against chance among all entries.
+    """
+    heard = {r.attachment.key for r in (*study.bank.loud, *whispering(study.bank))}
+    found = [
+        c for c in study.candidates
+        if c.plausible and not c.unlisted and c.key in heard and min(c.fit_gain, c.score) > 0
+        and c.attachments[0].entry != "parameter_error" and explains_away(c)
+    ]  # fmt: skip
+    return sorted(found, key=lambda c: -c.score)
+
+
+def form_speaking(study: Study) -> Candidate | None:
+    """Return the form outside the catalogue that speaks as an effect would: values that moved may be its stand-ins.
+
+    One that leads and that the sealed data neither prove nor refute (heat that is radiated, 65 nats on the fit data, 10
+    on the sealed ones, −3 to 21, made a loss four times too large); or one that makes the declared values right again
+    (a spring that relaxes, 21 nats on the fit data, 2 on the selection data, made stiffness and damping too large).
+    """
+    winner = study.winner
+    if winner is not None and winner.unlisted and study.proof is not None and study.proof.gain > 0:
+        return winner
+    forms = [c for c in study.candidates if c.unlisted and c.plausible and c.complete and c.score > _SPEAKS]
+    found = [c for c in forms if min(c.fit_gain, c.select_gain) > 0 and explains_away(c)]
+    return max(found, key=lambda c: c.score, default=None)
+
+
+def explains_away(candidate: Candidate) -> bool:
+    """Tell whether beside the effect no declared value is surely another than declared."""
+    return all(m.deviations <= SURE for m in candidate.moved)
+
+
+def parameter_effect(study: Study) -> dict[str, Any]:
+    """Return the effect "declared values are wrong" with what they were fitted to."""
+    values = moved(study)
+    sure = [m for m in values if m.deviations > SURE][:3]
+    words = ", ".join(
+        f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
+    )
+    kind = entry("parameter_error")
+    return {
+        "id": kind.id, "family": kind.family,
+        "statement": f"the structure is right, declared values are not: {words}",
+        "location": location(f"parameter:{values[0].parameter.name}"),
+        "equation": kind.equation,
+        "parameters": {
+            m.parameter.name: {"value": m.value, "std": finite(m.std), "unit": m.parameter.unit} for m in values
+        },
+        "rivals": [], "weight": 1.0,
+    }  # fmt: skip

@@ -1,0 +1,117 @@
+"""Say a verdict in one sentence, and why finding nothing may mean nothing (S8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.conclusion.declared import form_speaking
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.selection.rivals import stands_for
+from aeolid.diagnose.validation.proof import Proof
+
+_BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
+_CLEAR = 20.0  # nats on the fit data from which what the sealed data do not bear out is worth a word
+
+
+def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
+    """Write the verdict as one sentence for the top of the page."""
+    if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
+        return "; and ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
+    if verdict == "ambiguous" and study.second is not None and proof is study.proof:
+        return _sentence_of_sets(effects, study, study.second) + _beyond(study, proof)
+    if verdict == "ambiguous":
+        return " — or: ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
+    if verdict == "data_fault":
+        return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
+    if verdict == "immaterial":
+        return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
+    if verdict == "not_testable":
+        return untested(study)
+    if verdict == "unnamed":
+        share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
+        nearest = f"what is left depends most on: {share}"
+        if (form := form_speaking(study)) is not None:
+            nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
+        return f"Something is missing that no catalogue entry explains; {nearest}."
+    return f"Nothing is missing that this recording could show{_coloured(study)}{_not_borne_out(study)}."
+
+
+def _beyond(study: Study, proof: Proof | None) -> str:
+    """Say which form without a name the corrected model has beside what was named; empty where it has none."""
+    if study.completed is None or proof is not study.proof:
+        return ""
+    form = study.completed.says(next(a for a in study.completed.attachments if a.entry == unlisted.ID))
+    return f"; beyond that {form}, a form that no catalogue entry has"
+
+
+def _nearest(study: Study) -> str:
+    """Say what comes nearest to a difference that is too small for a name."""
+    return "" if study.winner is None else f": {study.winner.says(study.winner.attachments[0])}"
+
+
+def _or_sensor(study: Study, form: Candidate) -> str:
+    """Say which sensor's factor would explain as much as the form without a name; empty where none does."""
+    said = [c.says(c.attachments[0]) for c in study.candidates if c.plausible and stands_for(c, form)]
+    return "; it may as well be that " + ", or that ".join(said) if said else ""
+
+
+def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
+    """Say each effect of a set, followed by what may stand in its place."""
+    parts, count = [], len(chosen.attachments)
+    for attachment, effect in zip(chosen.attachments, effects, strict=False):
+        others = zip(study.alternatives, effects[count:], strict=True)
+        said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
+        parts.append(" — or: ".join([str(effect["statement"]), *said]))
+    return "; and ".join(parts)
+
+
+def _not_borne_out(study: Study) -> str:
+    """Say what the fit data speak for and the sealed data neither bear out nor refute; empty where there is nothing.
+
+    A drive that saturates may do so twenty times in the fit data (187 nats) and three times in the sealed ones (10).
+    """
+    found, proof = study.winner, study.proof
+    if found is None or proof is None or found.fit_gain < _CLEAR or proof.gain <= 0:
+        return ""
+    return (
+        f"; but what was fitted speaks, by {found.fit_gain:.0f} nats, for this: {found.says(found.attachments[0])}."
+        " The sealed part does not bear it out, nor does it refute it: record longer, or have it happen more often"
+    )
+
+
+def _coloured(study: Study) -> str:
+    """Say where the noise has a band that the model does not have; empty where it has none."""
+    found = [c for c in study.candidates if c.undriven and c.score > _BAND and c.select_gain > 0]
+    if not found:
+        return ""
+    band = max(found, key=lambda c: c.score)
+    (attachment,) = band.attachments
+    frequency = band.values[attachment.key]["frequency_hz"][0]
+    where = " and ".join(attachment.location["outputs"])
+    return (
+        f"; but {where} has a band of noise around {frequency:.3g} Hz that the model lacks and no input drives:"
+        " a force that nobody measured, or the sensor's own"
+    )
+
+
+def untested(study: Study) -> str:
+    """Say why finding nothing means nothing here; empty where it means something."""
+    if not any(r.testable for r in study.bank.rows):
+        return "The recording does not excite the model enough to test any of the effects."
+    prepared, records = study.prepared, study.case.records
+    inputs = [s.name for s in prepared.declared.inputs]
+    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in records]
+    if any(u.shape[1] for u in known) and not any(float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) for u in known):
+        return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
+    slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
+    if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing
+        return (
+            f"The recording of {length:.4g} s is shorter than the model's slowest time constant of {slowest:.4g} s:"
+            " record longer."
+        )
+    return ""

@@ -1,0 +1,350 @@
+"""Draw the verdict from a study and write it as the diagnosis (S7, S8)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.simulated_share import is_static
+from aeolid.diagnose.conclusion.declared import also_speaking, contradicted, form_speaking, parameter_effect
+from aeolid.diagnose.conclusion.sentence import sentence, untested
+from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.experiments.closer import describe_closer, look_closer
+from aeolid.diagnose.experiments.experiment import advise, describe, menu_of, stretch_of
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.localise.locate import whereabouts
+from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.scoring.scores import minimum_detectable
+from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
+from aeolid.diagnose.stats.blocks import block_interval
+from aeolid.diagnose.stats.numbers import finite
+from aeolid.diagnose.validation.proof import PROVEN, Proof
+from aeolid.diagnose.validation.rotation import is_silent
+
+Array = NDArray[np.float64]
+_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
+_VISIBLE = 0.002  # … if it is also this share of the output's own spread
+_RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
+_RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
+_VERDICTS = {"parameter_error": "parameter", "data_channel_swap": "data_fault"}  # of entries that miss no physics
+_CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
+_CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
+
+
+def diagnose(study: Study) -> dict[str, Any]:
+    """Return diagnosis.json: verdict, effects, where, sealed proof, false-alarm figures, what is not excluded."""
+    verdict, effects, proof = _decide(study)
+    said = sentence(verdict, effects, study, proof)
+    if study.deadline.cut_search:
+        verdict, said = _cut_short(verdict, said, study.deadline)
+    return {
+        "schema": 1,
+        "title": study.case.title,
+        "verdict": verdict,
+        "statement": said,
+        "effects": effects,
+        "beside": _beside(study) if proof is not None and proof is study.proof else None,
+        "location": effects[0]["location"] if effects else _where(study, verdict),
+        "sealed": _sealed(study, proof),
+        "rotation": None if study.rotation is None else study.rotation.to_json() | {"decides": _is_turned(study)},
+        "false_alarm": {
+            "sham_runs": study.sham[0],
+            "false_names": study.sham[1],
+            "threshold": finite(study.bank.threshold),
+        },
+        "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
+        "next_experiment": _next_experiment(study, verdict, effects, proof),
+        "data_notes": [f.to_json() for f in study.findings if f.left_out],
+    }
+
+
+def _cut_short(verdict: str, said: str, late: Deadline) -> tuple[str, str]:
+    """Return verdict and statement of a search that the time limit ended: that nothing is missing was not tried."""
+    if verdict in ("no_mismatch", "immaterial"):
+        return "not_testable", f"the time limit of {late.limit_s:g} s ended the search before it found anything"
+    if verdict == "unnamed":
+        tried = f"the time limit of {late.limit_s:g} s ended the search before all of the catalogue was tried on it"
+        return verdict, f"Something is missing, and {tried}; nothing that was tried explains it"
+    return verdict, f"{said.rstrip('.')} (the time limit of {late.limit_s:g} s ended the search: not all was tried)"
+
+
+def _beside(study: Study) -> dict[str, Any] | None:
+    """Describe the form without a name: what stands beside what was named, or alone where nothing has one."""
+    whole = study.completed or study.winner
+    form = None if whole is None else next((a for a in whole.attachments if a.entry == unlisted.ID), None)
+    if whole is None or form is None:
+        return None
+    facts = _effect(study, whole, form, [])
+    return {k: facts[k] for k in ("statement", "location", "equation", "parameters")}
+
+
+def shown_proof(study: Study) -> Proof | None:
+    """Return the proof that belongs to the verdict: of the named effects, or of the re-fitted declared values."""
+    return _decide(study)[2]
+
+
+def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
+    """Return verdict, effects, and the sealed proof of just these effects (None where nothing is claimed).
+
+    A fault whose samples were left out is the answer where nothing has a name behind it.
+    """
+    fault = [f for f in study.findings if f.severity == "fault"]
+    if any(not f.left_out for f in fault):
+        return "data_fault", [], None
+    found = _decide_on_rest(study)
+    return ("data_fault", [], None) if fault and not found[1] else found
+
+
+def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
+    """Return the same of what was not left out."""
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
+        if not _material(study.proof):
+            return "immaterial", [], None
+        if study.winner.unlisted:
+            return "unnamed", [], study.proof
+        kinds = {a.entry for a in study.winner.attachments}
+        needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
+        outdone = outdone_by(study.candidates, study.second or study.winner)
+        if recovered_fraction(study, study.proof) >= needed and outdone is None:
+            return *_named(study, study.winner), study.proof
+        return "unnamed", [], None
+    if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
+        return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
+    top = study.ceiling
+    if (
+        top.select.sum() > _CEILING_GAIN
+        and block_interval(top.select, study.seed)[0] > 0
+        and top.sealed.sum() > _CEILING_GAIN
+        and block_interval(top.sealed, study.seed)[0] > 0
+        and top.sealed.mean() > _CEILING_RATE * len(study.prepared.extended.outputs)
+    ):
+        return "unnamed", [], None
+    declared = study.declared_proof
+    if declared is not None and declared.interval[0] > PROVEN and _material(declared) and contradicted(study):
+        return ("unnamed", [], None) if form_speaking(study) else (*_declared(study), declared)
+    if untested(study):
+        return "not_testable", [], None
+    return "no_mismatch", [], None
+
+
+def _is_turned(study: Study) -> bool:
+    """Tell whether rotation decides: the sealed part is silent, all parts in turn bear out what is named."""
+    if study.proof is None or study.rotation is None:
+        return False
+    return is_silent(study.proof.interval) and study.rotation.proves
+
+
+def _declared(study: Study) -> tuple[str, list[dict[str, Any]]]:
+    """Accuse declared values; beside them the best effect that speaks, where one does, and then neither weighs more.
+
+    The fit speaks for the effect and the sealed data for the values: no odds are to be had from that.
+    """
+    effect, others = parameter_effect(study), also_speaking(study)[:1]
+    if not others:
+        return "parameter", [effect]
+    other = _effect(study, others[0], others[0].attachments[0], [], 0.5)
+    return "ambiguous", [effect | {"weight": 0.5, "rivals": [_rival(others[0].attachments[0], 0.5)]}, other]
+
+
+def _rival(attachment: Attachment, weight: float) -> dict[str, Any]:
+    return {"id": attachment.entry, "entry": attachment.location["entry"], "weight": weight}
+
+
+def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
+    if study.second is not None:
+        return _several(study, study.second)
+    rivals = _weighed(study, winner)
+    listed = [_rival(c.attachments[0], w) for c, w in rivals]
+    shown = study.completed or winner
+    effects = [_effect(study, shown, winner.attachments[0], listed, 1 - sum(w for _, w in rivals))]
+    said = [(c, w) for c, w in rivals if leaves_open(winner, c, w)]
+    if any(is_other(c, winner) for c, _ in said):
+        effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
+        return "ambiguous", effects
+    return _VERDICTS.get(winner.attachments[0].entry, "named"), effects
+
+
+def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:
+    """Return who is not told apart from the winner, each with its weight."""
+    rivals = rivals_of(study.candidates, winner)
+    return list(zip(rivals, weights_of([winner, *rivals])[1:], strict=True))
+
+
+def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]]:
+    """Name a set of effects; where another may stand in the place of one, both are said and nothing is decided."""
+    weights = weights_of([chosen, *(a.candidate for a in study.alternatives)])
+    others = list(zip(study.alternatives, weights[1:], strict=True))
+    effects, shown = [], study.completed or chosen
+    for attachment in chosen.attachments:
+        rivals = [_rival(a.attachment, w) for a, w in others if a.replaces == attachment.key]
+        effects.append(_effect(study, shown, attachment, rivals, weights[0]))
+    effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
+    ids = {a.key: a.entry for a in chosen.attachments}
+    open_ = any(a.attachment.entry != ids[a.replaces] for a in study.alternatives)
+    return "ambiguous" if open_ else "multiple", effects if open_ else effects[: len(chosen.attachments)]
+
+
+def _effect(
+    study: Study, candidate: Candidate, attachment: Attachment, rivals: list[dict[str, Any]], weight: float = 1.0
+) -> dict[str, Any]:
+    kind = entry(attachment.entry)
+    values = candidate.values[attachment.key]
+    units = {s.label: s.unit for s in attachment.slots if s.label}
+    location = dict(attachment.location)
+    if "frequency_hz" in values:
+        f, std = values["frequency_hz"]
+        half = max(0.1 * f, 2 * min(std, f))
+        location["frequency_hz"] = [max(f - half, 0.0), f + half]
+    if "time_s" in values:
+        t, std = values["time_s"]
+        location["time_s"] = [t - 2 * std, t + 2 * std] if np.isfinite(std) else [t, t]
+    return {
+        "id": attachment.entry,
+        "family": kind.family,
+        "statement": candidate.says(attachment),
+        "location": location,
+        "equation": attachment.equation or kind.equation,
+        "parameters": {k: {"value": finite(v), "std": finite(s), "unit": units[k]} for k, (v, s) in values.items()},
+        "rivals": rivals,
+        "weight": weight,
+        "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
+    }
+
+
+def recovered_fraction(study: Study, proof: Proof) -> float:
+    """Return gain of the named effect over the largest gain anything achieved on the sealed data.
+
+    Of a law without states it is at least the share of the squared simulation error that is gone, in the output where
+    that is least: one-step errors are then what noise and a few rows say, and a correction by these shows no
+    physics (of a damper's force a hysteresis took 86 % of the squared error, 10 % of the nats).
+    """
+    best = max(float(study.ceiling.sealed.sum()), proof.gain, 1e-9)
+    share = proof.gain / best
+    if is_static(study.prepared):
+        before, after = proof.nrmse_before, proof.nrmse_after
+        share = max(share, min(1 - (after[k] / max(before[k], 1e-300)) ** 2 for k in before))
+    return float(max(0.0, min(1.0, share)))
+
+
+def _material(proof: Proof) -> bool:
+    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread."""
+    pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
+    for rows in proof.profile.values():
+        pairs += list(zip(rows["before"], rows["after"], strict=True))
+    return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
+
+
+def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
+    split = study.prepared.split
+    if proof is None:
+        return {
+            "data": split.sealed_text, "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
+            "nrmse_after": {}, "recovered_fraction": 0.0, "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
+        }  # fmt: skip
+    return {
+        "data": split.sealed_text,
+        "log_likelihood_gain": proof.gain,
+        "interval": list(proof.interval),
+        "nrmse_before": proof.nrmse_before,
+        "nrmse_after": proof.nrmse_after,
+        "horizon_s": proof.horizon_s,
+        "recovered_fraction": recovered_fraction(study, proof),
+        "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
+    }
+
+
+def _where(study: Study, verdict: str) -> dict[str, Any] | None:
+    """Locate a mismatch without a name: the cells that stand out, and what the correction depends on."""
+    if verdict == "data_fault":
+        first = next(f for f in study.findings if f.severity == "fault")
+        return {"entry": f"channel:{first.channel}", "finding": first.finding}
+    if verdict != "unnamed":
+        return None
+    bands = sorted(
+        (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
+    )
+    outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
+    form = form_speaking(study)
+    return {
+        "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs,
+        "frequency_hz": bands[0]["frequency_hz"] if bands else None, **whereabouts(study.cells),
+        "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
+    }  # fmt: skip
+
+
+def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
+    """List, for each entry that was not named, the smallest effect that this recording would have shown."""
+    result = []
+    for row in study.bank.rows:
+        if row.attachment.entry in named | {unlisted.ID}:
+            continue
+        location = row.attachment.location["entry"]
+        least = minimum_detectable(row, study.bank.fair) if row.testable else {}
+        if not least:
+            note = "not testable with these data" if not row.testable else "size depends on where it acts"
+            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": None, "note": note})
+        for label, value in least.items():
+            value = {"value": finite(value["value"]), "unit": value["unit"], "parameter": label}
+            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": value})
+    return result
+
+
+def _next_experiment(
+    study: Study, verdict: str, effects: Sequence[Mapping[str, Any]], proof: Proof | None
+) -> dict[str, Any] | None:
+    inputs = study.case.records[0].of("input")
+    pair = _undecided(study) if verdict == "ambiguous" and proof is study.proof else None
+    if pair is not None:
+        ids, candidates = pair
+        first = ids[0]
+        hints = dict(entry(first).confused_with) | {k: v for k, v in entry(ids[1]).confused_with if k == first}
+        hint = hints.get(ids[1]) or hints.get(first) or "look at the highest frequencies that are recorded"
+        names = ids if ids[0] != ids[1] else [c.key for c in candidates]
+        return describe(advise(study.prepared, inputs, candidates, study.seed), names, hint)
+    if verdict in ("no_mismatch", "immaterial") or (verdict == "not_testable" and _moves(study)):
+        return describe_closer(look_closer(study.prepared, inputs, study.bank, study.seed))
+    if verdict in ("unnamed", "not_testable", "ambiguous"):
+        moved = " and ".join(c.name for c in inputs) or "every input"
+        where = effects[0]["location"] if effects else _where(study, verdict)
+        band = (where or {}).get("frequency_hz")
+        text = (
+            f"Record again with steps added to {moved}"
+            + (f" that excite {band[0]:.3g} to {band[1]:.3g} Hz" if band else " from the slowest to the fastest motion")
+            + ", twice as large as what moves there now"
+            + (", and once more in another operating region: what is left over must follow one of them"
+               if verdict == "unnamed" else "")
+        )  # fmt: skip
+        form = form_speaking(study) if verdict == "unnamed" else None
+        if form is not None and form.attachments[-1].gain_states:
+            text = (
+                f"Record with {moved} held still: a force that nobody recorded goes on in its band. Then switch off"
+                " what may make it, one after the other, or record what it may follow"
+            )
+        sealed = study.prepared.split.sealed[0]
+        return {"text": text, "minutes": float(np.ceil(2 * len(sealed.y) * sealed.step / 60)), "separates": []}
+    return None
+
+
+def _moves(study: Study) -> bool:
+    """Tell whether some input moves, so that a test signal has a size to go by."""
+    return bool(menu_of(study.prepared, study.case.records[0].of("input"), stretch_of(study.prepared)))
+
+
+def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:
+    """Return two names of a proven effect that the data do not tell apart, and the candidates that bear them."""
+    if study.second is not None:
+        ids = {a.key: a.entry for a in study.second.attachments}
+        other = next(a for a in study.alternatives if a.attachment.entry != ids[a.replaces])
+        return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
+    if study.winner is None:
+        return None
+    winner = study.winner
+    said = (c for c, w in _weighed(study, winner) if leaves_open(winner, c, w))
+    rival = next((c for c in said if is_other(c, winner)), None)
+    return None if rival is None else ((winner.attachments[0].entry, rival.attachments[0].entry), (winner, rival))

@@ -1,0 +1,1 @@
+"""What was recorded: cases, segments, quality, splitting, sample times, frames and covariates."""

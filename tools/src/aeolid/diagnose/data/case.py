@@ -1,0 +1,212 @@
+"""Read a case directory: recordings, roles, baseline model, context."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from aeolid.diagnose.data.inside import resolve
+from aeolid.diagnose.data.match import matched
+from aeolid.errors import Contradiction, DataError, UsageError
+from aeolid.formats import read_record
+from aeolid.models import equations_file
+from aeolid.models.equations import Equations
+from aeolid.models.equations_size import require_few, require_readable
+from aeolid.models.exchange.files import read_state_space
+from aeolid.models.exchange.fmu import Fmu, open_fmu
+from aeolid.models.rate import at_rate_of
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Record, Roles, check_keys, file_sha256, require_same_layout
+from aeolid.text_files import is_number, load_toml, shown
+
+CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of the machine: check, and its wording
+    "machine": (lambda v: isinstance(v, str), "a text"),
+    "blades": (lambda v: isinstance(v, int) and not isinstance(v, bool) and 1 <= v <= 9, "a whole number of 1 … 9"),
+    "rated_speed_rad_s": (lambda v: is_number(v) and 0 < v < 1e6, "a speed in rad/s above 0"),
+    "offshore": (lambda v: isinstance(v, bool), "true or false"),
+    "closed_loop": (lambda v: isinstance(v, bool), "true or false"),
+}
+MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
+_MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
+KINDS = ("state_space", "equations", "run", "fmu")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """Hold what a diagnosis starts from."""
+
+    title: str
+    records: tuple[Record, ...]
+    kind: str
+    baseline: StateSpace | Equations | Record | Fmu
+    baseline_file: str
+    baseline_sha256: str
+    context: dict[str, Any]
+    directory: Path
+    same_inputs: bool = False
+
+
+def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: bool = False) -> Case:
+    """Read `case.toml` and all it names; raises DataError that names the file and the key.
+
+    allow_outside: files may lie outside the folder too; default no, a case from elsewhere could name any of this
+    machine's. allow_fmu: the native library of a functional mock-up unit may be run, confined; default no.
+    """
+    folder = Path(directory)
+    find = partial(resolve, folder, allow_outside=allow_outside)
+    source = str(find("case.toml", str(folder)))
+    data = load_toml(source)
+    check_keys(data, {"case", "recordings", "baseline", "context"}, source)
+    head, files = data.get("case", {}), data.get("recordings", {})
+    check_keys(head, {"title"}, f"{source} [case]")
+    check_keys(files, {"files", "roles"}, f"{source} [recordings]")
+    if not isinstance(head.get("title", ""), str):
+        raise DataError(f"{source} [case]: title = {shown(head['title'])} is not a text")
+    names = files.get("files")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise DataError(f"{source} [recordings]: files must list at least one recording")
+    if not isinstance(files.get("roles"), str):
+        raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
+    kind, file = _baseline(data.get("baseline"), source)
+    context = _context(data.get("context", {}), source)
+    roles = Roles.load(find(files["roles"], f"{source} [recordings] roles"))
+    records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
+    require_same_layout(records)
+    path = find(file, f"{source} [baseline] file")
+    baseline: StateSpace | Equations | Record | Fmu
+    if kind == "run":
+        own = data["baseline"].get("roles")
+        own = None if own is None else Roles.load(find(own, f"{source} [baseline] roles"))
+        records, baseline = _run(path, records, roles, own)
+    elif kind == "fmu":
+        baseline = _unit(path, records[0], allow_fmu)
+    else:
+        records, baseline = _model(kind, path, records)
+    same = data["baseline"].get("same_inputs", False)
+    return Case(
+        str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
+    )  # fmt: skip
+
+
+def make_case(
+    records: Sequence[Record], baseline: StateSpace | Equations | Record, *, title: str, source: str, sha256: str,
+    context: Mapping[str, Any] | None = None, same_inputs: bool = False,
+) -> Case:  # fmt: skip
+    """Build a case without a folder, with the checks of `load_case`.
+
+    source: what messages call the baseline; context: facts about the machine, as in case.toml; same_inputs: whether a
+    simulator's run had the recorded inputs. Raises DataError.
+    """
+    require_same_layout(records)
+    facts, found = _context(dict(context or {}), "context"), tuple(records)
+    kind = "run"
+    if isinstance(baseline, Record):
+        found, baseline = matched(found, baseline)
+        require_same_layout((*found, baseline))
+    else:
+        kind = "equations" if isinstance(baseline, Equations) else "state_space"
+        if isinstance(baseline, Equations):
+            _require_fitting(baseline, source)
+        found = tuple(at_rate_of(baseline.sample_time_s, r) for r in found)
+        _check_channels(baseline, found[0], source)
+    return Case(title, found, kind, baseline, source, sha256, facts, Path(), same_inputs)
+
+
+def _run(path: Path, records: tuple[Record, ...], roles: Roles, own: Roles | None) -> tuple[tuple[Record, ...], Record]:
+    """Read a simulator's run by the recordings' roles, or by its own and then brought together with them."""
+    run = read_record(path, roles if own is None else own)
+    if own is not None:
+        records, run = matched(records, run)
+    require_same_layout((*records, run))
+    return records, run
+
+
+def _unit(path: Path, record: Record, allowed: bool) -> Fmu:
+    """Open a functional mock-up unit that may be run; UsageError names it and its hash where it was not allowed."""
+    unit = open_fmu(path)
+    if not allowed:
+        raise UsageError(
+            f"{path}: a diagnosis would run the native library in this unit, SHA-256 {file_sha256(path)};"
+            " if you trust whom it comes from, say so with --allow-fmu"
+        )
+    _check_unit(unit, record)
+    return unit
+
+
+def _equations(path: Path) -> Equations:
+    """Read equations that a diagnosis can take apart and fit."""
+    model = equations_file.load(path)
+    _require_fitting(model, str(path))
+    return model
+
+
+def _require_fitting(model: Equations, source: str) -> None:
+    """Refuse equations that are too many to be taken apart and fitted."""
+    require_readable(model, source)
+    require_few(len(model.states), "states", source, MOST_STATES, " by a diagnosis; reduce the model")
+    free = sum(p.free for p in model.parameters)
+    require_few(free, "free parameters", source, _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
+
+
+def _baseline(table: Any, source: str) -> tuple[str, str]:
+    where = f"{source} [baseline]"
+    if not isinstance(table, dict):
+        raise DataError(f"{where}: the table is missing; give kind and file")
+    check_keys(table, {"kind", "file", "same_inputs", "roles"}, where)
+    kind = table.get("kind")
+    if kind not in KINDS:
+        raise DataError(f"{where}: kind = {shown(kind)} is none of {', '.join(KINDS)}")
+    if not isinstance(table.get("same_inputs", False), bool):
+        raise DataError(f"{where}: same_inputs is true or false")
+    if not isinstance(table.get("file"), str):
+        raise DataError(f"{where}: file is missing")
+    if "roles" in table and (kind != "run" or not isinstance(table["roles"], str)):
+        raise DataError(f'{where}: roles names the roles file of a run\'s own file; it is for kind = "run"')
+    return kind, table["file"]
+
+
+def _context(table: Any, source: str) -> dict[str, Any]:
+    """Check the facts about the machine: those known by their type and range, any other as a text, number or truth."""
+    if not isinstance(table, dict):
+        raise DataError(f"{source}: [context] is not a table")
+    for key, value in table.items():
+        fits, wanted = CONTEXT.get(key, (_is_plain, "a text, a number, true or false"))
+        if not fits(value):
+            raise DataError(f"{source} [context]: {shown(key)[1:-1]} = {shown(value)} is not {wanted}")
+    return table
+
+
+def _is_plain(value: Any) -> bool:
+    return isinstance(value, str | bool) or is_number(value)
+
+
+def _check_unit(unit: Fmu, record: Record) -> None:
+    units = {c.name: c.unit for c in record.channels}
+    unit.require(record.names("input"), "input", units)
+    unit.require(record.names("output"), "output", units)
+
+
+def _model(kind: str, path: Path, records: tuple[Record, ...]) -> tuple[tuple[Record, ...], StateSpace | Equations]:
+    """Read a model whose channels the recordings have, and bring them to its sample time."""
+    model = read_state_space(path) if kind == "state_space" else _equations(path)
+    found = tuple(at_rate_of(model.sample_time_s, r) for r in records)
+    _check_channels(model, found[0], str(path))
+    return found, model
+
+
+def _check_channels(model: StateSpace | Equations, record: Record, source: str) -> None:
+    units = {c.name: (c.unit, c.role) for c in record.channels}
+    for what, signals in (("input", model.inputs), ("output", model.outputs)):
+        for signal in signals:
+            if signal.name not in units:
+                raise DataError(f"{source}: {what} {signal.name!r} is no channel of {record.source}")
+            unit, role = units[signal.name]
+            if signal.unit and unit and signal.unit.replace(" ", "") != unit.replace(" ", ""):
+                raise Contradiction(
+                    f"{source}: {signal.name} is in {signal.unit!r}, the roles file says {unit!r}; convert one"
+                )
+            if what == "output" and role != "output":
+                raise DataError(f"{source}: output {signal.name!r} has the role {role!r} in the roles file")

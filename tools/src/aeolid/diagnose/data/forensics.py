@@ -1,0 +1,315 @@
+"""Look at the recording itself before believing it: missing, stuck, clipped, coarse or folded channels (S0)."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.data.held import discretise
+from aeolid.diagnose.data.standing import Baseline, stretches_of, words
+from aeolid.diagnose.data.strays import FAR, codes_of, strays_of
+from aeolid.errors import DataError
+from aeolid.models.equations import Equations
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+_STUCK_SHARE = 0.2  # of an output's samples stuck: where nothing else is found behind it, that is the answer
+_RAIL_SHARE = 0.005
+_FINE, _AGAIN = 0.9, 3  # share of different values of a finely resolved channel; times that its extreme comes then
+_PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
+_WHOLE = 0.01  # steps by which rounding of the numbers themselves may miss a grid
+_ALIKE = 0.8  # correlation with a free run from which channels are recognised
+_CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
+SWAPPED = "swapped"  # the check of two outputs under each other's name
+_SAME = "sample by sample the same as"
+RATIOS: tuple[tuple[float, str], ...] = (
+    (180 / np.pi, "degrees to a radian"),
+    (30 / np.pi, "rpm to a rad/s"),
+    (6.0, "deg/s to an rpm"),
+    (9.80665, "m/s^2 to a g"),
+    (10.0, "a decimal place"),
+    (60.0, "seconds to a minute"),
+    (3.6, "km/h to a m/s"),
+    (100.0, "centimetres to a metre"),
+    (1000.0, "a thousand"),
+)
+_NEAR = 0.03  # relative distance at which a known ratio is said
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Say what a check found on one channel; severity is info, warning or fault.
+
+    left_out: whether the samples in question take no part in the diagnosis, which goes on without them.
+    """
+
+    check: str
+    channel: str
+    finding: str
+    severity: str
+    left_out: bool = False
+
+    def to_json(self) -> dict[str, str]:
+        """Return the row of the report's appendix."""
+        return {"check": self.check, "channel": self.channel, "finding": self.finding, "severity": self.severity}
+
+
+def examine(records: Sequence[Record], baseline: Baseline = None) -> tuple[Finding, ...]:
+    """Check every channel that takes part, alone, in pairs and against a free run of the baseline that is a model.
+
+    Cost O(N) a channel and pair, and one simulation.
+    """
+    findings: list[Finding] = []
+    for record in records:
+        name = record.source.rsplit("/", 1)[-1]
+        for channel in record.of("input", "output", "disturbance"):
+            findings += _channel(channel, record.column(channel.name), name, len(records) == 1)
+        findings += _pairs(record, name)
+        if isinstance(baseline, StateSpace | Equations):
+            findings += _against_model(baseline, record, name)
+    if len(records) > 1:
+        findings += [f for c in records[0].of("output") for f in _in_all(c, records)]
+    return (*findings, *_standing(records, baseline))
+
+
+def _in_all(channel: Channel, records: Sequence[Record]) -> list[Finding]:
+    """Recognise an output that none of several recordings has: never changing, or most of it missing."""
+    values = np.concatenate([r.column(channel.name) for r in records])
+    good = values[np.isfinite(values)]
+    where = f"{channel.name} (all recordings)"
+    if len(good) < 2 or np.ptp(good) == 0:
+        return [Finding("constant", where, "never changes", "fault")]
+    if 2 * len(good) < len(values):
+        text = f"{len(values) - len(good)} of {len(values)} samples are missing"
+        return [Finding("missing", where, text, "fault")]
+    return []
+
+
+def _standing(records: Sequence[Record], baseline: Baseline) -> list[Finding]:
+    """Say where outputs hold one value: a machine at rest, one that may stand, a sensor that is stuck."""
+    stretches, found = stretches_of(records, baseline), []
+    for channel in records[0].of("output"):
+        own = [s for s in stretches if s.channel == channel.name]
+        every = sum(len(r) for r in records)
+        much = sum(len(s) for s in own if s.kind == "stuck") > _STUCK_SHARE * every
+        for s in own:
+            where = f"{channel.name} ({records[s.record].source.rsplit('/', 1)[-1]})"
+            severity = "info" if s.kind != "stuck" else "fault" if much else "warning"
+            check = "stuck" if s.kind == "stuck" else "standing"
+            text = words(s, channel, records[s.record])
+            found.append(Finding(check, where, text, severity, s.kind != "still"))
+    return found
+
+
+def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[Finding]:
+    where, found = f"{channel.name} ({source})", []
+    missing = int(np.sum(~np.isfinite(values)))
+    if missing:
+        text = f"{missing} of {len(values)} samples are missing; they are left out"
+        most = alone and missing > 0.5 * len(values)
+        found.append(Finding("missing", where, text, "fault" if most else "warning", not most))
+    v = values[np.isfinite(values)]
+    if len(v) < 2 or np.ptp(v) == 0:
+        if channel.role == "output" and not alone:  # said with its stretches, or of all recordings
+            return found
+        return [*found, Finding("constant", where, "never changes", "fault" if channel.role == "output" else "warning")]
+    if channel.role == "output":
+        found += _rails(v, where)
+        found += _held(v, where)
+        folded = _folded(v)
+        if folded:
+            found.append(Finding("folded", where, folded, "warning"))
+    found += _unlikely(v, where, channel.role == "output") + _unit(channel, v, where)
+    step = spacing_of(v)
+    if step is not None and step > 0.02 * float(np.std(v)):
+        found.append(
+            Finding("spacing", where, f"values are {step:.3g} apart ({step / np.std(v):.0%} of the spread)", "info")
+        )
+    return found
+
+
+def _longest_run(v: Array) -> int:
+    edges = np.flatnonzero(np.concatenate([[True], np.diff(v) != 0, [True]]))
+    return int(np.max(np.diff(edges)))
+
+
+def _rails(v: Array, where: str) -> list[Finding]:
+    words = {"high": "highest", "low": "lowest"}
+    found = []
+    for side, rail in rails(v).items():
+        share = float(np.mean(np.abs(v - rail) <= _PILE * np.ptp(v)))
+        text = f"{share:.1%} of the samples sit at the {words[side]} value {rail:.4g}"
+        found.append(Finding("rail", where, text, "warning"))
+    return found
+
+
+def rails(v: Array) -> dict[str, float]:
+    """Return the ends of the range ("low", "high") at which values pile up: exactly, or far more than next to them.
+
+    Where hardly any value comes twice, the same extreme a few times over is no chance, however short each time was.
+    """
+    found: dict[str, float] = {}
+    fine = len(np.unique(v)) > _FINE * len(v)
+    for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
+        at = v == rail
+        runs = _longest_run(np.where(at, 0.0, np.arange(1, len(v) + 1)))
+        if (float(np.mean(at)) > _RAIL_SHARE and runs >= 5) or (fine and int(at.sum()) >= _AGAIN):
+            found[side] = rail
+            continue
+        depth = np.abs(v - rail) / np.ptp(v)
+        pile, next_to_it = float(np.mean(depth < 2 * _PILE)), float(np.mean((depth > 3 * _PILE) & (depth < 9 * _PILE)))
+        if pile > _PILE_SHARE and pile > next_to_it:
+            found[side] = float(np.median(v[depth < 2 * _PILE]))
+    return found
+
+
+def _held(v: Array, where: str) -> list[Finding]:
+    """Recognise a channel that a slower logger renews: most samples repeat the one before, at a steady pace."""
+    moves = np.flatnonzero(np.diff(v) != 0)
+    if len(moves) < 20 or len(np.unique(v)) < 0.5 * len(moves):
+        return []
+    pace = np.diff(moves)
+    usual = int(np.median(pace))
+    if usual < 2 or float(np.mean(pace == usual)) < 0.8:
+        return []
+    return [
+        Finding("held", where, f"renewed only every {usual} samples: its logger is slower than the others", "warning")
+    ]
+
+
+def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
+    """Say codes for "no value" and single samples far outside everything else."""
+    coded, alone, found = codes_of(v), strays_of(v), []
+    if np.any(coded):
+        code, most = float(v[coded][0]), float(coded.mean()) > 0.5
+        text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
+        found.append(Finding("code", where, text, "fault" if most else "warning", not most))
+    if np.any(alone):
+        first = int(np.flatnonzero(alone)[0])
+        text = f"{int(alone.sum())} single samples lie more than {FAR:g} spreads off, the first {v[first]:.4g}"
+        found.append(Finding("spike", where, text + ("; left out" if is_output else ""), "warning", is_output))
+    return found
+
+
+def _unit(channel: Channel, v: Array, where: str) -> list[Finding]:
+    """Doubt an angle in radians that spans more than two turns without being a rotor angle."""
+    if channel.unit.strip() != "rad" or not any(w in channel.name.lower() for w in ("pitch", "yaw", "tilt", "angle")):
+        return []
+    if float(np.max(np.abs(v))) <= 4 * np.pi:
+        return []
+    return [Finding("unit", where, f"stated in rad, yet reaches {np.max(np.abs(v)):.4g}: these are degrees", "warning")]
+
+
+def _pairs(record: Record, name: str) -> list[Finding]:
+    """Compare channels of one role two by two: the same samples twice, mirrored, folded, or in another unit."""
+    found = []
+    for role in ("input", "output"):
+        for a, b in itertools.combinations(record.of(role), 2):
+            x, y = record.column(a.name), record.column(b.name)
+            both = np.isfinite(x) & np.isfinite(y)
+            if both.sum() < 50 or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
+                continue
+            text = _kinship(x[both], y[both])
+            if text:
+                severity = "fault" if role == "output" and text == _SAME else "info"
+                found.append(Finding("pair", f"{b.name} ({name})", f"{text} {a.name}", severity))
+    return found
+
+
+def _kinship(x: Array, y: Array) -> str | None:
+    if np.array_equal(x, y):
+        return _SAME
+    if np.array_equal(x, -y):
+        return "the mirror image of"
+    if np.array_equal(np.abs(x), y) or np.array_equal(x, np.abs(y)):
+        return "the absolute value of (or the other way round)"
+    ratio = float(x @ y) / float(x @ x)
+    if float(np.max(np.abs(y - ratio * x))) > 1e-4 * float(np.std(y)):
+        return None
+    return f"{ratio:.5g} times{ratio_text(ratio)}"
+
+
+def ratio_text(factor: float) -> str:
+    """Say which ratio of units a factor (or one over it) is, or nothing."""
+    for ratio, said in RATIOS:
+        if abs(abs(factor) / ratio - 1) < _NEAR or abs(abs(factor) * ratio - 1) < _NEAR:
+            return f" ({ratio:.4g}, {said}: check the unit)"
+    return ""
+
+
+def _against_model(baseline: StateSpace | Equations, record: Record, name: str) -> list[Finding]:
+    """Compare each output with every simulated one: swapped channels, reversed signs and other units show there."""
+    try:
+        if isinstance(baseline, Equations):
+            simulated = baseline.simulate(record)
+        else:
+            model = discretise(baseline, record.sample_time_s)
+            simulated = model.simulate(record.columns([s.name for s in model.inputs]))
+    except DataError:
+        return []
+    names = [o.name for o in baseline.outputs]
+    measured = record.columns(names)
+    rows = np.all(np.isfinite(measured), axis=1) & np.all(np.isfinite(simulated), axis=1)
+    spreads = [a[rows].std(axis=0) if rows.sum() > 50 else np.zeros(1) for a in (measured, simulated)]
+    if not all(np.all(np.isfinite(s) & (s > 0)) for s in spreads):
+        return []
+    y, m = ((a[rows] - a[rows].mean(axis=0)) / s for a, s in zip((measured, simulated), spreads, strict=True))
+    alike = y.T @ m / len(y)  # (l, l): recorded output against simulated output
+    found = [_swap(names, i, j, name) for i, j in itertools.combinations(range(len(names)), 2) if _crossed(alike, i, j)]
+    for i, output in enumerate(names):
+        where, ratio = f"{output} ({name})", float(spreads[0][i] / spreads[1][i] * alike[i, i])
+        if alike[i, i] < -_ALIKE:
+            found.append(Finding("sign", where, "moves against the model's output: is the sign reversed?", "warning"))
+        if abs(alike[i, i]) > _ALIKE and not 1 / 3 < abs(ratio) < 3 and ratio_text(ratio):
+            text = f"is {ratio:.4g} times the model's output{ratio_text(ratio)}"
+            found.append(Finding("unit", where, text, "warning"))
+    return found
+
+
+def _crossed(alike: Array, i: int, j: int) -> bool:
+    own = max(abs(float(alike[i, i])), abs(float(alike[j, j])))
+    return min(float(alike[i, j]), float(alike[j, i])) > max(_ALIKE, own + _CLEARLY)
+
+
+def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
+    text = f"looks like {names[j]}, and {names[j]} like {names[i]}: the two channels are swapped"
+    return Finding(SWAPPED, f"{names[i]} ({source})", text, "fault")
+
+
+def _folded(v: Array) -> str | None:
+    """Recognise an absolute value: nothing below zero, yet zero is touched again and again with a sharp turn."""
+    low, spread = float(v.min()), float(np.ptp(v))
+    if low < -0.01 * spread or low > 0.03 * spread:
+        return None
+    near = v < 0.05 * spread
+    visits = int(np.sum(np.diff(near.astype(int)) == 1))
+    inside = float(np.mean(near))
+    if visits >= 3 and inside < 0.4:
+        return f"never negative, yet reaches zero {visits} times: an absolute value or one-sided sensor would do that"
+    return None
+
+
+def grid_of(v: Array) -> float | None:
+    """Return the step of which all values are whole multiples from each other, however many there are; None elsewhere.
+
+    Numbers that were written with so many digits lie on a grid, too: a far finer one than any converter's.
+    """
+    distinct = np.unique(v)
+    if len(distinct) < 2:
+        return None
+    step = float(np.min(np.diff(distinct)))
+    places = (distinct - distinct[0]) / step
+    return step if np.all(np.abs(places - np.rint(places)) < _WHOLE) else None
+
+
+def spacing_of(v: Array) -> float | None:
+    """Return the distance of neighbouring values where there are few distinct ones; None elsewhere."""
+    distinct = np.unique(v)
+    if len(distinct) > 0.2 * len(v) or len(distinct) < 2:
+        return None
+    return float(np.min(np.diff(distinct)))

@@ -1,0 +1,133 @@
+"""Say how inputs go on between their samples and which instant a row belongs to: what it is, and how a model has it.
+
+Both are habits of a recording, not physics: a measured input went on changing where a command is held, and a logger may
+write an output at the end of the interval whose command stands beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.data.forensics import Finding
+from aeolid.models.equations import TIME, Equations, InputFilter, Parameter
+from aeolid.models.intersample import HOLDS, OFFSET
+from aeolid.models.intersample import PREFIX as KIND
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+ROOM = 1.05  # samples: an offset of one sample has a deviation, too
+_PRIOR = 0.5  # samples: loggers differ by half of one as a rule; a dead time beside it is then the dead time's
+_REPEATS = 0.5  # share of samples equal to the one before: a value that most often stays is held
+_TOP, _SHARE = 0.75, 0.05  # of the Nyquist frequency; share of power beyond it, a fifth of white noise's
+_SHORT = 8  # samples without which nothing is said of a spectrum
+_WORDS = {
+    "zoh": "held over each sample (zoh)",
+    "foh": "straight from sample to sample (foh)",
+    "band_limited": "the smooth curve through its samples (band-limited)",
+}
+_LOOKS = {
+    "declared": "as the roles file says",
+    "held": "it keeps its value for several samples",
+    "rough": "it changes up to the Nyquist frequency, as a command does",
+    "smooth": "by likelihood",
+}
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Say how a recording is read: the hold of each input, and by how much all of them act after their stamps, in s.
+
+    free: whether fits go on estimating the offset; gain: nats over the inputs held, without an offset.
+    """
+
+    holds: tuple[tuple[str, str], ...] = ()
+    offset_s: float = 0.0
+    free: bool = False
+    gain: float = 0.0
+
+    @property
+    def is_plain(self) -> bool:
+        """Tell whether nothing is to be done: all inputs held, no offset."""
+        return self.offset_s == 0.0 and not self.free and all(h == "zoh" for _, h in self.holds)
+
+
+@dataclass(frozen=True)
+class Trait:
+    """Hold what an input looks like ("declared", "held", "rough", "smooth"), and its hold where that settles it."""
+
+    name: str
+    kind: str
+    hold: str | None
+
+
+def with_sampling(model: Equations, sampling: Sampling, step: float) -> Equations:
+    """Return the model whose inputs pass first what lies between their samples; step: of the recording, s."""
+    kept = tuple(f for f in model.filters if not f.kind.startswith(KIND))
+    model = replace(model, parameters=tuple(p for p in model.parameters if p.name != OFFSET), filters=kept)
+    if sampling.is_plain:
+        return model
+    reach = max(ROOM * step, abs(sampling.offset_s))
+    offset = Parameter(
+        OFFSET, sampling.offset_s, "s", -reach, reach, sampling.free, _PRIOR * step if sampling.free else None
+    )
+    return replace(model, parameters=(*model.parameters, offset), filters=(*filters_of(sampling), *kept))
+
+
+def filters_of(sampling: Sampling) -> tuple[InputFilter, ...]:
+    """Return what stands in front of a model for a sampling."""
+    return tuple(InputFilter(name, f"{KIND}{hold}", (OFFSET,)) for name, hold in sampling.holds)
+
+
+def traits_of(records: Sequence[Record], names: Sequence[str]) -> tuple[Trait, ...]:
+    """Say of each input whether it is declared, held for several samples, rough up to Nyquist, or smooth.
+
+    Time and rotor angles are left out: nothing is recorded of the one, the other jumps once a turn.
+    """
+    known = {c.name: c for c in records[0].channels if c.role != "azimuth" and c.name != TIME}
+    found = []
+    for name in (n for n in names if n in known):
+        hold = known[name].hold
+        kind = "declared" if hold in HOLDS else _kind([r.column(name) for r in records])
+        found.append(Trait(name, kind, hold if hold in HOLDS else None if kind == "smooth" else "zoh"))
+    return tuple(found)
+
+
+def _kind(series: Sequence[Array]) -> str:
+    repeats = changes = 0
+    power = np.zeros(2)
+    for values in series:
+        v = values[np.isfinite(values)]
+        if len(v) < _SHORT:
+            continue
+        repeats, changes = repeats + int(np.sum(np.diff(v) == 0)), changes + len(v) - 1
+        shape = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(len(v)))) ** 2
+        power += np.array([shape[int(_TOP * len(shape)) :].sum(), shape.sum()])
+    if not changes or repeats > _REPEATS * changes or power[1] <= 0:
+        return "held"
+    return "rough" if power[0] > _SHARE * power[1] else "smooth"
+
+
+def declared_sampling(records: Sequence[Record], names: Sequence[str]) -> Sampling:
+    """Return what the roles file declares; what it leaves open is held until the likelihood says otherwise."""
+    return Sampling(tuple((t.name, t.hold or "zoh") for t in traits_of(records, names)))
+
+
+def sampling_findings(records: Sequence[Record], sampling: Sampling, step: float) -> tuple[Finding, ...]:
+    """Return the notes of the data checks: the hold of each input and why, the offset where there is one."""
+    looks = {t.name: t.kind for t in traits_of(records, [n for n, _ in sampling.holds])}
+    found = [
+        Finding("intersample", name, f"{_WORDS[hold]}: {_LOOKS[looks[name]]}", "info") for name, hold in sampling.holds
+    ]
+    if sampling.offset_s:
+        share, way = abs(sampling.offset_s) / step, "before" if sampling.offset_s < 0 else "after"
+        text = (
+            f"inputs act {abs(sampling.offset_s):.4g} s ({share:.2f} samples) {way} the rows that hold them beside the"
+            f" outputs: a habit of the logger, settled with the baseline ({sampling.gain:.4g} nats for how the inputs"
+            " are read in all)"
+        )
+        found.append(Finding("offset", "all inputs", text, "info"))
+    return tuple(found)

@@ -1,0 +1,157 @@
+"""Divide the recordings into fit, select and sealed parts before anything is estimated (S0)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.data.segments import Segment
+from aeolid.errors import NotIdentifiable
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+_SHORTEST = 60  # samples: below that a stretch cannot settle a state and still say something
+_LEAST = 20  # samples of a stretch where the recordings have no longer ones: a start and little more, with wide bands
+_NEEDED = 150  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the least stretch
+_WHOLE = 3  # of so many recordings, short ones, one is for selection whole, two for the fit
+_SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Hold the three parts; nothing is fitted to or chosen by sealed data, they can only take a name away."""
+
+    fit: tuple[Segment, ...]
+    select: tuple[Segment, ...]
+    sealed: tuple[Segment, ...]
+    rows: tuple[dict[str, object], ...]
+
+    @property
+    def sealed_text(self) -> str:
+        """Say which data were sealed."""
+        return "; ".join(f"{s.source} from {s.start_s:.6g} s to {s.stop_s:.6g} s" for s in self.sealed)
+
+
+def split_records(
+    records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], settle_s: float, stride: int = 1,
+    extra: Sequence[str] = (),
+) -> Split:  # fmt: skip
+    """Seal one of several recordings and cut the others 70 : 30 into fit and select; cut a single one in time.
+
+    Of two the last is sealed; of more the one whose inputs have the middle spread, so that the proof lies inside the
+    operating range of the fit.
+
+    `extra` names further channels whose samples follow those of the inputs; they have no say in the plan.
+    A single recording is cut 50 : 20 : 30 with gaps of three settling times (`settle_s`, at most 5 % of the length).
+    A fit scores every sample (the initial state is a parameter); the other parts settle first.
+    Where parts of 60 samples are not to be had, recordings of which three or more are left are divided whole (a machine
+    that starts and stops shows neither twice in one of them), and parts of 20 samples do.
+    Raises NotIdentifiable where a part would hold less.
+    """
+    columns = [*inputs, *extra]
+    parts: dict[str, list[Segment]] = {}
+    for plan, least in _plans(records, inputs, settle_s):
+        parts = {"fit": [], "select": [], "sealed": []}
+        for use, record, start, stop in plan:
+            settle = 0.0 if use == "fit" else settle_s
+            parts[use] += segments_of(record, (start, stop), columns, outputs, settle, stride, least)
+        if all(parts.values()):
+            break
+    for use, segments in parts.items():
+        if not segments:
+            raise NotIdentifiable(
+                f"{records[0].source}: no stretch of {_LEAST} samples without missing inputs for the {use} part;"
+                f" {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
+            )
+    rows = [
+        {"file": s.source, "start_s": s.start_s, "stop_s": s.stop_s, "use": use}
+        for use, segments in parts.items()
+        for s in segments
+    ]
+    return Split(tuple(parts["fit"]), tuple(parts["select"]), tuple(parts["sealed"]), tuple(rows))
+
+
+def _plans(
+    records: Sequence[Record], inputs: Sequence[str], settle_s: float
+) -> Iterator[tuple[list[tuple[str, Record, int, int]], int]]:
+    """Yield how to divide, and the shortest stretch in rows: the usual way first, for short recordings others."""
+    yield _plan(records, inputs, settle_s), _SHORTEST
+    if len(records) > _WHOLE:
+        sealed = _sealed_of(records, inputs)
+        others = [r for r in records if r is not sealed]
+        uses = ["select" if place % _WHOLE == _WHOLE // 2 else "fit" for place in range(len(others))]
+        yield [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)], _LEAST
+    yield _plan(records, inputs, settle_s), _LEAST
+
+
+def segments_of(
+    record: Record, rows: tuple[int, int], inputs: Sequence[str], outputs: Sequence[str], settle_s: float,
+    stride: int = 1, least: int = _LEAST,
+) -> list[Segment]:  # fmt: skip
+    """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known."""
+    start, stop = rows
+    found = [
+        _segment(record, inputs, outputs, start + a, start + b, settle_s, stride)
+        for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride, least)
+    ]
+    return [s for s in found if _says_something(s)]
+
+
+def _says_something(segment: Segment) -> bool:
+    """Tell whether enough of a stretch was measured after its start."""
+    return int(np.any(np.isfinite(segment.y[segment.burn :]), axis=1).sum()) >= _LEAST // 2
+
+
+def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> list[tuple[str, Record, int, int]]:
+    if len(records) > 1:
+        last = _sealed_of(records, inputs)
+        cuts = [c for r in records if r is not last for c in _cut(r, {"fit": 0.7, "select": 0.3}, settle_s)]
+        return [*cuts, ("sealed", last, 0, len(last))]
+    return _cut(records[0], _SHARES, settle_s)
+
+
+def _sealed_of(records: Sequence[Record], inputs: Sequence[str]) -> Record:
+    if len(records) == 2 or not inputs:
+        return records[-1]
+    spreads = np.array([np.nanstd(r.columns(inputs), axis=0) for r in records])
+    size = np.sum(spreads / np.maximum(spreads.max(axis=0), 1e-300), axis=1)
+    return records[int(np.argsort(size, kind="stable")[len(records) // 2])]
+
+
+def _cut(record: Record, shares: dict[str, float], settle_s: float) -> list[tuple[str, Record, int, int]]:
+    length = len(record)
+    gap = min(int(3 * settle_s / record.sample_time_s), length // 20)
+    plan: list[tuple[str, Record, int, int]] = []
+    start, total = 0.0, sum(shares.values())
+    for number, (use, share) in enumerate(shares.items()):
+        stop = start + share / total * length
+        plan.append((use, record, int(start) + (gap if number else 0), int(stop)))
+        start = stop
+    return plan
+
+
+def _finite_stretches(u: Array, stride: int, least: int) -> list[tuple[int, int]]:
+    good = np.concatenate([[False], np.all(np.isfinite(u), axis=1), [False]])
+    edges = np.flatnonzero(np.diff(good.astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least * stride]
+
+
+def _segment(
+    record: Record, inputs: Sequence[str], outputs: Sequence[str], start: int, stop: int, settle_s: float, stride: int
+) -> Segment:
+    rows = (stop - start) // stride
+    piece = record.slice(start, start + rows * stride)
+    step = record.sample_time_s * stride
+    burn = int(np.clip(settle_s / step, 10, 0.15 * rows)) if settle_s else 0
+    return Segment(
+        np.ascontiguousarray(piece.columns(inputs)),
+        np.ascontiguousarray(piece.columns(outputs)[::stride]),
+        step,
+        record.source.rsplit("/", 1)[-1],
+        float(piece.time_s[0]),
+        burn,
+        stride,
+    )

@@ -1,0 +1,207 @@
+"""Tell a machine at rest from a sensor that is stuck: stretches in which an output holds one value (S0)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.data.held import discretise
+from aeolid.diagnose.data.strays import without_codes
+from aeolid.errors import DataError
+from aeolid.models.equations import Equations
+from aeolid.models.exchange.fmu import Fmu
+from aeolid.models.state_space import StateSpace
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+_LEAST = 20  # equal samples in a row of a channel that else never repeats: noise does not, to the last digit
+_LONG, _LONG_SHARE = 50, 0.2  # samples and share of the recording, where values are so coarse that they repeat anyhow
+_ALIVE = 0.01  # share of samples equal to their predecessor elsewhere, up to which a channel is never quite still
+_MOVES = 0.05  # of the channel's standard deviation: what the model must move for the channel to have to move
+_RESTS = 1e-3  # … and up to which it stands as the machine does
+_JUMP, _ORDINARY = 2.5, 0.95  # times that quantile of ordinary steps: no machine that starts to move does that
+_NEAR = 0.02  # of the standard deviation: as good as zero, or as the end of the range
+_STEPPY = 0.3  # of the standard deviation: with ordinary steps that large a jump shows nothing
+_HOLDS, _OFTEN = 5, 3  # samples for which an input is sustained; times that a machine has left where it stood
+_ARRIVES, _SLOWLY = 5, 0.25  # samples before a standstill, and their steps in ordinary ones: what comes to rest slows
+
+Baseline = StateSpace | Equations | Record | Fmu | None
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Hold samples start … stop − 1 of one output of one recording, all equal, and why.
+
+    kind: "rest", the model does not move there either and no input does; "still", the machine may stand although its
+    model moves (friction, a dead band, a stop): evidence; "stuck", the sensor.
+    """
+
+    record: int
+    channel: str
+    start: int
+    stop: int
+    kind: str
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+
+def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[Stretch, ...]:
+    """List the stretches of all outputs; those of an output that moves in no recording are not asked about.
+
+    Where values repeat by their resolution alone, only those longer than 50 samples and a fifth of a recording count,
+    and shorter ones in which the model stands as well.
+    A stuck sensor meets a machine that moves, so the value jumps when it comes back; what was held by friction or in a
+    dead band starts from where it stood. Cost: one free run of the model a recording that has such a stretch.
+    """
+    found: list[Stretch] = []
+    names = [c.name for c in records[0].of("output")]
+    records = [replace(r, values=np.apply_along_axis(without_codes, 0, r.values)) for r in records]
+    spreads = {n: _spread(np.concatenate([r.column(n) for r in records])) for n in names}
+    for place, record in enumerate(records):
+        runs = {n: _equal(record.column(n)) for n in names if spreads[n] > 0}
+        if not any(own for own, _ in runs.values()):
+            continue
+        model, least = _free_run(baseline, record), max(_LONG, _LONG_SHARE * len(record))
+        for name, (own, coarse) in runs.items():
+            for start, stop in own:
+                kind, end = _kind(record, name, (start, stop), spreads, model.get(name))
+                if kind == "rest" or not coarse or stop - start > least:
+                    found.append(Stretch(place, name, start, end, kind))
+    return tuple(_moved_elsewhere(s, records) for s in _ended(found, records))
+
+
+def _spread(values: Array) -> float:
+    good = values[np.isfinite(values)]
+    return float(np.std(good)) if len(good) > 1 and np.ptp(good) > 0 else 0.0
+
+
+def _equal(values: Array) -> tuple[list[tuple[int, int]], bool]:
+    """Return where a channel holds one value for 20 samples or more, and whether it repeats values elsewhere too."""
+    with np.errstate(invalid="ignore"):
+        same = np.diff(values) == 0
+    edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
+    pairs = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
+    runs = [(a, b) for a, b in pairs if b - a >= _LEAST and np.isfinite(values[a])]
+    same &= ~np.isin(values[1:], [values[a] for a, _ in runs])  # it may stand there more often, and shorter
+    return runs, bool(np.mean(same) > _ALIVE)
+
+
+def _free_run(baseline: Baseline, record: Record) -> dict[str, Array]:
+    """Return the outputs of the baseline that is a model, run free on the recorded inputs; none where it cannot be."""
+    try:
+        if isinstance(baseline, Equations):
+            y = baseline.simulate(record)
+        elif isinstance(baseline, StateSpace):
+            model = discretise(baseline, record.sample_time_s)
+            y = model.simulate(record.columns([s.name for s in model.inputs]))
+        else:
+            return {}
+    except DataError:
+        return {}
+    names = [o.name for o in baseline.outputs]
+    return {n: v for n, v in zip(names, y.T, strict=True) if np.all(np.isfinite(v))}
+
+
+def _kind(
+    record: Record, name: str, where: tuple[int, int], spreads: dict[str, float], model: Array | None
+) -> tuple[str, int]:
+    """Return what a stretch is, and where it ends: a rest ends where an input moves, if only in its second half."""
+    start, stop = where
+    half = (start + stop) // 2  # a machine that comes to rest does so in the first half
+    inputs = record.matrix("input", "disturbance")[half:stop]
+    moved = np.flatnonzero(np.any(np.diff(inputs, axis=0) != 0, axis=1))
+    quiet = half + 1 + int(moved[0]) if len(moved) else stop  # no input moves from `half` to there
+    driven = quiet < (half + stop) // 2
+    if model is not None:
+        range_ = _range(model[half : stop if driven else quiet])
+        moves, rests = range_ > _MOVES * spreads[name], range_ <= _RESTS * spreads[name]
+    else:
+        others = [record.column(n)[half:stop] for n, s in spreads.items() if n != name and s > 0]
+        moves = driven or any(_range(v) > 0 for v in others)
+        rests = not moves
+    frozen = [n for n in spreads if _range(record.column(n)[start:stop]) == 0]
+    if not driven and (rests or len(frozen) == len(spreads) > 1):
+        return "rest", quiet
+    return ("still" if not moves else _moving(record.column(name), where, spreads[name])), stop
+
+
+def _moving(values: Array, where: tuple[int, int], spread: float) -> str:
+    """Return what a stretch is in which the model moves: "stuck", "still", or "ended" where that is to be seen.
+
+    A machine stands where its position came to rest slowly, where its speed is zero, or at an end of its range.
+    """
+    start, stop = where
+    outside = [np.abs(np.diff(v[np.isfinite(v)])) for v in (values[:start], values[stop:])]
+    steps = np.concatenate(outside)
+    ordinary = float(np.quantile(steps[steps > 0], _ORDINARY)) if np.any(steps > 0) else 0.0
+    before, value = outside[0][-_ARRIVES:], values[start]
+    ends = np.array([0.0, np.nanmin(values), np.nanmax(values)])
+    stands = start == 0 or bool(np.any(np.abs(value - ends) < _NEAR * spread))
+    stands |= len(before) > 0 and float(np.mean(before)) < _SLOWLY * float(np.median(steps))
+    if ordinary <= _STEPPY * spread:
+        borders = [abs(values[k] - values[k - 1]) for k in where if 0 < k < len(values)]
+        if not stands or any(not b <= _JUMP * ordinary for b in borders):
+            return "stuck"
+        return "still" if stop < len(values) else "ended"
+    return "stuck" if float(np.mean(steps == 0)) < _ALIVE else "ended"
+
+
+def _range(values: Array) -> float:
+    good = values[np.isfinite(values)]
+    return float(np.ptp(good)) if len(good) else 0.0
+
+
+def _ended(found: Sequence[Stretch], records: Sequence[Record]) -> tuple[Stretch, ...]:
+    """Decide about stretches that no jump ends: a machine may stand again where it stood before."""
+    rest = {(s.channel, _value(s, records)) for s in found if s.kind in ("rest", "still")}
+    return tuple(
+        s if s.kind != "ended" else replace(s, kind="still" if (s.channel, _value(s, records)) in rest else "stuck")
+        for s in found
+    )
+
+
+def _moved_elsewhere(stretch: Stretch, records: Sequence[Record]) -> Stretch:
+    """Call stuck what stands at inputs that moved it, from where it stands, at most other times.
+
+    What is held by friction or in a dead band is held at less than what it leaves at.
+    """
+    if stretch.kind != "still":
+        return stretch
+    record, value = records[stretch.record], _value(stretch, records)
+    answers = []
+    for name in (c.name for c in record.of("input")):
+        u = record.column(name)[stretch.start : stretch.stop]
+        if _range(u) > 0 and len(u) > 2 * _HOLDS:
+            levels = np.abs(u[:-_HOLDS] - u[0])
+            held = float(np.max(np.min(np.lib.stride_tricks.sliding_window_view(levels, _HOLDS), axis=1)))
+            left = [x for r in records for x in _leaving(r.column(name), r.column(stretch.channel), value, float(u[0]))]
+            answers.append(len(left) >= _OFTEN and held >= float(np.median(left)) > 0)
+    return replace(stretch, kind="stuck") if answers and all(answers) else stretch
+
+
+def _leaving(u: Array, y: Array, value: float, rest: float) -> list[float]:
+    """Return by how much an input was off its rest each time that an output left a value it had held."""
+    stands = np.concatenate([[False], y == value, [False]])
+    edges = np.flatnonzero(np.diff(stands.astype(int)))
+    ends = [b for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _HOLDS and b + _HOLDS <= len(y)]
+    return [float(np.median(np.abs(u[b : b + _HOLDS] - rest))) for b in ends]
+
+
+def _value(stretch: Stretch, records: Sequence[Record]) -> float:
+    return float(records[stretch.record].column(stretch.channel)[stretch.start])
+
+
+def words(stretch: Stretch, channel: Channel, record: Record) -> str:
+    """Say what a stretch is."""
+    value = float(record.column(stretch.channel)[stretch.start])
+    rows = f"the same value {value:.6g} {channel.unit}".rstrip() + f" for {len(stretch)} samples in a row"
+    at = f"from {record.time_s[stretch.start]:.6g} s"
+    return {
+        "rest": f"{rows} {at}, and nothing drives it: a machine at rest; what follows its arrival is left out",
+        "still": f"{rows} {at}, where the machine may stand (friction, a dead band, a stop, no drive); it is kept",
+        "stuck": f"{rows} {at}, where it must have moved: a stuck sensor, or held; these samples are left out",
+    }[stretch.kind]

@@ -1,0 +1,55 @@
+"""Play between command and drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
+
+_GRID = (0.1, 0.3, 0.8, 1.6)  # of the input's spread
+_STARTS = 10
+
+
+def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
+    return f"{name} acts with {v['width']:.3g} {unit} of play (backlash) that the model leaves out".replace("  ", " ")
+
+
+def _attach(site: Site) -> list[Attachment]:
+    result = []
+    for i, name in enumerate(site.input_names):
+        spread, unit, width = spread_of(site.u[:, i]), unit_of_input(site, i), f"backlash_width_{i + 1}"
+        if spread <= 0:
+            continue
+        slot = Slot(width, "width", unit, 0.0, 0.0, 6 * spread, 0.01 * spread, local=False)
+        result.append(
+            blended_filter(
+                site, i, "backlash", (slot,), entry="backlash",
+                grid=[{width: share * spread} for share in _GRID],
+                starts=({}, *({width: float(w)} for w in spread * np.geomspace(0.03, 3.0, _STARTS))),
+                equation=f"{name}_actual = min(max({name}_actual, {name} - width/2), {name} + width/2)",
+                statement=partial(_statement, name, unit),
+            )
+        )  # fmt: skip
+    return result
+
+
+ENTRY = Entry(
+    id="backlash",
+    family="input_nonlinearity",
+    name="backlash",
+    equation="u_actual = min(max(u_actual, u - width/2), u + width/2)",
+    source="Nordin and Gutman 2002, Automatica 38(10), Controlling mechanical systems with backlash; the play operator",
+    quantities=(Quantity("width", "unit of the input", 0.0, 1e9, 0.0, "full width of the play"),),
+    attaches_to="every input",
+    signature="after each reversal nothing happens until the play is taken up; a loop as wide at every rate",
+    confused_with=(
+        ("coulomb_friction", "loop area against amplitude: the loop of play keeps its width, friction acts on forces"),
+        ("deadband", "a dead band has no memory of the direction"),
+        ("transport_delay", "slow motion: the lag behind play grows in time as the command slows down"),
+    ),
+    attach=_attach,
+)

@@ -1,0 +1,50 @@
+"""Weight that turns with the rotor: an unbalanced rotor's on the shaft, a blade's own in its edgewise moment."""
+
+from __future__ import annotations
+
+from aeolid.diagnose.hypotheses.parts import rotor
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+
+
+def _attach(site: Site) -> list[Attachment]:
+    if not rotor.is_turbine(site):
+        return []
+    edge = rotor.blade_outputs(site, "edge")
+    if edge:
+        return rotor.on_blades(
+            site, "gravity_1p", edge, (("sin", "weight"),), "M_edge = S*g*sin(azimuth of the blade)",
+            lambda size, unit: (
+                f"the weight of the blades swings their edgewise moments by {size:.3g} {unit} once a turn;"
+                " the model leaves it out"
+            ),
+        )  # fmt: skip
+    shaft = rotor.place(site, "speed")
+    if shaft is None:
+        return []
+    return rotor.locked(
+        site, "gravity_1p", [(shaft, "")], 1, "Q_weight = S*g*sin(azimuth + phase)",
+        lambda size, unit, where: (
+            f"weight pulls on the shaft once a turn: {size:.3g} {unit} at {where}, whatever the speed;"
+            " the model leaves it out"
+        ),
+    )  # fmt: skip
+
+
+ENTRY = Entry(
+    id="gravity_1p",
+    family="rotor_1p",
+    name="gravity load once a turn",
+    equation="Q_weight = S*g*sin(azimuth + phase); M_edge = S*g*sin(azimuth of the blade)",
+    source="Burton et al., Wind Energy Handbook, chapter 5; Manwell, McGowan, Rogers, Wind Energy Explained, chapter 4",
+    quantities=(
+        Quantity("torque_N_m_cos", "N m", -1e7, 1e7, 0.0, "torque of the weight on the shaft, cos part"),
+        Quantity("torque_N_m_sin", "N m", -1e7, 1e7, 0.0, "sin part"),
+    ),
+    attaches_to="edgewise blade outputs, else the rotor's speed, of a wind turbine whose rotor angle is recorded",
+    signature="a line at the rotor's speed, locked to the angle, of the same size at every wind and speed",
+    confused_with=(
+        ("mass_imbalance", "the side-side motion: the force of a mass grows with the speed squared"),
+        ("aero_imbalance", "another wind: weight does not grow with it"),
+    ),
+    attach=_attach,
+)

@@ -1,0 +1,29 @@
+"""An input that the recording has and the model does not connect."""
+
+from __future__ import annotations
+
+from aeolid.diagnose.hypotheses.parts import unused_channel
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+
+
+def _attach(site: Site) -> list[Attachment]:
+    channels = [c for c in site.exogenous if c.role == "input"]
+    return unused_channel.attach(site, "missing_coupling", channels, "acts on the plant, but the model leaves it out")
+
+
+ENTRY = Entry(
+    id="missing_coupling",
+    family="coupling",
+    name="input that the model does not connect",
+    equation="dx/dt = f(x, u) + gain*(u_unused - mean)",
+    source="Ljung 1999, System Identification: Theory for the User, chapter 16 (residuals against other inputs)",
+    quantities=(Quantity("gain", "force over the channel's unit", -1e12, 1e12, 0.0, "into each motion or pole"),),
+    attaches_to="every channel of role input that the model has no use for (at most 3), into at most 4 motions, other"
+    " states or real poles",
+    signature="innovations follow a recorded input that no equation holds",
+    confused_with=(
+        ("missing_disturbance", "the channel's role: set by a controller, or measured and free of feedback"),
+        ("parameter_error", "the channel itself: a wrong value shows without it too"),
+    ),
+    attach=_attach,
+)

@@ -1,0 +1,33 @@
+"""A measured disturbance that the model ignores."""
+
+from __future__ import annotations
+
+from aeolid.diagnose.hypotheses.entries import wave_load
+from aeolid.diagnose.hypotheses.parts import rotor, unused_channel
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+
+
+def _attach(site: Site) -> list[Attachment]:
+    waves = wave_load.recorded(site) if rotor.is_turbine(site) else None  # waves have a name of their own
+    channels = [c for c in site.exogenous if c.role == "disturbance" and c is not waves]
+    return unused_channel.attach(
+        site, "missing_disturbance", channels, "disturbs the plant and is recorded, but the model ignores it"
+    )
+
+
+ENTRY = Entry(
+    id="missing_disturbance",
+    family="coupling",
+    name="recorded disturbance that the model ignores",
+    equation="dx/dt = f(x, u) + gain*(d_unused - mean)",
+    source="Ljung 1999, System Identification: Theory for the User, chapter 16 (residuals against other inputs)",
+    quantities=(Quantity("gain", "force over the channel's unit", -1e12, 1e12, 0.0, "into each motion or pole"),),
+    attaches_to="every channel of role disturbance that the model has no use for (at most 3), into at most 4 motions,"
+    " other states or real poles; a wave elevation of a turbine belongs to wave_load",
+    signature="innovations follow a recorded disturbance that no equation holds",
+    confused_with=(
+        ("missing_coupling", "the channel's role: measured and free of feedback, or set by a controller"),
+        ("wave_load", "the channel: a wave elevation in m pushes the tower alone"),
+    ),
+    attach=_attach,
+)

@@ -1,0 +1,61 @@
+"""A drive that cannot move faster than a certain rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+
+import numpy as np
+
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
+
+_GRID, _STARTS = 5, 14
+_FASTEST, _WITHIN = 20.0, (6.0, 2.0)  # of the fastest recorded rate: steps are then ramps within a sample
+_SLOWEST = 200.0  # of the fastest recorded rate: below that the drive would stand still
+
+
+def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
+    return f"{name} cannot move faster than {v['rate_per_s']:.3g} {unit}; the model follows the command at once"
+
+
+def _attach(site: Site) -> list[Attachment]:
+    return [a for i in range(len(site.input_names)) for a in _on(site, i)]
+
+
+def _on(site: Site, i: int) -> list[Attachment]:
+    rates = np.abs(np.diff(site.u[:, i])) / site.step
+    fastest = float(np.quantile(rates, 0.999)) if len(rates) else 0.0
+    slowest = max(fastest / _SLOWEST, 10 * spread_of(site.u[:, i]) / (len(site.u) * site.step))
+    if not slowest < 0.9 * fastest:
+        return []
+    name, unit = site.input_names[i], f"{unit_of_input(site, i) or '1'}/s"
+    rate = f"rate_limit_{i + 1}"
+    slot = Slot(rate, "rate_per_s", unit, fastest, 0.2 * slowest, _FASTEST * fastest, 0.01 * fastest, local=False)
+    quick = [{rate: share * fastest} for share in _WITHIN]
+    grid = [*quick, *({rate: float(r)} for r in np.geomspace(0.9 * fastest, slowest, _GRID))]
+    starts = [*quick, *({rate: float(r)} for r in np.geomspace(0.95 * fastest, slowest, _STARTS))]
+    return [
+        blended_filter(
+            site, i, "rate_limit", (slot,), entry="rate_limit", grid=grid, starts=({}, *starts),
+            equation=f"|d({name}_actual)/dt| <= rate_per_s",
+            statement=partial(_statement, name, unit),
+        )
+    ]  # fmt: skip
+
+
+ENTRY = Entry(
+    id="rate_limit",
+    family="input_nonlinearity",
+    name="rate limit",
+    equation="|d(u_actual)/dt| <= rate_per_s",
+    source="Jonkman et al. 2009 (NREL 5 MW: 8 deg/s); Gaertner et al. 2020 (IEA 15 MW: 2 deg/s)",
+    quantities=(Quantity("rate_per_s", "unit of the input/s", 1e-6, 1e6, float("inf"), "highest rate"),),
+    attaches_to="every input that moves at different rates",
+    signature="large commands come late, small ones do not: the lag grows with amplitude",
+    confused_with=(
+        ("actuator_lag", "two amplitudes of one test signal: a rate limit delays the larger one more"),
+        ("input_saturation", "slow commands pass a rate limit whatever their size"),
+    ),
+    attach=_attach,
+)

@@ -1,0 +1,47 @@
+"""Wind that grows with height: each blade's load swings once a turn, the hub feels it blades times a turn."""
+
+from __future__ import annotations
+
+from aeolid.diagnose.hypotheses.parts import rotor
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+
+
+def _attach(site: Site) -> list[Attachment]:
+    if not rotor.is_turbine(site):
+        return []
+    flap = rotor.blade_outputs(site, "flap")
+    if flap:
+        return rotor.on_blades(
+            site, "wind_shear", flap, (("cos", "vertical"),), "M_flap = M*cos(azimuth of the blade)",
+            lambda size, unit: (
+                f"the wind grows with height: the blades' flapwise moments swing by {size:.3g} {unit} once a turn,"
+                " most when the blade is up; the model leaves it out"
+            ),
+        )  # fmt: skip
+    return rotor.locked(
+        site, "wind_shear", rotor.hub(site), rotor.blades(site), "F = F*cos(blades*azimuth + phase)",
+        lambda size, unit, where: (
+            f"shear of the wind: {size:.3g} {unit} at {where}, {rotor.blades(site)} times a turn, locked to the rotor;"
+            " the model leaves it out"
+        ),
+    )  # fmt: skip
+
+
+ENTRY = Entry(
+    id="wind_shear",
+    family="rotor_1p",
+    name="wind shear",
+    equation="V(z) = V_hub*(z/H)^alpha: M_flap = M*cos(azimuth of the blade); at the hub cos(blades*azimuth + phase)",
+    source="Dolan and Lehn 2006, IEEE Trans. Energy Conversion 21(3); Burton et al., Wind Energy Handbook",
+    quantities=(
+        Quantity("vertical", "of the output", -1e12, 1e12, 0.0, "swing of a blade's moment, blade up (azimuth 0)"),
+    ),
+    attaches_to="flapwise blade outputs (azimuth 0: blade 1 up), else fore-aft and rotor speed of a wind turbine whose"
+    " rotor angle is recorded",
+    signature="one cosine a turn in every blade, shifted by the blades' spacing; at the hub only the blades' multiple",
+    confused_with=(
+        ("yaw_misalignment", "the wind vane; and a sine part, which only the skewed wake of a yawed rotor has"),
+        ("tower_shadow", "higher multiples: a shadow is a narrow dip, shear a smooth swing"),
+    ),
+    attach=_attach,
+)

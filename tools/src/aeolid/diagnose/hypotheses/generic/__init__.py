@@ -1,0 +1,1 @@
+"""Forms that no entry has and that get no name."""

@@ -1,0 +1,1 @@
+"""What entries share: the types of an entry, places of attachment, roles, filters, modes."""

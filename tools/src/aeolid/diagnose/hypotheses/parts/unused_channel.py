@@ -1,0 +1,133 @@
+"""Let a recorded channel that the model has no use for act on every motion or pole of the model."""
+
+from __future__ import annotations
+
+import ast
+import operator
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.hypotheses.parts import rotor
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
+from aeolid.diagnose.structure.baseline import with_force
+from aeolid.diagnose.structure.forces import FORCE
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, Parameter, State
+from aeolid.models.state_space import StateSpace
+
+_MOST_CHANNELS, _MOST_PLACES = 3, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Entrance:
+    """Hold a place where a channel may enter: how, and the typical size of what acts there."""
+
+    location: str
+    size: float
+    add: Callable[[Equations, ast.expr, str], Equations]
+
+
+def attach(site: Site, entry: str, channels: list[Exogenous], says: str) -> list[Attachment]:
+    """Offer one hypothesis a channel (at most 3): a free gain into each place (at most 4)."""
+    places = entrances(site)
+    return [_on(site, entry, c, places, says) for c in channels[:_MOST_CHANNELS]] if places else []
+
+
+def _on(site: Site, entry: str, channel: Exogenous, places: list[Entrance], says: str) -> Attachment:
+    values = rotor.samples(site, channel)
+    mean, spread = float(np.mean(values)), float(np.std(values))
+    tag = re.sub(r"\W", "_", channel.name)
+    scales = [p.size / spread for p in places]  # slots of order one: the places differ by units
+    slots = [
+        Slot(
+            f"{entry}_{tag}_{k + 1}", f"gain_{p.location}", "", 0.0, -1e6, 1e6, 1e-3, show=partial(operator.mul, scale),
+        )
+        for k, (p, scale) in enumerate(zip(places, scales, strict=True))
+    ]  # fmt: skip
+
+    def edit(model: Equations) -> Equations:
+        extra = (Parameter(s.name, 0.0, "", s.low, s.high) for s in slots)
+        model = replace(model, parameters=(*model.parameters, *extra))
+        for slot, p, scale in zip(slots, places, scales, strict=True):
+            term = ex.parse(f"{slot.name}*{scale!r}*({channel.symbol} - {mean!r})", entry)
+            model = rotor.push(model, p.add, term, f"{slot.name}_term")
+        return model
+
+    return Attachment(
+        entry, f"{entry} {channel.name}", location(f"input:{channel.name}", inputs=(channel.name,)), edit,
+        tuple(slots), equation=f"dx/dt = f(x, u) + gain*({channel.name} - mean)",
+        statement=lambda v: f"{channel.name} {says}",
+    )  # fmt: skip
+
+
+def entrances(site: Site) -> list[Entrance]:
+    """List where a force may act: motions first, then the other states (equations) or the real poles (linear)."""
+    if site.linear is not None:
+        moving = [Entrance(m.location, m.force_size, m.inject) for m in site.motions]
+        return (moving + _real_poles(site, site.linear))[:_MOST_PLACES]
+    pushed = [s for s in site.model.states if f"{FORCE}{s.name}" in {x.name for x in site.model.states}]
+    sizes = {m.location: m.force_size for m in site.motions}
+    found = [Entrance(f"state:{s.name}", sizes.get(f"state:{s.name}", _rate(site, s)), _on_state(s)) for s in pushed]
+    return sorted(found, key=lambda e: e.location not in sizes)[:_MOST_PLACES]
+
+
+def _on_state(state: State) -> Callable[[Equations, ast.expr, str], Equations]:
+    return lambda model, force, _: with_force(model, state.name, force)
+
+
+def _rate(site: Site, state: State) -> float:
+    """Return a typical rate of a state: from an output that reads it alone, else from its start value."""
+    for j, name in enumerate(site.output_names):
+        read = next(o.equation for o in site.model.outputs if o.name == name)
+        if isinstance(read, ast.Name) and read.id == state.name:
+            return float(np.nanstd(np.diff(site.y[:, j]))) / site.row_step or 1.0
+    return max(abs(state.initial), 1.0) / (10 * site.row_step)
+
+
+def _real_poles(site: Site, linear: StateSpace) -> list[Entrance]:
+    """Push along each real pole's own direction, in units of the output that shows it most, slowest first."""
+    values, right = np.linalg.eig(linear.A)
+    spreads = np.maximum(np.nanstd(site.y, axis=0), 1e-300)
+    found = []
+    for k in np.argsort(-abs(values)):
+        pole = float(values[k].real)
+        if abs(values[k].imag) > 1e-9 or pole <= 0.2:
+            continue
+        shape = np.real(linear.C @ right[:, k])
+        j = int(np.argmax(abs(shape) / spreads))
+        if not shape[j]:
+            continue
+        rate = float(np.log(min(pole, 1 - 1e-9)) / linear.sample_time_s)
+        direction = np.real(right[:, k]) / shape[j]
+        gap = abs(rate) * float(spreads[j])
+        feels = {
+            s.name: float(c) / rate
+            for s, c in zip(linear.outputs, shape / shape[j], strict=True)
+            if s.unit.replace(" ", "") in ACCELERATION_UNITS
+        }
+        add = _along(direction * linear.sample_time_s, feels)
+        found.append(Entrance(f"pole:{abs(rate) / 2 / np.pi:.3g} Hz", gap, add))
+    return found
+
+
+def _along(
+    direction: np.ndarray[tuple[int], np.dtype[np.float64]], feels: dict[str, float]
+) -> Callable[[Equations, ast.expr, str], Equations]:
+    def add(model: Equations, force: ast.expr, _: str) -> Equations:
+        states = list(model.states)
+        for i, share in enumerate(direction.tolist()):
+            if share:
+                term = ex.combine("*", ast.Constant(share), force)
+                states[i] = replace(states[i], derivative=ex.combine("+", states[i].derivative, term))
+        model = replace(model, states=tuple(states))
+        for name, share in feels.items():
+            model = rotor.on_output(model, name, ex.combine("*", ast.Constant(share), force))
+        return model
+
+    return add

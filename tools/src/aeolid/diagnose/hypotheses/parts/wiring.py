@@ -1,0 +1,178 @@
+"""Wire effects of drives and sensors into a model: what several entries share."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.structure.forces import FORCE
+from aeolid.errors import DataError
+from aeolid.models import expressions as ex
+from aeolid.models.equations import Equations, InputFilter, Memory, Output, Parameter
+from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian, output_jacobian, simulate
+
+Array = NDArray[np.float64]
+SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
+_FADING = 0.3  # a tenth of the frequency: a steady response keeps its size, a speed's falls to a tenth
+_MANY = 20  # values: fewer are a test signal's levels or a counter's
+_SMALL = 0.1  # of an output's own direction: what lies outside the reach of forces must be more to count
+
+
+def with_filter(model: Equations, channel: str, kind: str, parameters: Sequence[Parameter]) -> Equations:
+    """Return the model with one more filter on an input, and the parameters the filter takes."""
+    return replace(
+        model,
+        parameters=(*model.parameters, *parameters),
+        filters=(*model.filters, InputFilter(channel, kind, tuple(p.name for p in parameters))),
+    )
+
+
+def with_reading(
+    model: Equations, output: str, form: str, parameters: Sequence[Parameter], *,
+    slope: str | None = None, memories: Sequence[tuple[str, str, str]] = (),
+    others: Mapping[str, ast.expr] | None = None,
+) -> Equations:  # fmt: skip
+    """Return the model with one output read through `form`, an expression in `reading`, what the output was before.
+
+    slope: factor on the sensor's sign of action, same language; memories: (name, next, settled), same language;
+    others: further words of the language.
+    """
+    old = next(o for o in model.outputs if o.name == output)
+    words = {"reading": old.equation, **(others or {})}
+
+    def filled(text: str) -> ast.expr:
+        return ex.substitute(ex.parse(text, "sensor"), words)
+
+    action = old.slope
+    if slope is not None:
+        action = filled(slope) if action is None else ex.combine("*", action, filled(slope))
+    new = Output(old.name, old.unit, filled(form), action)
+    added = tuple(Memory(n, old.unit, filled(a), filled(b)) for n, a, b in memories)
+    return replace(
+        model,
+        outputs=tuple(new if o.name == output else o for o in model.outputs),
+        parameters=(*model.parameters, *parameters),
+        memories=(*model.memories, *added),
+    )
+
+
+def blended_filter(
+    site: Site, number: int, kind: str, slots: Sequence[Slot], *,
+    entry: str, grid: Sequence[Mapping[str, float]], starts: Sequence[Mapping[str, float]], equation: str,
+    statement: Callable[[Mapping[str, float]], str], form: str = "",
+) -> Attachment:  # fmt: skip
+    """Return a hypothesis that blends a filter on one input in by a share; slots are the filter's own parameters."""
+    name = site.input_names[number]
+    share = f"{kind}_share_{number + 1}"
+    own = [Parameter(s.name, dict(grid[0])[s.name], s.unit, s.low, s.high) for s in slots]
+
+    def edit(model: Equations) -> Equations:
+        return with_filter(model, name, kind, (*own, Parameter(share, 0.0, "", 0.0, 1.0)))
+
+    return Attachment(
+        entry, f"{entry} input:{name}{form}", location(f"input:{name}", inputs=(name,)), edit,
+        (*slots, Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
+        fixed={share: 1.0}, grid=tuple(grid), starts=tuple(starts), share=share,
+        equation=equation, statement=statement,
+    )  # fmt: skip
+
+
+def unit_of_input(site: Site, number: int) -> str:
+    """Return the unit of an input of the model, empty where it has none."""
+    return site.model.inputs[number].unit
+
+
+def unit_of_output(site: Site, name: str) -> str:
+    """Return the unit of an output of the model, empty where it has none."""
+    return next(o.unit for o in site.model.outputs if o.name == name)
+
+
+def spread_of(values: Array) -> float:
+    """Return the standard deviation of what was measured; 0 where nothing was, or nothing moves."""
+    finite = values[np.isfinite(values)]
+    return float(np.std(finite)) if len(finite) else 0.0
+
+
+def is_continuous(values: Array) -> bool:
+    """Tell whether a signal takes many values, also where it holds each for a while; two-level test signals do not."""
+    return len(np.unique(values)) >= _MANY
+
+
+@lru_cache(maxsize=4)
+def likeness(site: Site) -> Array:
+    """Return (l, 2): correlation of each output with a free run of the model, and its spread over that of the run.
+
+    Zeros where the model cannot run free over the data.
+    """
+    none = np.zeros((len(site.output_names), 2))
+    try:
+        if site.linear is not None:
+            free = site.linear.simulate(site.u)
+        else:
+            compiled = _compiled(site)
+            free = simulate(compiled, site.u, compiled.model.theta, compiled.model.x0, site.step)
+    except DataError:
+        return none
+    stride = max(round(site.row_step / site.step), 1)
+    free = free[::stride][: len(site.y)]
+    for j, (y, m) in enumerate(zip(site.y[: len(free)].T, free.T, strict=True)):
+        good = np.isfinite(y)
+        if np.all(np.isfinite(m)) and good.sum() > 50 and spread_of(m) > 0 and spread_of(y) > 0:
+            none[j] = np.corrcoef(y[good], m[good])[0, 1], spread_of(y) / spread_of(m)
+    return none
+
+
+@lru_cache(maxsize=4)
+def _compiled(site: Site) -> Compiled:
+    return compile_equations(replace(site.model, filters=()))
+
+
+@lru_cache(maxsize=4)
+def imitated_by_forces(site: Site) -> tuple[bool, ...]:
+    """Tell for each output whether steady forces that nobody measured could move it alone.
+
+    The responses to a slow force on every state that noise drives span what disturbances do; a direction that lies in
+    this span, but for a tenth, says nothing about a sensor. A response that fades with the frequency (a speed, of a
+    mass on a spring) is none: the force would have to grow without end. The states of a linear model are anything, a
+    disturbance may enter all of them: every output is imitated.
+    """
+    if site.linear is not None:
+        return (True,) * len(site.output_names)
+    slow = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
+    moved, slower = (_responses(site, w) for w in (slow, 0.1 * slow))
+    if not slower.size or not np.all(np.isfinite(slower)) or not np.all(np.isfinite(moved)):
+        return (False,) * len(site.output_names)
+    steady = np.where(np.abs(slower) > _FADING * np.abs(moved), slower, 0.0)
+    sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
+    scaled = steady / sizes[:, None]
+    U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
+    inside = np.linalg.norm(U[:, s > _SMALL * max(s[0], 1e-300)], axis=1)
+    return tuple(bool(1 - x * x < _SMALL**2) for x in inside)
+
+
+def _responses(site: Site, turn: float) -> Array:
+    """Return the outputs' response (l, f) to the unmeasured forces of the model at its start, at `turn` rad/s."""
+    J, C, forces = _linearised(site)
+    if not np.any(forces) or not np.all(np.isfinite(J)):
+        return np.zeros((len(C), 0))
+    own, step = ~forces, site.model.sample_time_s
+    s = np.exp(1j * turn * step) if step else 1j * turn
+    moved = np.linalg.solve(s * np.eye(int(own.sum())) - J[np.ix_(own, own)], J[np.ix_(own, forces)].astype(complex))
+    result: Array = C[:, own] @ moved + C[:, forces]
+    return result
+
+
+@lru_cache(maxsize=4)
+def _linearised(site: Site) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the Jacobians of the equations at their start and which states are unmeasured forces."""
+    model = site.model
+    compiled, u = _compiled(site), np.median(site.u, axis=0)
+    J = numeric_jacobian(compiled, model.x0, u, model.theta)
+    C = output_jacobian(compiled, model.x0, u, model.theta)
+    return J, C, np.array([s.name.startswith(FORCE) for s in model.states])

@@ -1,0 +1,1 @@
+"""The stochastic predictor: noise, gain, innovations; their sensitivities and steps; fits above them."""

@@ -1,0 +1,182 @@
+"""Evaluate a stochastic predictor at a point: gain, innovations, noise model, likelihood.
+
+Innovations form: x⁺ = F(x, u, θ) + K s e, y = h(x, u, θ) + e, e coloured by a VAR(q) noise model (S1 of the method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.deadline import Deadline, unlimited
+from aeolid.diagnose.predictor.gains import forgets, kalman_gain
+from aeolid.diagnose.predictor.noise import Noise, estimate_noise, filter_var, preferred_order, touched
+from aeolid.diagnose.predictor.point import LEAST_VARIANCE, Free, Point, Prior, Scales
+from aeolid.models.integrate import Compiled, driven, substeps
+from aeolid.models.machine_code import LANES
+
+Array = NDArray[np.float64]
+HUGE = 1e300  # objective of a point that diverges
+_LOST = 1e100  # deviations: squares still have a value
+
+
+class Evaluator:
+    """Evaluate one compiled model on a set of segments."""
+
+    def __init__(
+        self, compiled: Compiled, segments: Sequence[Segment], scales: Scales, var_order: int | None = None,
+        deadline: Deadline | None = None,
+    ) -> None:  # fmt: skip
+        self.compiled = compiled
+        self.deadline = deadline or unlimited()
+        self.segments = tuple(segments)
+        self.scales = scales
+        self.var_order = var_order
+
+    def on(self, segments: Sequence[Segment]) -> Self:
+        """Return the same predictor for other data."""
+        return type(self)(self.compiled, segments, self.scales, self.var_order, self.deadline)
+
+    def informed(self, prior: Prior) -> Self:
+        """Return the same predictor with other knowledge of its parameters."""
+        scales = replace(self.scales, prior=prior)
+        return type(self)(self.compiled, self.segments, scales, self.var_order, self.deadline)
+
+    def with_order(self, order: int) -> Self:
+        """Return the same predictor with another noise-model order."""
+        return type(self)(self.compiled, self.segments, self.scales, order, self.deadline)
+
+    def run(self, point: Point, index: int) -> tuple[Array, Array, Array]:
+        """Return innovations (N, l), predictions (N, l) and states (N + 1, n) of one segment."""
+        segment = self.segments[index]
+        return self.run_rows(point, index, 0, segment.y, point.x0[index], self.gain(point))
+
+    def run_rows(
+        self, point: Point, index: int, first: int, y: Array, x: Array, K: Array, generate: bool = False,
+        ready: tuple[Array, int] | None = None,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
+        """Run rows first … first + len(y) − 1 of a segment from state x with measurements (or innovations) y."""
+        segment = self.segments[index]
+        u, count = ready or self.ready(point, index)
+        part = u[first * segment.stride : (first + len(y)) * segment.stride]
+        return self.compiled.predict(
+            part, np.ascontiguousarray(y), point.theta, K, x, segment.fine_step, count, segment.stride, generate
+        )
+
+    def ready(self, point: Point, index: int) -> tuple[Array, int]:
+        """Return a segment's inputs behind their filters and its integration steps a sample; short runs share it."""
+        segment = self.segments[index]
+        u = driven(self.compiled, segment.u, point.theta, segment.fine_step)
+        return u, substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+
+    def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
+        """Return innovations (N, l, LANES) of one segment for up to LANES points near `base`, side by side.
+
+        All have the same values of the input filters' parameters. The integration steps are those of `base`, so that
+        a small step never changes them. Lanes without a point of their own repeat the first.
+        """
+        segment, first = self.segments[index], points[0]
+        lanes = [*points, *[first] * (LANES - len(points))]
+        u = driven(self.compiled, segment.u, first.theta, segment.fine_step)
+        count = substeps(self.compiled, segment.middle, base.theta, base.x0[index], segment.fine_step)
+        theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
+        gains = [self.gain(points[0])]
+        for before, p in pairwise(points):  # starts that differ have one gain
+            same = before.K is p.K and np.array_equal(before.theta, p.theta) and np.array_equal(before.noise, p.noise)
+            gains.append(gains[-1] if same else self.gain(p))
+        K = np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
+        return self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
+
+    def gain(self, point: Point) -> Array:
+        """Return the predictor's gain (n, l): given, or the Kalman gain of the noise amplitudes."""
+        if point.K is not None and not np.any(point.noise):
+            return point.K
+        sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
+        K = kalman_gain(self.compiled, sizes, point.theta, point.noise, first.middle, first.step)
+        return K if point.K is None else K + point.K
+
+    def innovations(self, point: Point) -> list[Array]:
+        """Return the innovations (N, l) of every segment, the burn-in included."""
+        K, found = self.gain(point), []
+        for i, s in enumerate(self.segments):
+            u, count = self.ready(point, i)
+            found.append(self.compiled.innovations(u, s.y, point.theta, K, point.x0[i], s.fine_step, count, s.stride))
+        return found
+
+    def noise_of(self, innovations: Sequence[Array]) -> Noise | None:
+        """Estimate the noise model of innovations; None where they are not finite."""
+        for e, segment in zip(innovations, self.segments, strict=True):
+            bounded = np.abs(e[segment.burn :]) < 1e12
+            if not np.all(bounded) and np.any(np.isfinite(segment.y[segment.burn :][~bounded])):
+                return None
+        order = self.var_order if self.var_order is not None else 0
+        return estimate_noise(innovations, [s.burn for s in self.segments], order)
+
+    @cached_property
+    def middle(self) -> tuple[Array, Array]:
+        """Return the state (n,) and the input (r,) that the model is linearised at."""
+        x = self.compiled.model.x0[: len(self.scales.x0)] + self.scales.x0
+        return x, self.segments[0].middle
+
+    def objective(self, point: Point) -> float:
+        """Return minus the log-likelihood, noise model concentrated out, plus the priors; huge where it diverges.
+
+        A free gain that leaves the predictor unstable counts as diverging: over a short stretch its own start hides
+        the growth, over other data nothing does.
+        """
+        step = self.segments[0].step
+        if point.K is not None and not forgets(self.compiled, self.middle, point.theta, self.gain(point), step):
+            return HUGE
+        noise = self.noise_of(self.innovations(point))
+        if noise is None:
+            return HUGE
+        rows = sum(int(np.sum(np.all(np.isfinite(s.y), axis=1))) for s in self.segments)
+        return 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
+
+    def _penalty(self, point: Point) -> float:
+        return 0.5 * float(np.sum(self.scales.prior.residual(point.theta) ** 2))
+
+    def whitened(self, innovations: Sequence[Array], noise: Noise) -> Array:
+        """Return the scored, whitened, normalised innovations of all segments as one vector (M,).
+
+        Rows that a missing measurement touches are 0, those of a model that ran away infinite.
+        """
+        parts = []
+        for e, segment in zip(innovations, self.segments, strict=True):
+            white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
+            gone = ~np.all(np.abs(white) < _LOST, axis=1)
+            white[gone] = np.where(touched(segment.y, len(noise.var))[segment.burn :][gone], 0.0, np.inf)[:, None]
+            parts.append(white)
+        return np.concatenate(parts).ravel()
+
+    def choose_var_order(self, point: Point) -> int:
+        """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""
+        if point.K is not None:
+            return 0
+        burns = [s.burn for s in self.segments]
+        return preferred_order(self.innovations(point), burns, stateless=not len(self.scales.x0))
+
+    def move(self, point: Point, free: Free, step: Array) -> Point:
+        """Return the point a step (k,) further: free θ, noise variances, gains and starts, in that order."""
+        theta, amplitude, x0 = point.theta.copy(), point.noise.copy(), [x.copy() for x in point.x0]
+        K = None if point.K is None else point.K.copy()
+        c = len(free.theta)
+        a, b = c + len(free.noise), c + len(free.noise) + len(free.gain)
+        for i, d in zip(free.theta, step[:c], strict=True):
+            theta[i] = np.clip(theta[i] + d, self.scales.low[i], self.scales.high[i])
+        for i, d in zip(free.noise, step[c:a], strict=True):
+            amplitude[i] = np.sqrt(max(amplitude[i] ** 2 + d, LEAST_VARIANCE))
+        if K is not None:
+            for (i, j), d in zip(free.gain, step[a:b], strict=True):
+                K[i, j] += d
+        for s in range(len(x0)):
+            for k, i in enumerate(free.x0):
+                x0[s][i] += step[b + s * len(free.x0) + k]
+        return Point(theta, amplitude, K, tuple(x0))

@@ -1,0 +1,48 @@
+"""Hold a fitted predictor: where it stands, its residuals and their sensitivities."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.predictor.noise import Noise
+from aeolid.diagnose.predictor.point import Free, Point
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Hold a fitted predictor: where it stands, its noise, its residuals r (M,) and sensitivities J (M, k).
+
+    prior_residual (p,), prior_jacobian (p, k): the same for what was known before, as if it had been measured.
+    """
+
+    point: Point
+    free: Free
+    noise: Noise
+    log_likelihood: float
+    per_sample: Array
+    residual: Array
+    jacobian: Array
+    prior_residual: Array
+    prior_jacobian: Array
+
+    @property
+    def log_posterior(self) -> float:
+        """Return what the fit maximises: the log-likelihood less what leaving the priors costs."""
+        return self.log_likelihood - 0.5 * float(self.prior_residual @ self.prior_residual)
+
+    @cached_property
+    def std(self) -> Array:
+        """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
+        gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian
+        size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        values, vectors = np.linalg.eigh(gram / np.outer(size, size))
+        inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 1e12)
+        variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
+        result: Array = np.sqrt(variance) / size
+        return result

@@ -1,0 +1,1 @@
+"""The score bank: every hypothesis judged without being fitted."""

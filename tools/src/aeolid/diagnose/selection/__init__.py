@@ -1,0 +1,1 @@
+"""Which explanation: rivals, further effects, exchanges."""

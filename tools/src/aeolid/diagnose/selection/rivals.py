@@ -1,0 +1,218 @@
+"""Weigh candidates against each other: who is not told apart from the winner, and who outdoes it (S7)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.hypotheses.parts.base import Attachment
+
+Array = NDArray[np.float64]
+_EVEN = 2.0  # |Vuong z| below which two models are not told apart …
+_TIED = 1.0  # nats over all data: candidates this close are equally good
+_SURE = float(np.log(20.0))  # nats that tell two models apart, however evenly they come: odds of 20 to 1
+_RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
+_COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by just so much that it fits
+_FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
+_DAMPED = 0.5  # damping ratio of filters at least; Butterworth's have 0.7
+_OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
+
+
+def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candidate]:
+    """List the candidates that the data do not tell from the winner: |Vuong z| below 2 on fit and selection data.
+
+    Without those that the selection data refute, if softly; but one that is ahead all the same is the stronger for it
+    (a gain that grows with the wind, 75 nats and −2, beside one that jumps, 35 and 0.4, which alone was allowed).
+    """
+    result = []
+    for other in candidates:
+        if other is winner or other.unlisted or not other.plausible or other.fit_gain <= 0:
+            continue
+        if other.select_gain <= 0 and other.score <= winner.score:
+            continue
+        if not tells_apart(winner, other):
+            result.append(other)
+    return result
+
+
+def tells_apart(winner: Candidate, other: Candidate) -> bool:
+    """Tell whether the data prefer a candidate to another one that has no more than its share of parameters.
+
+    What more parameters gain by chance is taken off (Vuong 1989, section 5, with the penalty of Schwarz). Equal models
+    differ by rounding, always to one side, and a value more of which the data say nothing does not part them. Nor do a
+    few nats that come evenly: a lag of 8 ms, sampled every 20, beside a filter of second order, 1.9 nats ahead.
+    """
+    difference = _difference(winner, other)
+    fairly = _vuong(difference, other.handicap - winner.handicap)
+    return fairly >= _EVEN and abs(difference.sum()) >= _SURE
+
+
+def are_kin(a: Attachment, b: Attachment) -> bool:
+    """Tell whether two effects are of one family at one place: the same entry, or an output that both move."""
+    at_one_place = a.location["entry"] == b.location["entry"] or set(a.location["outputs"]) & set(b.location["outputs"])
+    return bool(at_one_place) and entry(a.entry).family == entry(b.entry).family
+
+
+def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate | None:
+    """Return who explains far more than what would be named, with a value at its range's end or a form without a name.
+
+    Then what is missing resembles that one more than anything that has a name here: naming the second best would be
+    forced (a sensor 4 ms late, less than the least lag that is believed, was called a bending mode). |Vuong z| above 2
+    and 10 nats are asked for; None where nobody is. One of the same family takes nothing: stick and slip fits a stage
+    better than dry friction alone, with a force at its range's end; what is missing is friction all the same.
+    A form that fits no worse is enough where the name is a sensor's factor that no calibrated sensor has.
+    """
+    families = {entry(a.entry).family for a in named.attachments}
+    ahead = [
+        c for c in candidates
+        if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible))
+        and (leads(c, named) or stands_for(named, c))
+        and not families & {entry(a.entry).family for a in c.attachments}
+    ]  # fmt: skip
+    return max(ahead, key=lambda c: c.score, default=None)
+
+
+def leads(ahead: Candidate, other: Candidate) -> bool:
+    """Tell whether a candidate explains far more than another: 10 nats, some on the selection data, Vuong z > 2."""
+    return (
+        ahead.score > other.score + _OUTDONE
+        and ahead.select_gain > other.select_gain
+        and _vuong(_difference(ahead, other), other.handicap - ahead.handicap) > _EVEN
+    )
+
+
+def stands_for(factor: Candidate, form: Candidate) -> bool:
+    """Tell whether a sensor's factor only stands for a form outside the catalogue, which fits as well.
+
+    A neglected loss in proportion to a temperature and a factor of its sensor are one linear model (289.9 and 289.5
+    nats, factor 0.71). Of the two a sensor that is a third off is the stranger; and so is any factor that leaves
+    declared values wrong which the form makes right (heat that is radiated: 62.9 and 62.7 nats, factor 1.12, beside it
+    three values off by up to 27 %).
+    """
+    (first, *more) = factor.attachments
+    if not form.unlisted or more or first.entry != "sensor_scale":
+        return False
+    value = factor.values[first.key]["factor"][0]
+    stranger = not 1 / _FAR_OFF < value < _FAR_OFF or left_wrong(factor, form) > 0
+    return stranger and not tells_apart(factor, form)
+
+
+def weights_of(candidates: Sequence[Candidate]) -> list[float]:
+    """Return weights that sum to one, by the odds of the candidates' scores and of what is more often wrong."""
+    scores = np.array(standings(candidates))
+    odds = np.exp(np.clip(scores - scores.max(), -50, 0))
+    return [float(w) for w in odds / odds.sum()]
+
+
+def leading(candidates: Sequence[Candidate]) -> Candidate | None:
+    """Return the best; of those within a nat of it the one with the fewest parameters, then a wrong declared value.
+
+    Then the first in the catalogue. A value that is wrong leaves the structure right: nothing need be missing.
+
+    A dead time and a clock offset of one input are the same model: rounding must not choose. Nor between dry friction
+    and sticking with nothing in excess, which were third effects in turn when only the selection data ranked them. A
+    form outside the catalogue leads where no entry is left only; one that fits far better takes the entry's name in the
+    verdict. Of sets the effects last added are compared. That the structure is right is one claim, whichever declared
+    value is wrong: the best of them stands for all.
+    """
+    candidates = [c for c in candidates if not c.unlisted] or candidates
+    scores = _taken_together(candidates, standings(candidates))
+    order = [*(e.id for e in ENTRIES), unlisted.ID]
+    tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
+
+    def rank(c: Candidate) -> tuple[int, bool, int]:
+        last = c.attachments[-1].entry
+        return c.parameters, last != "parameter_error", order.index(last)
+
+    return min(tied, key=rank, default=None)
+
+
+def standings(candidates: Sequence[Candidate]) -> list[float]:
+    """Return the scores, less what is rarer than what is claimed by the others.
+
+    A sensor's factor is behind by the log of 10 where a wrong declared value is among the others: a tower's mass and
+    the factor of the accelerometer that alone shows it are one model, and a sensor has been calibrated, a constant was
+    assumed. Who leaves a declared value wrong that is right beside another is behind by the log of 10 for each. So is a
+    filter that rings, where a blade's bending is among the others: they are one model, and filters are damped.
+    """
+    last = [c.attachments[-1].entry for c in candidates]
+    behind = np.log(_RARER) if "parameter_error" in last else 0.0
+    bent = [max((left_wrong(c, other) for other in candidates), default=0) for c in candidates]
+    rings = [any(_rings_like(c, other) for other in candidates) for c in candidates]
+    return [
+        c.score - (behind if e == "sensor_scale" else 0.0) - np.log(_COINCIDENCE) * n - np.log(_RARER) * r
+        for c, e, n, r in zip(candidates, last, bent, rings, strict=True)
+    ]
+
+
+def _rings_like(candidate: Candidate, other: Candidate) -> bool:
+    """Tell whether one is a sensor's filter with less damping than filters have, the other a blade's bending there."""
+    own, blade = candidate.attachments[-1], other.attachments[-1]
+    if own.entry != "sensor_second_order" or blade.entry not in ("blade_flap", "blade_edge"):
+        return False
+    return candidate.values[own.key]["damping"][0] < _DAMPED and own.location["outputs"] == blade.location["outputs"]
+
+
+def _taken_together(candidates: Sequence[Candidate], scores: list[float]) -> list[float]:
+    """Return the scores, the best of the wrong declared values with the odds of all of them.
+
+    A mass, an inertia or one of two other values: each less likely than a torque that is 9 % low, together likelier.
+    """
+    values = [i for i, c in enumerate(candidates) if c.attachments[-1].entry == "parameter_error"]
+    if not values:
+        return scores
+    best = max(values, key=scores.__getitem__)
+    together = float(np.logaddexp.reduce([scores[i] for i in values]))
+    return [together if i == best else s for i, s in enumerate(scores)]
+
+
+def left_wrong(candidate: Candidate, other: Candidate) -> int:
+    """Count the declared values that one leaves wrong and the other, which leaves no other value wrong, makes right.
+
+    A stiffness is 8 % off beside an accelerometer's factor; beside a mass that is wrong it is as declared: one thing is
+    wrong, not two that happen to fit. Right is what came at least twice as near. What both leave wrong, as values from
+    data sheets are, decides nothing.
+    """
+    theirs = {m.parameter.name for m in other.moved if m.is_wrong}
+    wrong = [m for m in candidate.moved if m.is_wrong]
+    if not theirs < {m.parameter.name for m in wrong}:
+        return 0
+    near = {m.parameter.name: m.distance for m in other.moved if m.parameter.name not in theirs}
+    return sum(near.get(m.parameter.name, np.inf) <= 0.5 * m.distance for m in wrong)
+
+
+def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
+    """Tell whether one that was not told apart is said as well.
+
+    By its weight only: a sensor's factor beside a value, and who leaves values wrong that the winner makes right.
+    """
+    pair = winner.attachments[0].entry, other.attachments[0].entry
+    rarer = pair == ("parameter_error", "sensor_scale") or left_wrong(other, winner) > 0
+    return not rarer or weight >= 1 / _RARER
+
+
+def is_other(rival: Candidate, winner: Candidate) -> bool:
+    """Tell whether a rival is another effect, or the same elsewhere: a sensor's factor is one over it of its neighbour.
+
+    Which declared value is wrong is no such difference: the structure is right either way.
+    """
+    own, other = winner.attachments[0], rival.attachments[0]
+    elsewhere = own.location["entry"] != other.location["entry"] and own.entry != "parameter_error"
+    return own.entry != other.entry or elsewhere
+
+
+def _difference(a: Candidate, b: Candidate) -> Array:
+    """Return what each sample of fit and selection data gains by a over b."""
+    return np.concatenate([a.fit_density - b.fit_density, a.select_difference - b.select_difference])
+
+
+def _vuong(difference: Array, head_start: float = 0.0) -> float:
+    """Return the sum and a head start over the sum's deviation, from blocks of N^(1/2) samples (Vuong 1989)."""
+    length = max(1, int(np.sqrt(len(difference))))
+    blocks = np.add.reduceat(difference, np.arange(0, len(difference), length))
+    return float((blocks.sum() + head_start) / max(np.sqrt(len(blocks)) * np.std(blocks), 1e-12))

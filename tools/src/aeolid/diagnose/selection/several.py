@@ -1,0 +1,170 @@
+"""Look for further effects beside the first one, and leave out again what they make needless (S5)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aeolid.diagnose.baseline.frame import carry_fit, carry_point
+from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.control import survives_control
+from aeolid.diagnose.candidates.race import select_density
+from aeolid.diagnose.candidates.refit import as_rows, refit
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
+from aeolid.diagnose.selection.rivals import leading
+
+_MOST = 3  # effects in one model
+_SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
+_BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
+_CLEAR = 20.0  # nats on the fit data that it must gain where the selection data speak for it, if only softly
+_LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, or that leaving one out must cost
+
+
+def further_effects(prepared: Prepared, winner: Candidate, seed: int) -> tuple[list[Candidate], Bank]:
+    """Add one effect after the other, three at most; returns the sets, smallest first, and what the bank then says.
+
+    A set with an effect that a later one made needless goes.
+    """
+    chain = [winner]
+    while True:
+        larger, bank = one_more(prepared, chain[-1], seed)
+        if larger is not None:
+            chain.append(larger)
+        if larger is None or len(larger.attachments) == _MOST or prepared.deadline.skips("a further effect"):
+            return _needed(prepared, chain), bank
+
+
+def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
+    """Leave out of the largest set what is needless there, and the sets that have it.
+
+    Not of two effects on a simulator's run, where each fit takes half a minute.
+    """
+    full = chain[-1]
+    if len(full.attachments) < (2 if prepared.surrogate is None else _MOST):
+        return chain
+    if prepared.deadline.skips(f"whether each effect of {full.key} is needed"):
+        return chain
+    smaller = without_the_needless(prepared, full)
+    if smaller is full:
+        return chain
+    left = {a.key for a in smaller.attachments}
+    return [*(c for c in chain if {a.key for a in c.attachments} <= left), smaller]
+
+
+def what_is_left(prepared: Prepared, winner: Candidate, seed: int) -> Bank:
+    """Score what may stand beside the effects found, with these in the model."""
+    named = [a for a in prepared.hypotheses if a.entry != unlisted.ID]
+    return _scored(prepared, winner, [a for a in named if all(is_another(a, b) for b in winner.attachments)], seed)
+
+
+def form_beside(prepared: Prepared, chosen: Candidate, seed: int) -> Candidate | None:
+    """Return the set with a form outside the catalogue beside it, where fit and selection data both ask for one.
+
+    It gets no name and changes none; without it the corrected model would go on being wrong where it need not be. Of
+    two tanks that run over, the lower one's outlet follows no square root: told that, the free run is half as far off.
+    As nothing is named, less is asked of it than of a further effect.
+    """
+    bank = _scored(prepared, chosen, [a for a in prepared.hypotheses if a.entry == unlisted.ID], seed)
+    return _grown(prepared, chosen, bank.loud, corrects)
+
+
+def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], seed: int) -> Bank:
+    stage, small = prepared.only(winner.attachments), winner.predictor.compiled.model
+    predictor = stage.predictor.with_order(winner.predictor.var_order or 0)
+    full = winner.predictor.at(winner.fit.point, winner.fit.free)
+    world = replace(stage, predictor=predictor, fit=carry_fit(full, small, stage.extended))
+    return score_bank(world, tuple(rest), seed)
+
+
+def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
+    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
+    bank = what_is_left(prepared, winner, seed)
+    return _grown(prepared, winner, bank.loud, adds), bank
+
+
+def _grown(
+    prepared: Prepared, winner: Candidate, rows: Sequence[Row], helps: Callable[[Candidate, Candidate], bool]
+) -> Candidate | None:
+    """Fit each of the first two beside the set; returns the best larger set that helps, counted from the bare model."""
+    base_select, small = select_density(prepared), winner.predictor.compiled.model
+    found: list[Candidate] = []
+    for row in rows[:2]:
+        if prepared.deadline.skips(f"{row.attachment.key} beside {winner.key}"):
+            break
+        prepared.deadline.doing(f"{row.attachment.key} beside {winner.key}")
+        both = prepared.only((*winner.attachments, row.attachment))
+        base = replace(winner.fit, point=carry_point(winner.fit.point, small, both.extended), free=both.free)
+        larger = refit(both, base, [*as_rows(winner), row], base_select)
+        if larger is None:
+            continue
+        if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and helps(winner, larger):
+            found.append(larger)
+    while (best := leading(found)) is not None:
+        if survives_control(prepared, best):  # by what it gains beyond the smaller set: that is at stake
+            return best.beyond(winner)
+        found.remove(best)
+    return None
+
+
+def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
+    """Tell whether what was added is as large as it must be to have a name beside another effect."""
+    model, theta = larger.predictor.compiled.model, larger.fit.point.theta
+    return all(abs(theta[model.index(name)]) >= least for name, least in added.beside.items())
+
+
+def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
+    """Leave out effects, the last one excepted, that the later ones made needless (backward elimination)."""
+    base_select = select_density(prepared)
+    for left_out in full.attachments[:-1]:
+        rest = tuple(a for a in full.attachments if a is not left_out)
+        stage = prepared.only(rest)
+        point = carry_point(full.fit.point, full.predictor.compiled.model, stage.extended)
+        rows = [r for r in as_rows(full) if r.attachment.key != left_out.key]
+        smaller = refit(stage, replace(full.fit, point=point, free=stage.free), rows, base_select)
+        if smaller is None or not smaller.plausible:
+            continue
+        lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
+        if max(lost) < _LEAST_GAIN:
+            return smaller.beyond(full)
+    return full
+
+
+def adds(fewer: Candidate, more: Candidate) -> bool:
+    """Tell whether a further effect explains more: on the selection data, or where these are silent.
+
+    A part in which the further effect never acts (a tank that does not run over) can neither show nor refute it; then
+    the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
+    """
+    added = more.select_gain - fewer.select_gain
+    difference = more.select_difference - fewer.select_difference
+    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
+    if added > max(_LEAST_GAIN, spread, _SHARE * fewer.select_gain):
+        return True
+    gained = more.fit.log_posterior - fewer.fit.log_posterior
+    if added > max(_LEAST_GAIN, _SHARE * fewer.select_gain) and gained > max(_CLEAR, _SHARE * fewer.fit_gain):
+        return True
+    return abs(added) < spread and gained > max(_BEYOND_DOUBT, _SHARE * fewer.fit_gain)
+
+
+def corrects(fewer: Candidate, more: Candidate) -> bool:
+    """Tell whether what was added predicts better on the fit data, beyond its handicap, and on the selection data.
+
+    more: counted from the smaller set, as refitted beside it.
+    """
+    gained = more.fit.log_posterior - fewer.fit.log_posterior - more.handicap
+    return min(gained, more.select_gain - fewer.select_gain) > _LEAST_GAIN
+
+
+def is_another(a: Attachment, b: Attachment) -> bool:
+    """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
+
+    A lag and a delay of one input are one drive of higher order.
+    """
+    same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
+    return same_elsewhere or entry(a.entry).family != entry(b.entry).family

@@ -1,0 +1,1 @@
+"""Statistics that several rooms share: blocks of residuals, projections, numbers as files hold them."""

@@ -1,0 +1,1 @@
+"""What equations say: degrees of freedom, relative motions, flows, unmeasured forces, modal form."""

@@ -1,0 +1,1 @@
+"""Sealed data, null simulations, output-error fits, and forms beyond the catalogue."""

@@ -1,0 +1,101 @@
+"""Hold what was found against the sealed data (S6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.reestimate import estimated_on_all
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.selection.several import form_beside
+from aeolid.diagnose.stats.blocks import block_interval
+from aeolid.diagnose.validation.proof import PROVEN, Proof, prove
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Hold what the sealed data left of the chosen effects, estimated on all other data.
+
+    sets: all of them; kept: which is the largest that stands; completed: that one, and beside it a form outside the
+    catalogue; proof: of the largest of all these.
+    """
+
+    sets: tuple[Candidate, ...] = ()
+    kept: int = 0
+    completed: Candidate | None = None
+    proof: Proof | None = None
+
+    @property
+    def single(self) -> Candidate | None:
+        """Return the effect that stands alone, or that the others came to."""
+        if not self.sets:
+            return None
+        best = self.sets[self.kept]
+        return best if len(best.attachments) == 1 else self.sets[0]
+
+    @property
+    def several(self) -> Candidate | None:
+        """Return the largest set that stands, if it is of several effects."""
+        return self.sets[self.kept] if self.sets and len(self.sets[self.kept].attachments) > 1 else None
+
+    @property
+    def is_largest(self) -> bool:
+        """Tell whether the last set that was asked about stands."""
+        return self.kept == len(self.sets) - 1
+
+
+def hold_against(prepared: Prepared, whole: Prepared, chain: Sequence[Candidate], seed: int) -> Held:
+    """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go.
+
+    whole: the stage of the baseline that fit and selection data give together. Every set is estimated on these.
+    """
+    before, sets = (whole.predictor, whole.fit), [estimated_on_all(prepared, c) for c in chain]
+    kept, proof = 0, None
+    for place, chosen in enumerate(sets):
+        own = prove(before, (chosen.predictor, chosen.fit), prepared.split.sealed, prepared.settle_s, seed)
+        if proof is None or block_interval(own.difference - proof.difference, seed)[0] > 0:
+            kept, proof = place, own
+    if proof is None:
+        return Held()
+    completed, proof = _completed(prepared, whole, chain[kept], proof, seed)
+    return Held(tuple(sets), kept, completed, proof)
+
+
+def _completed(
+    prepared: Prepared, whole: Prepared, found: Candidate, proof: Proof, seed: int
+) -> tuple[Candidate | None, Proof]:
+    """Put a form without a name beside proven effects, where the sealed data ask for that too; with the whole's proof.
+
+    None beside a form, a wrong value, a fault of the recording: a claim that the structure is right. On a simulator's
+    run there are none.
+    """
+    if proof.interval[0] <= PROVEN or found.unlisted or prepared.surrogate is not None:
+        return None, proof
+    if any(entry(a.entry).family in ("parameter", "sensor_nonlinearity") for a in found.attachments):
+        return None, proof
+    larger = form_beside(prepared, found, seed)
+    if larger is None:
+        return None, proof
+    larger, before = estimated_on_all(prepared, larger), (whole.predictor, whole.fit)
+    both = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
+    return (larger, both) if block_interval(both.difference - proof.difference, seed)[0] > 0 else (None, proof)
+
+
+def declared_against(prepared: Prepared, seed: int) -> Proof | None:
+    """Compare the declared parameter values with the re-fitted ones on sealed data (noise model fitted for both).
+
+    prepared: the bare stage.
+    """
+    physical = [i for i in prepared.free.theta if not prepared.extended.parameters[i].name.startswith(NUISANCE)]
+    if not physical:
+        return None
+    held = replace(prepared.free, theta=tuple(i for i in prepared.free.theta if i not in physical))
+    theta = prepared.fit.point.theta.copy()
+    theta[physical] = prepared.extended.theta[physical]
+    fit = prepared.predictor.fit(replace(prepared.fit.point, theta=theta), held)
+    if fit is None:
+        return None
+    pair = (prepared.predictor, fit), (prepared.predictor, prepared.fit)
+    return prove(*pair, prepared.split.sealed, prepared.settle_s, seed)
