@@ -78,6 +78,15 @@ def test_locked_packages_are_installed_by_hash_and_once(tree: Tree) -> None:
     assert tree.run().returncode == 0 and tree.taken() == []
 
 
+def test_a_folder_that_becomes_a_package_is_installed(tree: Tree) -> None:
+    """An editable installation lists modules by their files; a package of a former module's name is not found by it."""
+    assert tree.run().returncode == 0 and tree.taken()
+    (tree.folder / "tools/src/aeolid/baseline").mkdir(parents=True)
+    (tree.folder / "tools/src/aeolid/baseline/__init__.py").touch()
+    assert tree.run().returncode == 0 and "--editable ./tools" in tree.taken()[-1]
+    assert tree.run().returncode == 0 and tree.taken() == []
+
+
 @pytest.mark.parametrize(
     ("version", "more"), [("3.12", {}), ("3.11", {"PLATFORM": "linux-aarch64"}), ("3.11", {"AEOLID_UNLOCKED": "1"})]
 )
