@@ -101,3 +101,38 @@ def test_told_values_are_held_against_the_truth(tmp_path, capsys):
     out.write_text(json.dumps(row) + "\n")
     with pytest.raises(SystemExit, match="no effect or plant is called nonsense"):
         study.main(["--only", "nonsense", "--out", str(out)])
+
+
+def test_answers_of_two_trees_are_held_against_each_other(tmp_path, capsys):
+    """Another verdict, name, value or sealed gain is a line; rounding, pictures and words about it are none."""
+    study = load_study("same_answers")
+
+    def write(side: str, case: str, tau: float, gain: float, **more: object) -> None:
+        said = answer("named", ("lag", "input:u", {"tau_s": tau})) | {"sealed": {"log_likelihood_gain": gain}} | more
+        (tmp_path / side / case).mkdir(parents=True)
+        (tmp_path / side / case / "diagnosis.json").write_text(json.dumps(said))
+
+    ask = [str(tmp_path / "a"), str(tmp_path / "b")]
+    assert study.main(ask) == 2
+    write("a", "one", 0.3, 14.0, statement="so")
+    write("b", "one", 0.3 * (1 + 1e-12), 14.0, statement="thus")
+    assert study.main(ask) == 0
+    capsys.readouterr()
+    for case, tau, gain, more in (
+        ("two", 0.31, 14.0, {}),
+        ("three", 0.3, 13.0, {}),
+        ("four", 0.3, 14.0, {"effects": []}),
+    ):
+        write("a", case, 0.3, 14.0)
+        write("b", case, tau, gain, **more)
+    write("b", "five", 0.3, 14.0)
+    (tmp_path / "a" / "six").mkdir()
+    (tmp_path / "b" / "six").mkdir()
+    (tmp_path / "a" / "six" / "result.json").write_text(json.dumps({"diagnosis": answer("named")}))
+    (tmp_path / "b" / "six" / "result.json").write_text(json.dumps({"diagnosis": None, "outcome": "crash"}))
+    assert study.main(ask) == 1
+    said = capsys.readouterr().out
+    assert "two: effects[0].parameters.tau_s.value: 0.3 → 0.31" in said
+    assert "three: sealed.log_likelihood_gain: 14.0 → 13.0" in said and "four: effects: [" in said
+    assert "five: only after" in said and 'six: verdict: "named" → "none: crash"' in said
+    assert "1 of 6 answers are the same to 1e-09" in said
