@@ -33,7 +33,7 @@ def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tupl
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
     study: Any = SimpleNamespace(
         findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
-        ceiling=ceiling, seed=1,
+        ceiling=ceiling, seed=1, rotation=None,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1),
         case=SimpleNamespace(records=()),

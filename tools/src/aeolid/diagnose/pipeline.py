@@ -102,8 +102,7 @@ def study(
     done()
     first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
-    findings += wind_findings(case.records, prepared.declared)
-    findings += sampling_findings(prepared.records, prepared.sampling, prepared.records[0].sample_time_s)
+    findings += (*wind_findings(case.records, prepared.declared), *_sampling(prepared))
     done = step("second effect", 0.5)
     top = ceiling(prepared.only(()), prepared.split.sealed)
     chain, others, after_bank = _all_effects(prepared, winner, candidates, top, seed)
@@ -122,14 +121,18 @@ def study(
     done = step("sham runs", 0.7)
     runs = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
     done()
-    progress("writing", 1.0)
-    deadline.enter("writing")
+    step("writing", 1.0)
     own = {c.key: c for c in [held.single] if c is not None}
     return Study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
         declared, top, bands, cells, equations, after_bank, runs, turned, held.completed, timing, deadline,
     )  # fmt: skip
+
+
+def _sampling(prepared: Prepared) -> tuple[Finding, ...]:
+    """Return what was settled of how inputs go on between their samples."""
+    return sampling_findings(prepared.records, prepared.sampling, prepared.records[0].sample_time_s)
 
 
 def _evidence(

@@ -17,8 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from aeolid.compiled import njit
-
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
 """Held over the sample, straight from one to the next, the smooth curve through all of them."""
@@ -78,23 +76,16 @@ def _straight(u: Array, t: Array) -> Array:
     return found
 
 
-@njit(cache=True)
 def _straight_integral(u: Array, t: Array) -> Array:
     """Return the integral from 0 to t (k,) of straight lines between samples u (N,), held before and after."""
-    last, total = len(u) - 1, np.zeros(len(u))
-    for k in range(last):
-        total[k + 1] = total[k] + 0.5 * (u[k] + u[k + 1])
-    out = np.empty(len(t))
-    for i in range(len(t)):
-        if t[i] <= 0.0:
-            out[i] = t[i] * u[0]
-        elif t[i] >= last:
-            out[i] = total[last] + (t[i] - last) * u[last]
-        else:
-            k = int(t[i])
-            f = t[i] - k
-            out[i] = total[k] + f * u[k] + 0.5 * f * f * (u[k + 1] - u[k])
-    return out
+    last = len(u) - 1
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (u[1:] + u[:-1]))])
+    inside = np.clip(t, 0.0, last)
+    k = np.minimum(inside.astype(np.int64), max(last - 1, 0))
+    f = inside - k
+    rise = u[np.minimum(k + 1, last)] - u[k]
+    found: Array = total[k] + f * u[k] + 0.5 * f * f * rise
+    return found + np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[last]
 
 
 def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:

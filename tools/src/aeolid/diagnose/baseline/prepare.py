@@ -131,9 +131,7 @@ def prepare(
     sizes, rates = _sizes(rough, scales)
     motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
     if linear is None:
-        units = {c.name: c.unit for c in records[0].channels}
-        followed, working = motions_of_signals(working, exogenous, split.fit, units)
-        motions += followed
+        motions, working = _with_signals(motions, working, exogenous, split, records[0])
     declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
@@ -151,6 +149,15 @@ def prepare(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run, site, tuple(records), sampling,
     )  # fmt: skip
+
+
+def _with_signals(
+    motions: tuple[Motion, ...], working: Equations, exogenous: Sequence[Exogenous], split: Split, record: Record
+) -> tuple[tuple[Motion, ...], Equations]:
+    """Return the motions with those of recorded coordinates, and the model that has the signals they need."""
+    units = {c.name: c.unit for c in record.channels}
+    followed, extended = motions_of_signals(working, exogenous, split.fit, units)
+    return motions + followed, extended
 
 
 def _anatomy(
