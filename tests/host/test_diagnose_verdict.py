@@ -70,7 +70,14 @@ def test_wrong_values_are_not_all_where_a_form_leads(
     form = SimpleNamespace(unlisted=unlisted)
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
     study: Any = SimpleNamespace(
-        findings=(), winner=form, proof=proof, ceiling=ceiling, seed=1, declared_proof=declared, candidates=()
+        findings=(),
+        winner=form,
+        proof=proof,
+        ceiling=ceiling,
+        seed=1,
+        declared_proof=declared,
+        candidates=(),
+        rotation=None,
     )
     for name in ("_material", "contradicted"):
         monkeypatch.setattr(verdict, name, lambda anything: True)

@@ -202,7 +202,8 @@ def test_infinitely_mild_is_no_change() -> None:
 def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:
     """Written as model.toml and read again: the plant gets exactly what the rule gives; a run is made of the last."""
     values = {"tau_s": 0.2, "delay_s": -0.1, "inverse_omega_s": 0.1, "damping": 0.6, "rate_per_s": 2.0, "share": 1.0,
-              "low": -0.5, "high": 0.6, "width": 0.3, "spacing": 0.2, "factor": 2.5, "gain": 0.5, "offset_s": 0.0}  # fmt: skip
+              "low": -0.5, "high": 0.6, "width": 0.3, "spacing": 0.2, "factor": 2.5, "gain": 0.5,
+              "offset_s": 0.0}  # fmt: skip
     for kind, rule in KINDS.items():
         lines = ["[parameters]", *(f"{s} = {values[s]}" for s in rule.slots)]
         lines += ['[[output]]\nname = "y"\nequation = "u"', f'[[input_filter]]\ninput = "u"\nkind = "{kind}"']

@@ -84,8 +84,9 @@ def _straight_integral(u: Array, t: Array) -> Array:
     k = np.minimum(inside.astype(np.int64), max(last - 1, 0))
     f = inside - k
     rise = u[np.minimum(k + 1, last)] - u[k]
-    found: Array = total[k] + f * u[k] + 0.5 * f * f * rise
-    return found + np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[last]
+    beyond = np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[last]
+    found: Array = total[k] + f * u[k] + 0.5 * f * f * rise + beyond
+    return found
 
 
 def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:

@@ -115,8 +115,7 @@ def prepare(
     sampling = sampling or declared_sampling(records, acting)
     declared, linear = with_sampling(base.equations, sampling, step), base.linear
     compiled = compile_equations(declared)
-    outputs = [o.name for o in declared.outputs]
-    exogenous = exogenous_channels(records, declared)
+    outputs, exogenous = [o.name for o in declared.outputs], exogenous_channels(records, declared)
     given = (*exogenous, *smoothed_wind(records))
     names = [s.name for s in declared.inputs] + [c.name for c in given]
     settle, fastest = _time_scales(compiled, np.vstack([r.columns(names) for r in records]), step)
