@@ -1,5 +1,7 @@
 """Hold the answers that prediction-error steps stand behind: tight bands over wrong modes end, right ones stay."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from study_modules import load_study
@@ -75,14 +77,18 @@ def test_steps_stand_in_for_a_window_that_cannot_be_longer_only_where_their_end_
     check = WindowCheck(None, 38, 25, None, 0.0, "whether it is long enough cannot be said")
     short = WindowCheck(False, 38, 76, 1.0, 9.0, "the past window is too short")
 
+    few = "100 windows of 1 outputs are 3.0 a parameter of a model of order 6, fewer than 10: the answer may be chance"
+    scarce = replace(found, notes=(few,), extra={"contrast": {"taken": True, "reason": None}, "scarce": few})
+
     def told(facts, check=check):
-        result = found if facts is None else type(found)(**{**found.__dict__, "extra": {"contrast": facts}})
+        result = found if facts is None else replace(found, extra={"contrast": facts})
         return with_choices_made(result, Choices(38, (), check=check))
 
     taken, said = {"taken": True, "reason": None}, CONFIRMED.format(38)
     assert told(taken).extra["bands_hold"] is True and said in told(taken).notes
     doubtful = [told(None), told({"taken": False, "reason": None}), told(taken, short)]
     doubtful += [told({"taken": False, "reason": "steps come to no end"}, WindowCheck(True, 38, 76, None, 0.5, ""))]
+    doubtful.append(with_choices_made(scarce, Choices(38, (), check=check)))
     for result in doubtful:
         assert result.extra["bands_hold"] is False and result.extra["bands_reason"]
         assert any(n.startswith("WARNING") for n in result.notes) and said not in result.notes

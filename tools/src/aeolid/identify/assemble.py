@@ -136,7 +136,7 @@ def assemble(
         gain_method=scaled.gain_method,
         notes=(*_notes(factor, estimate, model), *((few,) if few else ()), *notes, *said),
         version=aeolid.__version__,
-        extra=(extra or {}) | known.facts,
+        extra=(extra or {}) | known.facts | ({"scarce": few} if few else {}),
         band=None if known.band is None else known.band.in_units(windows.output_scale, windows.input_scale),
     )
 

@@ -109,7 +109,8 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     """Return the result with the notes and facts of the choices.
 
     bands_hold is False where the window is too short, where prediction-error steps find poles elsewhere and have no end
-    to take, and where innovations at their end are not white (`contrast`). Where nothing longer than the window could
+    to take, where innovations at their end are not white (`contrast`), and where there are few windows a parameter
+    (`enough`). Where nothing longer than the window could
     be tried, an end that is taken stands in for it. Results of methods that leave nothing to choose are returned as
     they are.
     """
@@ -118,17 +119,19 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     check, held = made.check, result.extra.get("contrast", {})
     facts: dict[str, Any] = {"choices": made.to_json()}
     notes = list(made.notes)
+    scarce = result.extra.get("scarce", "")
     if check is not None:
-        confirmed = check.holds is None and held.get("taken", False)
+        confirmed = check.holds is None and held.get("taken", False) and not scarce
         window = "" if confirmed else check.reason
-        reasons = [r for r in (window, held.get("reason")) if r]
+        reasons = [r for r in (scarce, window, held.get("reason")) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []
         notes += [f"WARNING: {held['reason']}; record longer, or name a higher order"] if held.get("reason") else []
         notes += [CONFIRMED.format(check.past)] if confirmed else []
         reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
         holds = (check.holds is True or confirmed) and not reasons
         facts |= {"bands_hold": holds, "bands_reason": "; ".join(reasons) or None, "window": check.to_json()}
-    return replace(result, notes=(*result.notes, *notes), extra=result.extra | facts)
+    own = (f"WARNING: {n}" if scarce and n == scarce else n for n in result.notes)
+    return replace(result, notes=(*own, *notes), extra=result.extra | facts)
 
 
 def _ladder(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
