@@ -39,7 +39,8 @@ def not_excluded(x: Explanation, named: set[str]) -> list[dict[str, Any]]:
 def least_size(hypothesis: Hypothesis, grid: Sequence[tuple[Values, float]]) -> float | None:
     """Return the distance from the null at which the evidence has fallen by DETECTED nats; None where it never does.
 
-    Between grid points nats go with a power of the size; below the first with its square.
+    Between grid points nats go with a power of the size. No smaller size is told than the smallest that is tried: the
+    search begins at those.
     """
     null = 1.0 if hypothesis.names[0] in _FACTORS else 0.0
     points = sorted((abs(v[0] - null), -gain) for v, gain in grid)
@@ -51,4 +52,4 @@ def least_size(hypothesis: Hypothesis, grid: Sequence[tuple[Values, float]]) -> 
     if less > 0 and before < size:
         slope = np.log(size / before) / np.log(nats / less)
         return float(before * (DETECTED / less) ** slope)
-    return float(max(size * np.sqrt(DETECTED / nats), before))
+    return float(max(size * np.sqrt(DETECTED / nats), before, points[0][0]))

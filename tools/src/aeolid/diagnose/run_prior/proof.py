@@ -44,16 +44,18 @@ class RunProof:
 def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     """Foretell the sealed part block by block with and without the effects; nothing is chosen or fitted on it.
 
-    Both trust the run as one of the same machine in other wind is to be trusted (nulls ask for weights of 0.3 to 1): a
-    predictor that leaves the run behind as soon as it errs has nothing to gain. Where the effect is a mode that the
+    Both trust the run as one of the same machine in other wind is to be trusted (nulls ask for weights of 0.3 to 1),
+    within that as the data of the fit do with the effects: a predictor that leaves the run behind as soon as it errs
+    has nothing to gain. Where the effect is a mode that the
     runs lack, after weighs the run as the data of the fit ask for. ceiling: what that weight gains.
     """
     edges = np.linspace(FIT, 1.0, _BLOCKS + 1)
     own = any(f.mode is not None or (f.standing is not None and f.standing.own) for f in explanation.found)
     apart = [f.standing for f in explanation.found if f.standing is not None and not f.standing.own]
-    bare = _foretold(pair, NOTHING, ridge, edges, TRUST)
+    trust = float(np.clip(explanation.after, TRUST, 1.0)) if np.isfinite(explanation.after) else TRUST
+    bare = _foretold(pair, NOTHING, ridge, edges, trust)
     freed = _foretold(pair, NOTHING, ridge, edges, explanation.weight)
-    full = freed if own else _foretold(pair, explanation.change, ridge, edges, TRUST)
+    full = freed if own else _foretold(pair, explanation.change, ridge, edges, trust)
     gains = full.nats - bare.nats
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
     spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
