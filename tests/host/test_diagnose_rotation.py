@@ -1,4 +1,4 @@
-"""Every part of the data is held out once: what that divides and proves, and that it decides where one is silent."""
+"""Every part of the data is held out once: how that divides them, what it proves, where it decides."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def lagging(folder: Path, tau_s: float) -> Case:
 
 
 def test_rotation_decides_where_the_sealed_part_is_silent(tmp_path: Path) -> None:
-    """The lag is clear in five runs of six; the sealed one, a step long before what is scored, does not show it."""
+    """The lag is clear in five runs of six; the sealed one, a step long before what is scored, not."""
     found = diagnose(study(lagging(tmp_path, 0.25), sham=0, seed=1, progress=lambda *_: None))
     turned = found["rotation"]
     assert found["sealed"]["data"].startswith("2.csv") and is_silent(tuple(found["sealed"]["interval"]))

@@ -86,7 +86,7 @@ def test_a_dead_band_is_no_dead_sensor(car: Equations) -> None:
 
 
 def test_what_stands_at_inputs_that_moved_it_is_no_dead_band(car: Equations) -> None:
-    """Five times it starts at a throttle of 0.3; once it stands at 0.4 for two seconds and starts at 0.3 later."""
+    """Five times it starts at a throttle of 0.3; before the sixth it stands at 0.4 for two seconds."""
     u = pulses(900, *((150 * k + 50, 150 * k + 90, 0.3) for k in range(6)))
     y = drive(car, u, 6)
     u[805:815] = 0.4  # while it was lifted

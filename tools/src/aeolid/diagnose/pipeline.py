@@ -111,8 +111,6 @@ def study(
     unsealed = baseline_of_all(prepared)
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
-    done()
-    done = step("rotation", 0.66)
     turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
     done()
     done = step("evidence", 0.68)
