@@ -10,7 +10,9 @@ import numpy as np
 
 from aeolid.diagnose.baseline.channel_faults import ChannelFault, channel_faults, with_faults
 from aeolid.diagnose.baseline.simulated import check_run, is_simple
-from aeolid.diagnose.conclusion.export import write_all, write_ended
+from aeolid.diagnose.conclusion.export import evidence as evidence_of
+from aeolid.diagnose.conclusion.export import write_all, write_ended, write_found
+from aeolid.diagnose.conclusion.static_law import static_law, with_static_law
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import SWAPPED, Finding, examine
@@ -58,7 +60,12 @@ def conclude(
     except np.linalg.LinAlgError as error:
         reason = f"{case.baseline_file}: what is to be fitted cannot be solved for ({error}); check units and scales"
         return ended("not_testable", case.title, reason, folder, faults=wrong)
-    diagnosis = with_faults(diagnose(result), wrong)
+    diagnosis = diagnose(result)
+    law = static_law(case, seed) if diagnosis["verdict"] in ("no_mismatch", "immaterial") else None
+    if law is not None:
+        diagnosis = with_faults(with_static_law(diagnosis, law), wrong)
+        return diagnosis, write_found(diagnosis, evidence_of(result), law.model, None, late, folder)
+    diagnosis = with_faults(diagnosis, wrong)
     return diagnosis, write_all(result, diagnosis, folder)
 
 
