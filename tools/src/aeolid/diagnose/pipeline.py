@@ -24,6 +24,7 @@ from aeolid.diagnose.first_effect import find_first, first_effect
 from aeolid.diagnose.forensics import Finding, examine
 from aeolid.diagnose.locate import evidence_cells
 from aeolid.diagnose.paths import evidence_paths
+from aeolid.diagnose.plain_noise import looked_at_plainly
 from aeolid.diagnose.point import Point
 from aeolid.diagnose.predictor import Predictor
 from aeolid.diagnose.prepare import Prepared
@@ -93,7 +94,7 @@ def study(case: Case, *, sham: int, seed: int, progress: Progress, deadline: Dea
     done = step("forensics", 0.0)
     findings = examine(case.records, case.baseline)
     done()
-    first = find_first(case, seed, step, deadline)
+    first = looked_at_plainly(find_first(case, seed, step, deadline), seed)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
     findings += wind_findings(case.records, prepared.declared)
     done = step("second effect", 0.5)
