@@ -34,7 +34,8 @@ class Motion:
     acceleration where the model shows no mass). forces is what the model has there already, in that unit; mass the
     parameter it is divided by; shown_by the output that shows a mode of a linear model most. Sizes are typical
     magnitudes from the baseline's own run. recorded: the ends of a recorded position, where the motion is an input and
-    the force an output of a static law; nothing is accelerated there.
+    the force an output of a static law; nothing is accelerated there. direction: the sign of a velocity that is not
+    recorded, as the position tells it.
     """
 
     location: str
@@ -52,6 +53,7 @@ class Motion:
     position_unit: str
     shown_by: str = ""
     recorded: tuple[float, float] | None = None
+    direction: ast.expr | None = None
 
 
 def motions_of_equations(model: Equations, sizes: Array, rates: Array) -> list[Motion]:

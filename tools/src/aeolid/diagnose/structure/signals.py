@@ -30,6 +30,7 @@ _ALIKE = 0.8  # correlation from which a recorded velocity is that of a recorded
 _MOST = 4  # coordinates of one output
 _WINDOWS = (3, 5, 9, 15, 25)  # rows that a derivative looks at; the first that is quiet enough is taken
 _QUIET = 0.01  # of the velocity's spread: noise that a derivative may have; whitened, its high frequencies count most
+_CLEAR, _LITTLE = 4.0, 1e-3  # deviations of the noise, and of the position, by which it must come back to have turned
 _THIRD = np.sqrt(20.0)  # spread of white noise's third differences over its own
 _LABELS = {"N": "force_N", "kN": "force_kN", "Nm": "torque_N_m"}
 
@@ -38,7 +39,7 @@ _LABELS = {"N": "force_N", "kN": "force_kN", "Nm": "torque_N_m"}
 class Coordinate:
     """Hold what is recorded of a movement: its expressions in the model, and their values on each stretch.
 
-    memories: what the model must remember to know its velocity.
+    memories: what the model must remember to know its velocity; direction: its sign, where that is not recorded.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Coordinate:
     q: tuple[Array, ...]
     v: tuple[Array, ...]
     memories: tuple[Memory, ...] = ()
+    direction: ast.expr | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +167,21 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     shifted = [Memory(n, unit, ex.parse(x, "derivative"), position) for n, x in zip(past, lagged, strict=False)]
     rated = Memory(f"{tag}_rate", f"{unit}/s", ex.parse(f"({speed})/{STEP}", "derivative"), ast.Constant(0.0))
     v = tuple(np.convolve(np.concatenate([np.full(len(past), x[0]), x]), weights, "valid") / step for x in values)
-    return Coordinate(name, unit, position, ast.Name(id=rated.name), values, v, (rated, *reversed(shifted)))
+    slid, way = _followed(
+        tag, unit, position, max(_CLEAR * noise * step, _LITTLE * float(np.std(np.concatenate(values))))
+    )
+    return Coordinate(name, unit, position, ast.Name(id=rated.name), values, v, (slid, rated, *reversed(shifted)), way)
+
+
+def _followed(tag: str, unit: str, position: ast.expr, reach: float) -> tuple[Memory, ast.expr]:
+    """Return a slider that a position drags along at a distance, and the way it points: the sign of the velocity.
+
+    It turns when the position has come back by twice the reach, not with each error of a difference of two rows.
+    """
+    slider, q = f"{tag}_slider", f"({ex.to_text(position)})"
+    follow = ex.parse(f"min(max({slider}, {q} - {reach!r}), {q} + {reach!r})", "derivative")
+    way = ex.parse(f"min(max(({q} - {slider})/{reach!r}, -1), 1)", "derivative")
+    return Memory(slider, unit, follow, position), way
 
 
 def _slope(window: int) -> Array:
@@ -211,7 +227,7 @@ def _motion(model: Equations, j: int, c: Coordinate, segments: Sequence[Segment]
         f"motion:{c.name}, output:{output.name}" if several else f"motion:{c.name}", c.velocity, c.position,
         _acting_on(output.name, sign, c.memories), _LABELS.get(unit, "force"), output.unit, float(np.std(v)),
         float(np.std(q)), float(np.nanstd(y)), None, forces, None, c.unit,
-        recorded=(low, high) if c.position is not None else (0.0, 0.0),
+        recorded=(low, high) if c.position is not None else (0.0, 0.0), direction=c.direction,
     )  # fmt: skip
 
 

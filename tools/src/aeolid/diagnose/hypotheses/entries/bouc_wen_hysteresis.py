@@ -59,7 +59,7 @@ ENTRY = Entry(
         Quantity("force_N", "N (m/s^2 without a mass)", 0.0, 1e9, 0.0, "yield force"),
         Quantity("yield_length", "m", 0.0, 1e3, float("nan"), "deflection over which it yields"),
     ),
-    attaches_to="every position with an equation of motion, every oscillatory mode",
+    attaches_to="every position with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="a loop of force over position with round shoulders, the same at every rate",
     confused_with=(
         ("coulomb_friction", "friction flips at once, hysteresis over the yield length"),

@@ -60,7 +60,7 @@ ENTRY = Entry(
     equation="F = -k*(q - min(max(q, -half_gap), half_gap))",
     source="Shaw and Holmes 1983, J. Sound Vib. 90(1); Comparin and Singh 1989, J. Sound Vib. 134(2)",
     quantities=(Quantity("half_gap", "m", 0.0, 1e6, 0.0, "free play to either side"),),
-    attaches_to="every position that a spring of the model acts on, every oscillatory mode",
+    attaches_to="every position, recorded ones too, that a spring of the model acts on, every oscillatory mode",
     signature="soft for small motion, as modelled for large; a resonance that rises with amplitude",
     confused_with=(
         ("end_stop", "a stop adds force at the ends, a clearance lacks it in the middle"),

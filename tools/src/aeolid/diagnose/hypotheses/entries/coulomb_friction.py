@@ -23,7 +23,8 @@ def _on(motion: Motion, number: int) -> Attachment:
 
     def edit(model: Equations) -> Equations:
         ratio = ex.combine("/", motion.velocity, ast.Constant(_SMOOTHING * motion.velocity_size))
-        sign = ast.Call(func=ast.Name(id="tanh"), args=[ratio], keywords=[])
+        sign: ast.expr = ast.Call(func=ast.Name(id="tanh"), args=[ratio], keywords=[])
+        sign = motion.direction or sign
         pull = ast.UnaryOp(op=ast.USub(), operand=ex.combine("*", ast.Name(id=force), sign))
         extended = replace(model, parameters=(*model.parameters, Parameter(force, 0.0, motion.force_unit, 0.0, top)))
         return motion.inject(extended, pull, f"{force}_force")
@@ -47,7 +48,7 @@ ENTRY = Entry(
     equation="F = -force_N*sign(v)",
     source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, Automatica 30(7); smoothed as tanh(v/v_s)",
     quantities=(Quantity("force_N", "N (N m, m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction force"),),
-    attaches_to="every velocity with an equation of motion, every oscillatory mode",
+    attaches_to="every velocity with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="a force that flips with the sign of the velocity and does not grow with it; odd harmonics",
     confused_with=(
         ("viscous_friction_change", "size against speed: Coulomb is flat, viscous grows in proportion"),

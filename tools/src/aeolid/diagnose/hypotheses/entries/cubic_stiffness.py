@@ -47,7 +47,7 @@ ENTRY = Entry(
     equation="F = -k3*q^3",
     source="Kovacic and Brennan 2011, The Duffing Equation",
     quantities=(Quantity("k3", "N/m^3 (1/(m^2 s^2) without a mass)", -1e12, 1e12, 0.0, "cubic coefficient"),),
-    attaches_to="every position with an equation of motion, every oscillatory mode",
+    attaches_to="every position with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="resonance moves with amplitude, third harmonic of large motion",
     confused_with=(
         ("quadratic_stiffness", "even against odd: quadratic shifts the mean and makes second harmonics"),

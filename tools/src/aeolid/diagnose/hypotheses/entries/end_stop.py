@@ -52,7 +52,7 @@ ENTRY = Entry(
         Quantity("low_stop", "m", -1e6, 1e6, float("nan"), "where the lower stop is touched"),
         Quantity("high_stop", "m", -1e6, 1e6, float("nan"), "where the upper stop is touched"),
     ),
-    attaches_to="every position with an equation of motion, every oscillatory mode",
+    attaches_to="every position with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="large strokes are cut short, small ones are as modelled",
     confused_with=(
         ("cubic_stiffness", "a cubic spring hardens from the middle on, a stop all at once"),

@@ -62,7 +62,7 @@ ENTRY = Entry(
         Quantity("stiffness", "N/m (1/s^2 without a mass)", 0.0, 1e12, 0.0, "stiffness until it slips"),
         Quantity("half_width", "m", 0.0, 1e3, float("nan"), "deflection at which it slips"),
     ),
-    attaches_to="every position with an equation of motion, every oscillatory mode",
+    attaches_to="every position with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="a parallelogram of force over position, its width independent of amplitude and rate",
     confused_with=(
         ("bouc_wen_hysteresis", "sharp corners against round shoulders"),

@@ -33,7 +33,7 @@ ENTRY = Entry(
     equation="F = -k2*q^2",
     source="Nayfeh and Mook 1979, Nonlinear Oscillations, section 2.3",
     quantities=(Quantity("k2", "N/m^2 (1/(m s^2) without a mass)", -1e12, 1e12, 0.0, "quadratic coefficient"),),
-    attaches_to="every position with an equation of motion, every oscillatory mode",
+    attaches_to="every position with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="large motion shifts the mean and makes second harmonics",
     confused_with=(
         ("cubic_stiffness", "odd against even: cubic makes third harmonics and leaves the mean alone"),

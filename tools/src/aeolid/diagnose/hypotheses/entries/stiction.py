@@ -51,7 +51,7 @@ ENTRY = Entry(
         Quantity("breakaway_excess", "N", 0.0, 1e7, 0.0, "how much more at rest"),
         Quantity("stribeck_speed", "m/s", 0.0, 1e3, float("nan"), "speed over which the excess dies away"),
     ),
-    attaches_to="every velocity with an equation of motion, every oscillatory mode",
+    attaches_to="every velocity with an equation of motion, every oscillatory mode, every recorded one of a static law",
     signature="the force falls as motion begins; slow motion jerks",
     confused_with=(("coulomb_friction", "Coulomb friction is the same at every speed: excess not above zero"),),
     attach=_attach,

@@ -23,7 +23,8 @@ ENTRY = Entry(
         Quantity("frequency_hz", "Hz", 0.01, 50.0, float("nan"), "natural frequency"),
         Quantity("damping", "1", 1e-4, 0.7, float("nan"), "damping ratio"),
     ),
-    attaches_to="every output without a named mode of a turbine, driven by every input and by noise",
+    attaches_to="every output without a named mode of a turbine, driven by every input and by noise; of a static law"
+    " one, two or three, driven by every input and its rate",
     signature="a narrow band in one output, phase turning by 180 degrees through it",
     confused_with=(
         ("rotational_sampling", "a rotor harmonic moves with the rotor speed, a mode does not"),

@@ -47,7 +47,7 @@ ENTRY = Entry(
     quantities=(
         Quantity("damping_change", "N s/m (1/s without a mass)", 0.0, 1e9, 0.0, "friction in proportion to speed"),
     ),
-    attaches_to="every velocity with an equation of motion that does not depend on it",
+    attaches_to="every velocity with an equation of motion, or recorded of a static law, that does not depend on it",
     signature="free motion decays by the same share every cycle",
     confused_with=(
         ("coulomb_friction", "size against speed: Coulomb is flat, viscous grows in proportion"),

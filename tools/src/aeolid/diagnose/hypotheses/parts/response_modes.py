@@ -13,7 +13,7 @@ from scipy.signal import lfilter, welch
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
-from aeolid.diagnose.hypotheses.parts.modes import MOST_DAMPING, highest_hz
+from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.structure.signals import static_outputs
 from aeolid.models import expressions as ex
@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Modes = tuple[tuple[float, float], ...]  # frequency in Hz and damping ratio of each
 
 MOST_MODES = 3
+BROADEST = 0.3  # damping of a mode that still rings: a broader response is a lag, or the colour of noise
+_AT_END = 0.999  # of a range
 _LEAST_DAMPING = 1e-4
 _ORDERS = (4, 8, 12, 20)  # of the autoregressions whose poles are tried, beside an even grid
 _GRID_HZ, _GRID_DAMPING = 24, (0.01, 0.05, 0.2)
@@ -63,7 +65,7 @@ def behind_static(site: Site) -> list[Attachment]:
             more = _one_more(seen, pool, modes)
             least = _cost(seen, more)
             gained = _left(seen, modes)[0] - _left(seen, more)[0]
-            if least >= cost or gained < _SEEN * float(np.var(seen.y)):
+            if _objection(more, seen.high) or least >= cost or gained < _SEEN * float(np.var(seen.y)):
                 break
             modes, cost = more, least
             found.append(_attachment(site, j, driving, seen, modes))
@@ -104,7 +106,7 @@ def _poles(seen: _Seen, order: int) -> list[tuple[float, float]]:
     poles = np.roots(np.concatenate([[1.0], -weights]))
     rates = np.log(poles[poles.imag > 0]) / seen.step
     modes = [(float(abs(s) / (2 * np.pi)), float(-s.real / abs(s))) for s in rates]
-    inside = [(f, min(max(d, _LEAST_DAMPING), MOST_DAMPING)) for f, d in modes if d < MOST_DAMPING]
+    inside = [(f, min(max(d, _LEAST_DAMPING), BROADEST)) for f, d in modes if d < BROADEST]
     return [(f, d) for f, d in inside if seen.low < f < seen.high]
 
 
@@ -143,7 +145,7 @@ def _one_more(seen: _Seen, pool: list[tuple[float, float]], modes: Modes) -> Mod
 
     def cost(logs: Array) -> float:
         tried = np.exp(logs).reshape(-1, 2)
-        good = np.all((tried[:, 0] > seen.low) & (tried[:, 0] < seen.high) & (tried[:, 1] < MOST_DAMPING))
+        good = np.all((tried[:, 0] > seen.low) & (tried[:, 0] < seen.high) & (tried[:, 1] < BROADEST))
         if not good:
             return 1e3
         return float(np.log(_left(seen, tuple((float(f), float(d)) for f, d in tried))[0]))
@@ -168,7 +170,7 @@ def _attachment(site: Site, j: int, driving: list[int], seen: _Seen, modes: Mode
         order = "" if k == 0 else f"_{k + 1}"
         slots += [
             Slot(f"{tag}_hz", f"frequency{order}_hz", "Hz", f, seen.low, seen.high, f / 3, local=False),
-            Slot(f"{tag}_damping", f"damping{order}", "1", damping, _LEAST_DAMPING, MOST_DAMPING, 0.02, local=False),
+            Slot(f"{tag}_damping", f"damping{order}", "1", damping, _LEAST_DAMPING, BROADEST, 0.02, local=False),
         ]
         slots += [Slot(f"{tag}_{way}{i + 1}", None, "", 0.0, -1e4, 1e4, 1e-3) for i in driving for way in ("b", "c")]
         start |= {f"{tag}_hz": f, f"{tag}_damping": damping}
@@ -178,8 +180,29 @@ def _attachment(site: Site, j: int, driving: list[int], seen: _Seen, modes: Mode
         "structural_mode", f"structural_mode output:{name}{kind}", location(f"output:{name}", outputs=(name,)),
         partial(_with_modes, site, j, driving, tags, tuple(slots)), tuple(slots), start_states=parts, grid=(start,),
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*(b*u + c*u'/w), w = 2*pi*frequency_hz, for each mode",
-        statement=partial(_says, name, count),
+        statement=partial(_says, name, count), credible=partial(_not_modes, count, seen.high),
     )  # fmt: skip
+
+
+def _objection(modes: Modes, high: float) -> str:
+    """Say why these are not so many modes: one at the end of what is excited, one as broad as it may be, or two alike.
+
+    Two nearer to each other than their half-power bandwidths show one peak (Ewins 2000, section 3.3).
+    """
+    for k, (f, damping) in enumerate(modes):
+        if f > _AT_END * high:
+            return f"the inputs do not excite what lies beyond {high:.4g} Hz, and a mode ran there"
+        if damping > _AT_END * BROADEST:
+            return f"a mode at {f:.4g} Hz does not ring"
+        for other, broad in modes[:k]:
+            if abs(f - other) < damping * f + broad * other:
+                return f"modes at {other:.4g} and {f:.4g} Hz are nearer to each other than they are broad"
+    return ""
+
+
+def _not_modes(count: int, high: float, p: Mapping[str, float]) -> str:
+    orders = ["", *(f"_{k}" for k in range(2, count + 1))]
+    return _objection(tuple((p[f"frequency{o}_hz"], p[f"damping{o}"]) for o in orders), high)
 
 
 def _says(name: str, count: int, p: Mapping[str, float]) -> str:
