@@ -6,12 +6,11 @@ each input, and one offset of all inputs against all outputs up to a sample eith
 the fitted baseline, and once more beside the first effect, which may have hidden or imitated them.
 
 What the likelihood may choose among depends on the recording:
-- measured inputs in open loop: held, straight or band-limited; any offset from -1 to 1 sample;
-- commands (held for several samples, or new at every sample up to the Nyquist frequency): early by up to a sample,
-  which no drive can be, or late by exactly one; late by part of one is what a lag or a dead time does: physics;
-- feedback: held, whole samples only. An input that answers an output knows of its error, and by a fraction or a curve
-  between samples the next output would be foretold from itself; a whole sample of the wrong way does not gain, because
-  the sign of a loop that holds is against the plant's.
+- measured inputs (smooth, and likelier to move than to be held): straight or band-limited, any offset within a sample;
+- commands (held for several samples, new at every sample up to the Nyquist frequency, or likeliest to be held): early
+  by up to a sample, which no drive can be, or late by exactly one; late by part of one is what a lag or dead time does;
+- feedback: an input that answers an output knows of its error, and let into the prediction of its own row it brings
+  that along. What this may gain at most is a price to be paid; a case that says closed_loop has whole samples only.
 """
 
 from __future__ import annotations
@@ -41,10 +40,11 @@ _PROMISE = 2.0  # nats that a score promises, two deviations: below that nothing
 _TINY = 1e-4  # samples: step of a finite difference
 _EXACT = 2.0  # nats, two deviations: what a whole sample may be short of the best offset and still be it
 _BEYOND = 1.5  # samples: what is likelier there than within one is no habit
-_PAST, _SEEN = 40, 10  # samples of an input's own past, longer than steps are held, and of the outputs
+_PAST = 40  # samples of an input's own past: longer than steps are held
 _MOVED = 0.1  # samples by which an offset beside an effect is another than that of the baseline alone
 _LEADERS = 4  # kinds of effects beside which it is looked again
-_ANSWERS = 0.02  # share of what an input's past does not foretell, but outputs do: such an input is fed back
+_KNOWN = 1e-9  # share below which an input's own past foretells all of it: a sequence that no output can add to
+_LEVELS = 5  # samples of a held input's own past
 _ROWS = 20_000  # rows that show feedback
 
 
@@ -70,24 +70,32 @@ class _Stage:
 
     def tried(self, sampling: Sampling, iterations: int = _QUICK) -> Sampling:
         """Return a sampling as a brief fit has it, with what it gains."""
-        predictor = read_by(self.predictor, sampling)
-        theta = self.point.theta.copy()
+        return self.fitted(sampling, iterations)[0]
+
+    def fitted(self, sampling: Sampling, iterations: int) -> tuple[Sampling, Predictor, Point]:
+        """Return a sampling as a fit of so many iterations has it, with what it gains; the predictor, and its point."""
+        predictor, theta = read_by(self.predictor, sampling), self.point.theta.copy()
         theta[self.place] = sampling.offset_s
         own = (*self.free.theta, self.place) if sampling.free else self.free.theta
-        free = replace(self.free, theta=own)
-        found = predictor.climb(replace(self.point, theta=theta), free, iterations, _TOLERANCE)
+        start, free = replace(self.point, theta=theta), replace(self.free, theta=own)
+        found = predictor.climb(start, free, iterations, _TOLERANCE)
         if found is None:
-            return replace(sampling, gain=-np.inf)
-        return replace(sampling, offset_s=float(found[1].theta[self.place]), gain=self.value - found[0])
+            return replace(sampling, gain=-np.inf), predictor, start
+        value, point = found
+        return replace(sampling, offset_s=float(point.theta[self.place]), gain=self.value - value), predictor, point
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Say what may be chosen: which inputs may move, any offset or (commands) early ones, whole samples only or not."""
+    """Say what may be chosen: which inputs may move, any offset or (commands) early ones, whole samples only or not.
+
+    kinds: place and look of each input that may be fed back.
+    """
 
     moving: tuple[str, ...]
     any_offset: bool
     whole: bool
+    kinds: tuple[tuple[int, str], ...] = ()
 
     def trials(self, now: Sampling, step: float) -> list[Sampling]:
         """Return the samplings to fit briefly, those as read now left out."""
@@ -101,9 +109,12 @@ class Choice:
         return self.any_offset or (offset < 0 and not self.whole)
 
     def allows(self, sampling: Sampling, step: float) -> bool:
-        """Tell whether a fitted offset is still one of these: a command is not late by part of a sample."""
-        late = sampling.offset_s > 0 and sampling.offset_s != step
-        return self.any_offset or not late
+        """Tell whether a fitted offset is still one of these: a command is not late by part of a sample.
+
+        An input that is likeliest to be held is a command, whatever it looks like.
+        """
+        measured = self.any_offset and any(h != "zoh" for _, h in sampling.holds)
+        return measured or sampling.offset_s <= 0 or abs(sampling.offset_s - step) < _TINY * step
 
 
 def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> Sampling | None:
@@ -151,8 +162,10 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
     if best is None or not np.isfinite(best.gain):
         return None
     best = _finished(stage, choice, best)
-    rows = sum(len(s.y) for s in stage.predictor.segments)
-    clear = best.gain > np.log(rows) and choice.allows(best, stage.step)
+    price = float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
+    if best.offset_s < 0 or best.holds != stage.sampling.holds:
+        price += _leak(stage, choice)
+    clear = best.gain > price and choice.allows(best, stage.step)
     return best if clear and not _goes_on(stage, best) else None
 
 
@@ -163,12 +176,12 @@ def choice_of(case: Case, prepared: Prepared) -> Choice:
     open then.
     """
     traits = traits_of(prepared.records, [n for n, _ in prepared.sampling.holds])
-    names, rate = list(prepared.site.input_names), getattr(case.baseline, "sample_time_s", 0.0)
-    known = case.context.get("closed_loop")
-    fed_back = known if isinstance(known, bool) else _is_fed_back(prepared.predictor.segments, range(len(names)))
-    moving = () if fed_back or rate else tuple(t.name for t in traits if t.hold is None)
+    closed, rate = case.context.get("closed_loop") is True, getattr(case.baseline, "sample_time_s", 0.0)
+    moving = () if closed or rate else tuple(t.name for t in traits if t.hold is None)
     measured = all(t.kind == "smooth" or t.hold in HOLDS[1:] for t in traits)
-    return Choice(moving, measured and not fed_back, fed_back)
+    names = prepared.site.input_names
+    kinds = () if case.context.get("closed_loop") is False else tuple((names.index(t.name), t.kind) for t in traits)
+    return Choice(moving, measured and not closed, closed, kinds)
 
 
 def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:
@@ -236,27 +249,36 @@ def _goes_on(stage: _Stage, best: Sampling) -> bool:
     return beyond > best.gain or physics
 
 
-def _is_fed_back(segments: Sequence[Segment], places: Sequence[int]) -> bool:
-    """Tell whether the outputs' past foretells part of an input that its own past does not.
+def _leak(stage: _Stage, choice: Choice) -> float:
+    """Return the nats that the innovations of a row tell of its inputs beyond what the inputs' own past does.
 
-    Without the outputs of the same row: those may have been written later than the input beside them.
+    A controller answers them; an input that is then let into the prediction of its own row, or between rows, brings
+    them along. -n/2 ln(1 - share) of what the past leaves of each input is the most that this can gain. An input that
+    is held is asked where it changes. In open loop, where an input read wrongly is in the innovations, what reading it
+    rightly gains is far more: most of it is in the past of a smooth input.
     """
-    for place in places:
-        parts = [_pasts(s, place) for s in segments if len(s.y) > 4 * _PAST]
-        if not parts:
-            continue
-        own, seen, now = (np.vstack(p)[:_ROWS] for p in zip(*parts, strict=True))
-        errors = [now - X @ np.linalg.lstsq(X, now, rcond=1e-10)[0] for X in (own, np.hstack([own, seen]))]
-        alone, both = (float(np.sum(e**2)) for e in errors)
-        if alone - both > _ANSWERS * alone and alone > 1e-12 * float(np.sum(now**2)):
-            return True
-    return False
+    pairs = zip(stage.predictor.segments, stage.predictor.innovations(stage.point), strict=True)
+    long = [(s, e) for s, e in pairs if len(e) > 4 * _PAST]
+    total = 0.0
+    for place, kind in choice.kinds if long else ():
+        own, seen, now = (np.vstack(p)[:_ROWS] for p in zip(*(_pasts(s, e, place, kind) for s, e in long), strict=True))
+        alone, both = (_left(X, now) for X in (own, np.hstack([own, seen])))
+        if len(now) > own.shape[1] + seen.shape[1] and alone > _KNOWN * float(np.sum(now**2)):
+            total += 0.5 * len(now) * float(np.log(alone / max(both, 1e-12 * alone)))
+    return total
 
 
-def _pasts(segment: Segment, place: int) -> tuple[Array, Array, Array]:
-    """Return one and an input's past (n, 41), the outputs' past (n, 10 l), and the input (n, 1), whole rows only."""
-    u, y, first = segment.u[:: segment.stride, place : place + 1], segment.y, _PAST
-    own = np.hstack([np.ones((len(y) - first, 1)), *(u[first - i : len(u) - i] for i in range(1, _PAST + 1))])
-    seen = np.hstack([y[first - i : len(y) - i] for i in range(1, _SEEN + 1)])
-    whole = np.all(np.isfinite(seen), axis=1)
-    return own[whole], seen[whole], u[first:][whole]
+def _left(X: Array, now: Array) -> float:
+    return float(np.sum((now - X @ np.linalg.lstsq(X, now, rcond=1e-10)[0]) ** 2))
+
+
+def _pasts(segment: Segment, errors: Array, place: int, kind: str) -> tuple[Array, Array, Array]:
+    """Return one and an input's past, the innovations (n, l) and the input (n, 1) of the same row, whole rows only."""
+    u, first = segment.u[:: segment.stride, place : place + 1], _PAST + 1
+    lags = range(1, (_LEVELS if kind == "held" else _PAST) + 1)
+    own = np.hstack([np.ones((len(u) - first, 1)), *(u[first - i : len(u) - i] for i in lags)])
+    seen = errors[first:]
+    rows = np.all(np.isfinite(seen), axis=1)
+    if kind == "held":
+        rows &= u[first:, 0] != u[first - 1 : -1, 0]
+    return own[rows], seen[rows], u[first:][rows]

@@ -1,0 +1,135 @@
+"""How inputs are read is settled with the baseline: rigs simulated apart, at a fiftieth of the sample time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfilt
+from small_cases import SWING, SWING_CHANNELS, write_case
+
+from aeolid.compiled import njit
+from aeolid.diagnose.case import load_case
+from aeolid.diagnose.intersample import sampling_findings, traits_of
+from aeolid.diagnose.prepare import Prepared, prepare
+from aeolid.diagnose.settle_sampling import choice_of, settle
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+STEP, FINE, ROWS = 0.05, 50, 1000  # s, parts of it, samples
+
+
+@njit(cache=True)
+def swing(u: Array, w: Array, h: float) -> tuple[Array, Array]:
+    """Return position and speed of the mass of SWING, semi-implicit steps of h (the middle one for the position)."""
+    q, v, x, s = 0.0, 0.0, np.empty(len(u)), np.empty(len(u))
+    for i in range(len(u)):
+        x[i], s[i] = q, v
+        after = v + h * (u[i] + w[i] - v - 40.0 * (q + 0.5 * h * v))
+        q, v = q + 0.5 * h * (v + after), after
+    return x, s
+
+
+def rows(kind: str, late: float, seed: int = 4) -> Array:
+    """Return push, position, speed; the outputs are read `late` samples after the instant of the push beside them."""
+    rng = np.random.default_rng(seed)
+    count, h = (ROWS + 3) * FINE, STEP / FINE
+    if kind == "analogue":
+        push = sosfilt(butter(4, 3.0, fs=1 / h, output="sos"), rng.standard_normal(count))
+        push *= 5 / push.std()
+    else:
+        dwell = {"held": 7, "fresh": 1}[kind]
+        push = np.repeat(rng.choice(np.array([-5.0, 5.0]), (ROWS + 3) // dwell + 1), dwell * FINE)[:count]
+    x, s = swing(push, 0.3 * rng.standard_normal(count) / np.sqrt(FINE), h)
+    at, noise = FINE * np.arange(1, ROWS + 1), rng.standard_normal((ROWS, 2)) * [1e-3, 5e-3]
+    shifted = at + round(late * FINE)
+    return np.column_stack([push[at], x[shifted] + noise[:, 0], s[shifted] + noise[:, 1]])
+
+
+def stage(folder: Path, values: Array) -> tuple[Prepared, object]:
+    """Return the stage of a case around these rows, and what is settled with it."""
+    case = load_case(write_case(folder, SWING, STEP, SWING_CHANNELS, values))
+    prepared = prepare(case)
+    return prepared, settle(case, prepared)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 1.0])
+def test_an_analogue_input_is_no_held_one(tmp_path: Path, late: float) -> None:
+    prepared, found = stage(tmp_path, rows("analogue", late))
+    assert dict(found.holds) == {"push": "band_limited"}
+    assert found.offset_s == pytest.approx(-late * STEP, abs=0.02 * STEP)  # a hundredth is a step of the rig
+    notes = sampling_findings(prepared.records, found, STEP)
+    assert all(n.severity == "info" for n in notes)
+    assert {n.check for n in notes} == ({"intersample", "offset"} if found.offset_s else {"intersample"})
+
+
+def test_a_command_beside_the_output_at_its_end_acts_one_sample_early(tmp_path: Path) -> None:
+    _, found = stage(tmp_path, rows("fresh", 1.0))
+    assert found.holds == (("push", "zoh"),)
+    assert (found.offset_s, found.free) == (-STEP, False)
+
+
+def test_a_command_as_it_is_stays_as_it_is(tmp_path: Path) -> None:
+    assert stage(tmp_path, rows("held", 0.0))[1] is None
+
+
+@pytest.mark.parametrize("late", [-0.5, -3.0])
+def test_a_late_command_is_physics(tmp_path: Path, late: float) -> None:
+    """Part of a sample is what a lag or a dead time does, three samples are no habit: the catalogue names both."""
+    values = rows("held", -0.5)
+    if late == -3.0:
+        values = np.column_stack([values[3:, 0], rows("held", 0.0)[:-3, 1:]])
+    assert stage(tmp_path, values)[1] is None
+
+
+def test_feedback_leaves_whole_samples_only(tmp_path: Path) -> None:
+    """A controller answers within the row: fractions and curves would foretell outputs from themselves."""
+    rng, q, v, values = np.random.default_rng(2), 0.0, 0.0, []
+    for _ in range(ROWS):
+        y = np.array([q, v]) + rng.standard_normal(2) * [1e-3, 5e-3]
+        push = -30.0 * y[0] - 6.0 * y[1] + rng.standard_normal()
+        values.append([push, *y])
+        force = 2.0 * rng.standard_normal()
+        for _ in range(FINE):
+            v += STEP / FINE * (push + force - v - 40.0 * q)
+            q += STEP / FINE * v
+    case = load_case(write_case(tmp_path, SWING, STEP, SWING_CHANNELS, np.array(values)))
+    prepared = prepare(case)
+    choice = choice_of(case, prepared)
+    assert (choice.moving, choice.any_offset, choice.whole) == ((), False, True)
+    assert settle(case, prepared) is None
+
+
+def test_a_declared_hold_is_not_chosen_again(tmp_path: Path) -> None:
+    folder = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, rows("analogue", 0.0))
+    roles = folder / "roles.toml"
+    roles.write_text(roles.read_text().replace('role = "input"', 'role = "input"\nhold = "foh"'))
+    case = load_case(folder)
+    prepared = prepare(case)
+    assert dict(prepared.sampling.holds) == {"push": "foh"}
+    assert [f.kind for f in prepared.extended.filters] == ["intersample_foh"]
+    found = settle(case, prepared)
+    assert found is None or dict(found.holds) == {"push": "foh"}
+
+
+def record(channels: Sequence[Channel], columns: Sequence[Array]) -> Record:
+    """Return a recording of these columns."""
+    values = np.column_stack(columns)
+    return Record(STEP * np.arange(len(values)), values, tuple(channels), STEP, "recording", "")
+
+
+def test_inputs_are_known_by_their_samples() -> None:
+    rng, n = np.random.default_rng(1), 2000
+    noise = rng.standard_normal(n)
+    columns = [
+        np.repeat(noise[: n // 5], 5), noise, sosfilt(butter(4, 0.5, output="sos"), noise), np.cumsum(noise), noise,
+    ]  # fmt: skip
+    roles = ["input", "input", "disturbance", "input", "azimuth"]
+    channels = [Channel(f"c{i}", "", r, hold="foh" if i == 3 else "auto") for i, r in enumerate(roles)]
+    found = traits_of([record(channels, columns)], [c.name for c in channels])
+    assert [(t.kind, t.hold) for t in found] == [
+        ("held", "zoh"), ("rough", "zoh"), ("smooth", None), ("declared", "foh"),
+    ]  # fmt: skip
