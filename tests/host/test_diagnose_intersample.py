@@ -12,10 +12,10 @@ from scipy.signal import butter, sosfilt
 from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.compiled import njit
-from aeolid.diagnose.case import load_case
-from aeolid.diagnose.intersample import sampling_findings, traits_of
-from aeolid.diagnose.prepare import Prepared, prepare
-from aeolid.diagnose.settle_sampling import choice_of, settle
+from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates.settle_sampling import choice_of, settle
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.data.intersample import sampling_findings, traits_of
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
