@@ -216,8 +216,9 @@ class Predictor:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""
         if point.K is not None:
             return 0
-        burns = [s.burn for s in self.segments]
-        return preferred_order(self.innovations(point), burns, stateless=not len(self.scales.x0))
+        return preferred_order(
+            self.innovations(point), [s.burn for s in self.segments], stateless=not self.scales.x0.size
+        )
 
     def fit(self, start: Point, free: Free, iterations: int = 20, tolerance: float = 0.02) -> Fit | None:
         """Maximise the likelihood from `start` and return what stands there; None where the start itself diverges."""
