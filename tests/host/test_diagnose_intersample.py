@@ -85,8 +85,8 @@ def test_a_late_command_is_physics(tmp_path: Path, late: float) -> None:
     assert stage(tmp_path, values)[1] is None
 
 
-def test_feedback_leaves_whole_samples_only(tmp_path: Path) -> None:
-    """A controller answers within the row: fractions and curves would foretell outputs from themselves."""
+def test_feedback_lets_no_output_be_foretold_from_itself(tmp_path: Path) -> None:
+    """A controller answers within the row: fractions and curves would bring the output's own error along."""
     rng, q, v, values = np.random.default_rng(2), 0.0, 0.0, []
     for _ in range(ROWS):
         y = np.array([q, v]) + rng.standard_normal(2) * [1e-3, 5e-3]
@@ -97,10 +97,16 @@ def test_feedback_leaves_whole_samples_only(tmp_path: Path) -> None:
             v += STEP / FINE * (push + force - v - 40.0 * q)
             q += STEP / FINE * v
     case = load_case(write_case(tmp_path, SWING, STEP, SWING_CHANNELS, np.array(values)))
-    prepared = prepare(case)
-    choice = choice_of(case, prepared)
+    assert settle(case, prepare(case)) is None
+
+
+def test_a_case_that_says_closed_loop_has_whole_samples_only(tmp_path: Path) -> None:
+    folder = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, rows("analogue", 0.0))
+    with (folder / "case.toml").open("a") as file:
+        file.write("closed_loop = true\n")
+    case = load_case(folder)
+    choice = choice_of(case, prepare(case))
     assert (choice.moving, choice.any_offset, choice.whole) == ((), False, True)
-    assert settle(case, prepared) is None
 
 
 def test_a_declared_hold_is_not_chosen_again(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import make_interp_spline
 
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
@@ -23,8 +23,8 @@ HOLDS = ("zoh", "foh", "band_limited")
 OFFSET = "intersample_offset"  # parameter: by how much inputs act after their stamps, s
 PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
-_NEAR, _FAR = 41 / 60, -11 / 120  # weights of means one and two samples away
-_FEWEST = 4  # samples through which a curve can be laid; fewer are joined by straight lines
+_DEGREE, _FEWEST = 7, 16  # of the spline; samples through which it is laid: fewer are joined by straight lines
+_REACH, _BAND = 6, 2.4  # samples on either side that tell a slope; radians a sample up to which they do
 
 
 def straight(u: Array, values: Array, step: float, pieces: Array) -> Array:
@@ -34,14 +34,14 @@ def straight(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
 
 def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
-    """Return the means of the cubic spline through the samples, `values` the offset in s.
+    """Return the means of the spline of degree 7 through the samples, `values` the offset in s.
 
-    It is off by 5 θ⁴/384 of a sine at most (Hall and Meyer 1976).
+    Of a sine it misses about (f/(1 - f))⁸, f its frequency over the sampling rate: 0.3 % at a third.
     """
     samples = np.ascontiguousarray(u[:: len(pieces)])
     if len(samples) < _FEWEST or not np.all(np.isfinite(samples)):
         return straight(u, values, step, pieces)
-    curve = CubicSpline(np.arange(len(samples), dtype=float), samples, bc_type="natural")
+    curve = make_interp_spline(np.arange(len(samples), dtype=float), samples, k=_DEGREE)
     whole, last = curve.antiderivative(), float(len(samples) - 1)
 
     def integral(u: Array, t: Array) -> Array:
@@ -92,18 +92,34 @@ def _straight_integral(u: Array, t: Array) -> Array:
 def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:
     """Return by how much each input changes within each sample (N, r) of `means` (N, r); 0 where it is held.
 
-    The line that is nearest to a sine over a sample has jθ(1 + θ²/60) times its mean for slope, θ = ωh; the two nearest
-    means on either side give that to θ⁶. At the ends, half the difference of the neighbours.
+    The line that is nearest to a sine over a sample has a slope of j a(θ) times its mean, θ = ωh; six means on either
+    side give that to 1.3 % where it counts, θ of 0.7 to 2.4. At the ends, half the difference of the neighbours.
     """
     change = np.zeros_like(means)
     if len(means) < 2:
         return change
     m = means[:, moving]
-    slope = np.gradient(m, axis=0)
-    if len(m) > _FEWEST:
-        slope[2:-2] = _NEAR * (m[3:-1] - m[1:-3]) + _FAR * (m[4:] - m[:-4])
+    slope, count = np.gradient(m, axis=0), len(m) - 2 * _REACH
+    if count > 0:
+        inner = slice(_REACH, _REACH + count)
+        slope[inner] = sum(
+            w * (m[_REACH + i : _REACH + i + count] - m[_REACH - i : _REACH - i + count])
+            for i, w in enumerate(_WEIGHTS, 1)
+        )
     change[:, moving] = slope
     return change
+
+
+def _slope_weights() -> Array:
+    """Return the weights (6,) of the differences of means i samples either side, fitted to a(θ) over the band."""
+    angle = np.linspace(0.02, _BAND, 200)
+    half = angle / 2
+    wanted = 12 * (np.sin(half) - half * np.cos(half)) * 2 / angle**2 / (np.sin(half) / half)
+    found: Array = np.linalg.lstsq(2 * np.sin(np.outer(angle, np.arange(1, _REACH + 1))), wanted, rcond=None)[0]
+    return found
+
+
+_WEIGHTS = _slope_weights()
 
 
 def as_held(means: Array, moving: NDArray[np.bool_]) -> Array:
