@@ -42,7 +42,7 @@ def test_a_package_is_a_function_too() -> None:
     """Whatever of it was imported before, aeolid.identify holds its modules and is called."""
     code = (
         "import aeolid.identify.varx, aeolid.diagnose.data.case, aeolid.fleet.plan, aeolid as ae, inspect\n"
-        "assert ae.identify.varx.identify_varx and ae.diagnose.case.load_case and ae.fleet.plan.Plan\n"
+        "assert ae.identify.varx.identify_varx and ae.diagnose.data.case.load_case and ae.fleet.plan.Plan\n"
         "for f in (ae.identify, ae.diagnose, ae.fleet): assert callable(f), f\n"
         "from aeolid import identify, diagnose\n"
         "assert 'past' in inspect.signature(identify).parameters\n"

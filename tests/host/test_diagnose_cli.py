@@ -296,7 +296,7 @@ ENDED: dict[str, tuple[Callable[[Path], None], str, list[str]]] = {
                                "data_fault", ["position", "'mm'", "'m'"]),
     "constant output": (column(2, "0.25"), "data_fault", ["position", "never changes"]),
     "30 samples": (rows(lambda t: t[:31]), "not_testable", ["30 samples"]),
-    "sealed part too short": (rows(lambda t: t[:150]), "not_testable", ["149 samples", "are needed"]),
+    "sealed part too short": (rows(lambda t: t[:100]), "not_testable", ["99 samples", "are needed"]),
     "diverging model": (edit("model.toml", "- c*v", "+ 1e6*M*v + 0*c"), "not_testable", ["diverges"]),
 }  # fmt: skip
 
@@ -328,14 +328,15 @@ def test_wrong_options_are_usage_errors(case: Path, tmp_path: Path) -> None:
     assert main(["diagnose", str(case), "--out", str(tmp_path), "--sham", "-1"]) == 2
 
 
-def test_a_stuck_sensor_is_a_fault_of_the_data(case: Path, tmp_path: Path) -> None:
+def test_what_a_stuck_sensor_did_not_measure_is_left_out_and_said(case: Path, tmp_path: Path) -> None:
     copy = tmp_path / "case"
     shutil.copytree(case, copy)
     column(3, "0.1", 300, 900)(copy)
     assert diagnose(copy, tmp_path / "out") == 0
     d = facts(tmp_path / "out")
     check_schema(d)
-    assert d["verdict"] == "data_fault" and "speed" in d["location"]["entry"]
+    assert d["verdict"] == "named" and [e["id"] for e in d["effects"]] == ["actuator_lag"]
+    assert any("speed" in note["channel"] and "600" in note["finding"] for note in d["data_notes"]), d["data_notes"]
 
 
 def test_the_catalogue_lists_every_entry(capsys: pytest.CaptureFixture[str]) -> None:

@@ -101,7 +101,7 @@ class Choice:
         """Return the samplings to fit briefly, those as read now left out."""
         others = [tuple((n, h if n in self.moving else was) for n, was in now.holds) for h in HOLDS[1:]]
         holds = [now.holds, *(others if self.moving else ())]
-        offsets = (0.0, -1.0, 1.0) if self.whole else (0.0, -1.0, 1.0, -0.5, *([0.5] if self.any_offset else []))
+        offsets = (0.0, -1.0) if self.whole else (0.0, -1.0, -0.5, *((0.5, 1.0) if self.any_offset else ()))
         found = [replace(now, holds=h, offset_s=o * step, free=self._is_free(o)) for h in holds for o in offsets]
         return [s for s in found if s.holds != now.holds or s.offset_s]
 
@@ -121,10 +121,11 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     """Return the sampling under which the fit data are clearly likelier than as the stage reads them; None elsewhere.
 
     winner: the effect beside which to look, none by default. Clearly: by more than ln N nats, the price of two
-    parameters in N rows (BIC). An optimum beyond a sample either way is no habit and is left to the catalogue. Cost:
+    parameters in N rows (BIC). An optimum beyond a sample either way is no habit and is left to the catalogue. Models in
+    discrete time were identified on rows and have their habit. Cost:
     sensitivities where the scores promise nothing, else some ten brief fits.
     """
-    if prepared.surrogate is not None or not prepared.sampling.holds:
+    if prepared.surrogate is not None or not prepared.sampling.holds or getattr(case.baseline, "sample_time_s", 0.0):
         return None
     stage, choice = _stage(prepared, winner), choice_of(case, prepared)
     best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None
@@ -170,11 +171,7 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
 
 
 def choice_of(case: Case, prepared: Prepared) -> Choice:
-    """Return what the likelihood may choose among on this recording.
-
-    A model identified at the sample time of the recording has what lies between the samples in it: only offsets are
-    open then.
-    """
+    """Return what the likelihood may choose among on this recording."""
     traits = traits_of(prepared.records, [n for n, _ in prepared.sampling.holds])
     closed, rate = case.context.get("closed_loop") is True, getattr(case.baseline, "sample_time_s", 0.0)
     moving = () if closed or rate else tuple(t.name for t in traits if t.hold is None)

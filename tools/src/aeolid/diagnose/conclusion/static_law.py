@@ -160,7 +160,7 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
         for i in sure
     )  # fmt: skip
     names = [o.name for o in law.model.outputs]
-    shown = [dict(zip(names, np.nanmean(np.vstack(e), axis=0).tolist(), strict=True)) for e in (before, after)]
+    shown = [dict(zip(names, np.nanmean(np.vstack(x), axis=0).tolist(), strict=True)) for x in (before, after)]
     return StaticLaw(
         replace(law.model, parameters=parameters), moved, tuple(f.name for f in folds), float(total.sum()), interval,
         shown[0], shown[1],
@@ -169,12 +169,12 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
 
 def _memory(errors: Array) -> float:
     """Return the samples over which errors are alike: the first at which their correlation is below 1/e."""
-    e = np.nan_to_num(errors.sum(axis=1) - np.nanmean(errors.sum(axis=1)))
-    power = float(e @ e)
-    for lag in range(1, len(e) // 4):
-        if float(e[lag:] @ e[:-lag]) < power / np.e:
+    left = np.nan_to_num(errors.sum(axis=1) - np.nanmean(errors.sum(axis=1)))
+    power = float(left @ left)
+    for lag in range(1, len(left) // 4):
+        if float(left[lag:] @ left[:-lag]) < power / np.e:
             return float(lag)
-    return float(max(len(e) // 4, 1))
+    return float(max(len(left) // 4, 1))
 
 
 def with_static_law(diagnosis: dict[str, Any], law: StaticLaw) -> dict[str, Any]:
