@@ -121,8 +121,8 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     """Return the sampling under which the fit data are clearly likelier than as the stage reads them; None elsewhere.
 
     winner: the effect beside which to look, none by default. Clearly: by more than ln N nats, the price of two
-    parameters in N rows (BIC). An optimum beyond a sample either way is no habit and is left to the catalogue. Models in
-    discrete time were identified on rows and have their habit. Cost:
+    parameters in N rows (BIC). An optimum beyond a sample either way is no habit and is left to the catalogue. Models
+    in discrete time were identified on rows and have their habit. Cost:
     sensitivities where the scores promise nothing, else some ten brief fits.
     """
     if prepared.surrogate is not None or not prepared.sampling.holds or getattr(case.baseline, "sample_time_s", 0.0):
