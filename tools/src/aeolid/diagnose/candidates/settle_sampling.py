@@ -125,7 +125,8 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     in discrete time were identified on rows and have their habit. Cost:
     sensitivities where the scores promise nothing, else some ten brief fits.
     """
-    if prepared.surrogate is not None or not prepared.sampling.holds or getattr(case.baseline, "sample_time_s", 0.0):
+    rate: float = getattr(case.baseline, "sample_time_s", 0.0)
+    if prepared.surrogate is not None or not prepared.sampling.holds or rate:
         return None
     stage, choice = _stage(prepared, winner), choice_of(case, prepared)
     best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None

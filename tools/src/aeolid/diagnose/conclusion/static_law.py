@@ -8,6 +8,7 @@ bend (soft L1, scaled by the errors' median), on all folds but one in turn, and 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -172,7 +173,7 @@ def _memory(errors: Array) -> float:
     left = np.nan_to_num(errors.sum(axis=1) - np.nanmean(errors.sum(axis=1)))
     power = float(left @ left)
     for lag in range(1, len(left) // 4):
-        if float(left[lag:] @ left[:-lag]) < power / np.e:
+        if float(left[lag:] @ left[:-lag]) < power / math.e:
             return float(lag)
     return float(max(len(left) // 4, 1))
 
