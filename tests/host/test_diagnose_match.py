@@ -23,7 +23,7 @@ def test_channels_of_both_sides_in_one_order_at_the_longer_step() -> None:
     run = record(
         0.05, Channel("speed", "rpm", "output", "GenSpeed"), Channel("pitch", "deg", "input", "BlPitchC1"), SWAY
     )
-    (logged,), simulated = matched([record(0.1, PITCH, SPEED, AZIMUTH)], run)
+    (logged,), (simulated,) = matched([record(0.1, PITCH, SPEED, AZIMUTH)], [run])
     assert (
         logged.names("input", "output", "azimuth")
         == simulated.names("input", "output", "azimuth")
@@ -35,7 +35,7 @@ def test_channels_of_both_sides_in_one_order_at_the_longer_step() -> None:
 
 
 def test_a_recording_that_is_finer_than_the_run_is_thinned() -> None:
-    (logged,), simulated = matched([record(0.05, PITCH, SPEED)], record(0.2, PITCH, SPEED))
+    (logged,), (simulated,) = matched([record(0.05, PITCH, SPEED)], [record(0.2, PITCH, SPEED)])
     assert (len(logged), logged.sample_time_s, len(simulated)) == (26, 0.2, 101)
 
 
@@ -49,4 +49,4 @@ def test_a_recording_that_is_finer_than_the_run_is_thinned() -> None:
 )
 def test_what_does_not_match_is_one_sentence(run: Record, words: str) -> None:
     with pytest.raises(DataError, match=words):
-        matched([record(0.1, PITCH, SPEED)], run)
+        matched([record(0.1, PITCH, SPEED)], [run])

@@ -87,6 +87,8 @@ def test_a_pair_without_an_output_is_that_of_the_other_channels() -> None:
     m = held + len(pair.shown)
     places = [i * m + j for i in range(pair.past) for j in range(held + 1)]
     np.testing.assert_allclose(
-        rest.of_runs().Z[: len(places), : len(places)], pair.of_runs().Z[np.ix_(places, places)], rtol=1e-9
+        rest.of_runs().regions[0].Z[: len(places), : len(places)],
+        pair.of_runs().regions[0].Z[np.ix_(places, places)],
+        rtol=1e-9,
     )
     assert without(pair, set(pair.shown)) is None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @public
 def diagnose(
     records: Record | Sequence[Record],
-    baseline: HasCore | Record | str | Path,
+    baseline: HasCore | Record | Sequence[Record] | str | Path,
     *,
     title: str = "diagnosis",
     context: Mapping[str, Any] | None = None,
@@ -42,8 +42,9 @@ def diagnose(
     ----------
     records : Record or sequence of Record
         One recording, or several of the same machine.
-    baseline : Equations, LinearModel, Record, or name of a model file
-        What is doubted: equations, a state-space model, or a simulator's run as a recording of the same channels.
+    baseline : Equations, LinearModel, Record, sequence of Record, or name of a model file
+        What is doubted: equations, a state-space model, or a simulator's run as a recording of the same channels, or
+        several runs in other wind.
     title : str
         What the report calls the diagnosis.
     context : mapping, optional
@@ -93,6 +94,10 @@ def _case(
 
     source = str(getattr(baseline, "source", "") or baseline if isinstance(baseline, str | Path) else "baseline")
     model: Any = baseline
+    more: Sequence[Record] = ()
+    if isinstance(baseline, list | tuple):
+        baseline, *more = as_records(baseline)
+        model = baseline
     if not isinstance(baseline, Record):
         core = core_of(baseline)
         if isinstance(core, LpvModel):
@@ -102,7 +107,8 @@ def _case(
         model = core.state_space if isinstance(core, LinearModel) else core
     digest = baseline.sha256 if isinstance(baseline, Record) else _digest(model)
     return make_case(
-        records, model, title=title, source=source, sha256=digest, context=context, same_inputs=same_inputs
+        records, model, title=title, source=source, sha256=digest, context=context, same_inputs=same_inputs,
+        more_runs=more,
     )  # fmt: skip
 
 

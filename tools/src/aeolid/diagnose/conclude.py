@@ -22,7 +22,6 @@ from aeolid.diagnose.pipeline import Progress, study
 from aeolid.diagnose.run_prior.conclude import conclude_run
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.errors import NotIdentifiable
-from aeolid.record import Record
 
 
 def conclude(
@@ -77,16 +76,17 @@ def _against_run(
     None for other baselines, for runs that few states describe, and where windows of both sides do not fit: there the
     surrogate of few states is what can be had.
     """
-    run = case.baseline
-    if not isinstance(run, Record) or case.same_inputs:
+    if not case.runs or case.same_inputs:
         return None
+    several = len(case.runs) > 1  # which a surrogate of few states, made of one run, cannot serve
     try:
-        check_run(run)
-        if not is_turbine(case.context) and is_simple(run):
+        for run in case.runs:
+            check_run(run)
+        if not is_turbine(case.context) and not several and is_simple(case.runs[0]):
             return None
-        return conclude_run(case, run, folder, findings, progress, late)
-    except (NotIdentifiable, np.linalg.LinAlgError):
-        return None
+        return conclude_run(case, folder, findings, progress, late)
+    except (NotIdentifiable, np.linalg.LinAlgError) as error:
+        return ended("not_testable", case.title, str(error), folder) if several else None
 
 
 def ended(

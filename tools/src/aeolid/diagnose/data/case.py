@@ -31,6 +31,7 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
 }
 MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
 _MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
+ONE_RUN = "same_inputs compares one run with the recordings sample by sample; give one file"
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -47,6 +48,12 @@ class Case:
     context: dict[str, Any]
     directory: Path
     same_inputs: bool = False
+    more_runs: tuple[Record, ...] = ()  # further runs of the simulator, in other wind
+
+    @property
+    def runs(self) -> tuple[Record, ...]:
+        """Return all runs of the simulator that the baseline is, none of another kind."""
+        return (self.baseline, *self.more_runs) if isinstance(self.baseline, Record) else ()
 
 
 def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: bool = False) -> Case:
@@ -70,58 +77,67 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
         raise DataError(f"{source} [recordings]: files must list at least one recording")
     if not isinstance(files.get("roles"), str):
         raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
-    kind, file = _baseline(data.get("baseline"), source)
+    kind, listed = _baseline(data.get("baseline"), source)
     context = _context(data.get("context", {}), source)
     roles = Roles.load(find(files["roles"], f"{source} [recordings] roles"))
     records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
     require_same_layout(records)
-    path = find(file, f"{source} [baseline] file")
+    paths = [find(file, f"{source} [baseline] file") for file in listed]
+    path = paths[0]
+    more: tuple[Record, ...] = ()
     baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
         own = data["baseline"].get("roles")
         own = None if own is None else Roles.load(find(own, f"{source} [baseline] roles"))
-        records, baseline = _run(path, records, roles, own)
+        records, (baseline, *others) = _runs(paths, records, roles, own)
+        more = tuple(others)
     elif kind == "fmu":
         baseline = _unit(path, records[0], allow_fmu)
     else:
         records, baseline = _model(kind, path, records)
     same = data["baseline"].get("same_inputs", False)
     return Case(
-        str(head.get("title", folder.name)), records, kind, baseline, file, file_sha256(path), context, folder, same
+        str(head.get("title", folder.name)), records, kind, baseline, listed[0], file_sha256(path), context, folder,
+        same, more,
     )  # fmt: skip
 
 
 def make_case(
     records: Sequence[Record], baseline: StateSpace | Equations | Record, *, title: str, source: str, sha256: str,
-    context: Mapping[str, Any] | None = None, same_inputs: bool = False,
+    context: Mapping[str, Any] | None = None, same_inputs: bool = False, more_runs: Sequence[Record] = (),
 ) -> Case:  # fmt: skip
     """Build a case without a folder, with the checks of `load_case`.
 
     source: what messages call the baseline; context: facts about the machine, as in case.toml; same_inputs: whether a
-    simulator's run had the recorded inputs. Raises DataError.
+    simulator's run had the recorded inputs; more_runs: further runs beside the baseline. Raises DataError.
     """
     require_same_layout(records)
     facts, found = _context(dict(context or {}), "context"), tuple(records)
-    kind = "run"
+    kind, more = "run", tuple(more_runs)
     if isinstance(baseline, Record):
-        found, baseline = matched(found, baseline)
-        require_same_layout((*found, baseline))
+        if more and same_inputs:
+            raise UsageError(ONE_RUN)
+        found, (baseline, *others) = matched(found, (baseline, *more))
+        more = tuple(others)
+        require_same_layout((*found, baseline, *more))
     else:
         kind = "equations" if isinstance(baseline, Equations) else "state_space"
         if isinstance(baseline, Equations):
             _require_fitting(baseline, source)
         found = tuple(at_rate_of(baseline.sample_time_s, r) for r in found)
         _check_channels(baseline, found[0], source)
-    return Case(title, found, kind, baseline, source, sha256, facts, Path(), same_inputs)
+    return Case(title, found, kind, baseline, source, sha256, facts, Path(), same_inputs, more)
 
 
-def _run(path: Path, records: tuple[Record, ...], roles: Roles, own: Roles | None) -> tuple[tuple[Record, ...], Record]:
-    """Read a simulator's run by the recordings' roles, or by its own and then brought together with them."""
-    run = read_record(path, roles if own is None else own)
+def _runs(
+    paths: Sequence[Path], records: tuple[Record, ...], roles: Roles, own: Roles | None
+) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Read a simulator's runs by the recordings' roles, or by their own and then brought together with them."""
+    runs = tuple(read_record(p, roles if own is None else own) for p in paths)
     if own is not None:
-        records, run = matched(records, run)
-    require_same_layout((*records, run))
-    return records, run
+        records, runs = matched(records, runs)
+    require_same_layout((*records, *runs))
+    return records, runs
 
 
 def _unit(path: Path, record: Record, allowed: bool) -> Fmu:
@@ -151,21 +167,29 @@ def _require_fitting(model: Equations, source: str) -> None:
     require_few(free, "free parameters", source, _MOST_FREE, " by a diagnosis; hold what the recording cannot move")
 
 
-def _baseline(table: Any, source: str) -> tuple[str, str]:
+def _baseline(table: Any, source: str) -> tuple[str, list[str]]:
+    """Return the kind and the files of a baseline: one, or several runs of a simulator."""
     where = f"{source} [baseline]"
     if not isinstance(table, dict):
         raise DataError(f"{where}: the table is missing; give kind and file")
-    check_keys(table, {"kind", "file", "same_inputs", "roles"}, where)
+    check_keys(table, {"kind", "file", "files", "same_inputs", "roles"}, where)
     kind = table.get("kind")
     if kind not in KINDS:
         raise DataError(f"{where}: kind = {shown(kind)} is none of {', '.join(KINDS)}")
     if not isinstance(table.get("same_inputs", False), bool):
         raise DataError(f"{where}: same_inputs is true or false")
-    if not isinstance(table.get("file"), str):
-        raise DataError(f"{where}: file is missing")
+    files = table.get("files", [table.get("file")])
+    if ("file" in table) == ("files" in table) or not isinstance(files, list) or not files:
+        raise DataError(f"{where}: give file, or files = [...] for several runs of a simulator")
+    if not all(isinstance(n, str) for n in files):
+        raise DataError(f"{where}: names of files are texts")
+    if len(files) > 1 and kind != "run":
+        raise DataError(f'{where}: several files are for kind = "run"; give one file')
+    if len(files) > 1 and table.get("same_inputs", False):
+        raise DataError(f"{where}: {ONE_RUN}")
     if "roles" in table and (kind != "run" or not isinstance(table["roles"], str)):
         raise DataError(f'{where}: roles names the roles file of a run\'s own file; it is for kind = "run"')
-    return kind, table["file"]
+    return kind, files
 
 
 def _context(table: Any, source: str) -> dict[str, Any]:

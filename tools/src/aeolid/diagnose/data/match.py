@@ -1,4 +1,4 @@
-"""Bring a simulator's run and the recordings to the same channels and the same sample time."""
+"""Bring a simulator's runs and the recordings to the same channels and the same sample time."""
 
 from __future__ import annotations
 
@@ -11,26 +11,32 @@ from aeolid.record import Record
 _SAME = 1e-6  # of a ratio of sample times, within which it is a whole number
 
 
-def matched(records: Sequence[Record], run: Record) -> tuple[tuple[Record, ...], Record]:
-    """Return recordings and run with the channels that both have, by name, in the recordings' order, at one step.
+def matched(records: Sequence[Record], runs: Sequence[Record]) -> tuple[tuple[Record, ...], tuple[Record, ...]]:
+    """Return recordings and runs with the channels that all have, by name, in the recordings' order, at one step.
 
-    The side with the shorter sample time keeps the samples at the other's; nothing is averaged, since a logger picks
+    Sides with a shorter sample time keep the samples at the longest one; nothing is averaged, since a logger picks
     samples, too. Outputs and channels that only describe (azimuth, wind) may be missing on either side and are left
     out of both. Raises DataError where an input is missing, no output is left, or one sample time is no multiple of the
     other.
     """
     first = records[0]
-    there = {c.name: c for c in run.channels}
-    for channel in first.of("input"):
-        if channel.name not in there:
+    names = [c.name for c in first.channels]
+    for run in runs:
+        there = {c.name: c for c in run.channels}
+        for channel in first.of("input"):
+            if channel.name not in there:
+                raise DataError(
+                    f"{run.source}: no channel {channel.name!r}, an input of {first.source}; its roles file must name"
+                    " it"
+                )
+        roles = {c.name: c.role for c in first.channels}
+        names = [n for n in names if n in there and there[n].role == roles[n]]
+        if not any(there[n].role == "output" for n in names):
             raise DataError(
-                f"{run.source}: no channel {channel.name!r}, an input of {first.source}; its roles file must name it"
+                f"{run.source}: no output of {first.source} is among its channels; names pair the two files"
             )
-    names = [c.name for c in first.channels if c.name in there and there[c.name].role == c.role]
-    if not any(there[n].role == "output" for n in names):
-        raise DataError(f"{run.source}: no output of {first.source} is among its channels; names pair the two files")
-    step = max(run.sample_time_s, first.sample_time_s)
-    return tuple(_brought(r, names, step) for r in records), _brought(run, names, step)
+    step = max(r.sample_time_s for r in (*runs, first))
+    return tuple(_brought(r, names, step) for r in records), tuple(_brought(r, names, step) for r in runs)
 
 
 def _brought(record: Record, names: Sequence[str], step: float) -> Record:

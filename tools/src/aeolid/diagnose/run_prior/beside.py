@@ -79,7 +79,7 @@ def without(pair: Pair, hidden: Collection[str]) -> Pair | None:
     if not columns:
         return None
     left = sorted([*kept, *(j for s in sets for j in s)])
-    held = len(pair.inputs) * pair.stride
+    held = pair.held
     chosen_columns = np.r_[np.arange(held), held + np.array(columns)]
 
     def side(s: Side) -> Side:
@@ -89,5 +89,5 @@ def without(pair: Pair, hidden: Collection[str]) -> Pair | None:
         pair, outputs=tuple(pair.outputs[j] for j in left), shown=tuple(pair.shown[k] for k in columns),
         recordings=tuple(map(side, pair.recordings)), runs=tuple(map(side, pair.runs)),
         blades=tuple(tuple(left.index(j) for j in s) for s in sets),
-        offset=pair.offset[chosen_columns], scale=pair.scale[chosen_columns],
+        offset=pair.offset[:, chosen_columns], scale=pair.scale[chosen_columns],
     )  # fmt: skip

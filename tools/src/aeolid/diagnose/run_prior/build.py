@@ -12,6 +12,7 @@ from scipy.signal import welch
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame, side_of
+from aeolid.diagnose.run_prior.regions import in_regions
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode
@@ -31,6 +32,8 @@ _FEWEST = 600  # blocks of the shortest side
 def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any]) -> Pair:
     """Return recordings and runs as windows see them; channels are those of the first recording's roles.
 
+    Runs in other conditions (wind speeds) make regions, and each recording belongs to the nearest one.
+
     Raises NotIdentifiable where a side is too short for the windows.
     """
     first = records[0]
@@ -40,24 +43,43 @@ def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[
     dropped = {n for _, names in sets for n in names}
     shown = tuple(n for n in outputs if n not in dropped)
     shown += tuple(f"{stem}_{part}" for stem, _ in sets for part in ("collective", "cosine", "sine"))
-    recorded, simulated = (tuple(side_of(r, inputs, outputs, context) for r in group) for group in (records, runs))
+    known = _disturbances(records, runs)
+    recorded, simulated = (
+        tuple(side_of(r, inputs, outputs, context, known) for r in group) for group in (records, runs)
+    )
+    recorded, simulated = in_regions(recorded, simulated)
     step = first.sample_time_s
-    bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros(1), np.ones(1))
+    bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros((1, 1)), np.ones(1), known)
     stride, past = _window(window_s(bare, context), step, min(map(len, (*recorded, *simulated))))
-    z = np.vstack([_unscaled(replace(bare, stride=stride), s) for s in simulated])
-    scale = z.std(axis=0)
-    for name, size in zip(_names(bare, stride), scale, strict=True):
-        if not size > 1e-12 * (1 + abs(z.mean())):
-            raise NotIdentifiable(f"{runs[0].source}: {name} never changes in the simulation; leave the channel out")
-    return replace(bare, stride=stride, past=past, offset=z.mean(axis=0), scale=scale)
+    return _scaled(replace(bare, stride=stride, past=past), runs[0].source)
 
 
-def _names(pair: Pair, stride: int) -> list[str]:
-    return [n for _ in range(stride) for n in pair.inputs] + list(pair.shown)
+def _scaled(bare: Pair, source: str) -> Pair:
+    """Return the pair with the runs' mean in each region and their deviations about these."""
+    regions = [[s for s in bare.runs if s.region == k] for k in range(1 + max(s.region for s in bare.runs))]
+    blocks = [np.vstack([bare.blocks(s, s.u, s.y) for s in sides]) for sides in regions]
+    offset = np.stack([z.mean(axis=0) for z in blocks])
+    scale = np.vstack([z - mean for z, mean in zip(blocks, offset, strict=True)]).std(axis=0)
+    for k, (name, size) in enumerate(zip(_names(bare), scale, strict=True)):
+        if not size > 1e-12 * (1 + float(np.abs(offset[:, k]).max())):
+            raise NotIdentifiable(f"{source}: {name} never changes in the simulation; leave the channel out")
+    return replace(bare, offset=offset, scale=scale)
 
 
-def _unscaled(pair: Pair, side: Side) -> Array:
-    return pair._blocks(side.u, side.y, side.azimuth)
+def _disturbances(records: Sequence[Record], runs: Sequence[Record]) -> tuple[str, ...]:
+    """Return the disturbances that both sides have and that change in all of them: wind, waves."""
+    sides = (*records, *runs)
+
+    def moves(r: Record, name: str) -> bool:
+        values = r.column(name)
+        return bool(np.isfinite(values).any() and np.nanmax(values) > np.nanmin(values))
+
+    common = [n for n in records[0].names("disturbance") if all(n in r.names("disturbance") for r in sides)]
+    return tuple(n for n in common if all(moves(r, n) for r in sides))
+
+
+def _names(pair: Pair) -> list[str]:
+    return [n for _ in range(pair.stride) for n in pair.inputs] + [*pair.disturbances, *pair.shown]
 
 
 def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:

@@ -176,11 +176,11 @@ def _finite(value: float) -> float | None:
 
 
 def conclude_run(
-    case: Case, run: Record, folder: Path, findings: Sequence[Finding], progress: Progress, deadline: Deadline
+    case: Case, folder: Path, findings: Sequence[Finding], progress: Progress, deadline: Deadline
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Diagnose a case whose baseline is a simulator's run and write its files; returns diagnosis and evidence."""
+    """Diagnose a case of one or several runs of a simulator and write its files; returns diagnosis and evidence."""
     begun = time.perf_counter()
-    study = study_run(case.records, [run], case.context, progress, deadline)
+    study = study_run(case.records, case.runs, case.context, progress, deadline)
     units = {c.name: c.unit for c in case.records[0].channels}
     diagnosis = diagnosis_of(study, case.title, units)
     progress("corrected model", 0.94)
@@ -188,7 +188,7 @@ def conclude_run(
     sets = blade_sets(case.records[0], case.context)
     claimed = study.told if diagnosis["effects"] else ()
     explanation = study.explanation if diagnosis["effects"] else _without(study.explanation)
-    model = corrected_model(study.pair, explanation, claimed, case.records, [run], sets)
+    model = corrected_model(study.pair, explanation, claimed, case.records, case.runs, sets)
     wild = diverging(model, case.records)
     evidence = evidence_of(study, case.title, findings)
     evidence["timing_s"] = {"in all": round(time.perf_counter() - begun, 3)}

@@ -6,6 +6,8 @@ says nothing. With Σ at its best value the log evidence is
 
   −n/2 log|S/n| − l/2 (log|G + w G_run| − log|w G_run|),
   S = Y Yᵀ + w Θ_run G_run Θ_runᵀ − X (G + w G_run)⁻¹ Xᵀ, X = Y Zᵀ + w Θ_run G_run.
+
+Several regions of operation (wind speeds) have a predictor each and one weight: their evidence adds up.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, cholesky, solve_triangular
 
-from aeolid.diagnose.run_prior.grams import Gram
+from aeolid.diagnose.run_prior.grams import Gram, Moments
 
 Array = NDArray[np.float64]
 WEIGHTS = 10.0 ** (-0.5 * np.arange(9) + 0.5)  # of the run's windows: 3.16 … 3.2e-4
@@ -29,7 +31,7 @@ FREE_EXTRA = 1e-2  # precision of what a hypothesis adds: free
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Hold what a run says: precision (q, q) of its windows with its mean (q, l), and log|precision|."""
+    """Hold what a run says of one region: precision (q, q) of its windows with its mean (q, l), and log|precision|."""
 
     precision: Array
     pull: Array  # precision @ mean
@@ -51,8 +53,15 @@ class Evidence:
     covariance: Array
 
 
-def prior_of(run: Gram, shrinkage: Array) -> Prior:
-    """Return the prior that the windows of a run give, its own regression shrunk by `shrinkage` (q − 1,)."""
+Priors = tuple[Prior, ...]  # by region
+
+
+def prior_of(run: Moments, shrinkage: Array) -> Priors:
+    """Return by region the prior that a run's windows give, its own regression shrunk by `shrinkage` (q − 1,)."""
+    return tuple(_prior(g, shrinkage) for g in run.regions)
+
+
+def _prior(run: Gram, shrinkage: Array) -> Prior:
     k = len(shrinkage)  # the constant stands last; its mean is known, its precision is not the run's
     precision = run.Z.copy()
     precision[np.arange(k), np.arange(k)] += shrinkage
@@ -62,16 +71,16 @@ def prior_of(run: Gram, shrinkage: Array) -> Prior:
     return Prior(core, np.vstack([core @ mean[:k], FREE_MEAN * mean[k:]]), mean[:k].T @ core @ mean[:k], _log_det(core))
 
 
-def shrinkage_of(run: Gram, past: int, channels: int) -> Array:
+def shrinkage_of(run: Moments, past: int, channels: int) -> Array:
     """Return the ridge (q − 1,) that makes the run's own windows most likely.
 
     κ exp(2 i/τ) for a coefficient of lag i, in windows of unit variance: what is long ago matters less, so that the
     coefficients decay. κ and τ are those of most evidence on a grid.
     """
-    now = len(run.Z) - 1 - past * channels
+    now = len(run.regions[0].Z) - 1 - past * channels
     lags = np.concatenate([np.repeat(np.arange(1.0, past + 1), channels), np.zeros(now)])
     ridges = [10.0**k * np.exp(np.minimum(2 * lags / tau, _STEEPEST)) for tau in _MEMORIES for k in _RIDGES]
-    found: Array = max(ridges, key=lambda ridge: _own_evidence(run, ridge))
+    found: Array = max(ridges, key=lambda ridge: sum(_own_evidence(g, ridge) for g in run.regions))
     return found
 
 
@@ -91,7 +100,7 @@ def _own_evidence(run: Gram, ridge: Array) -> float:
     return float(-0.5 * run.count * log_s - 0.5 * outputs * (2 * np.log(np.diag(c)).sum() - np.log(ridge).sum()))
 
 
-def evidence(prior: Prior, recording: Gram, start: float | None = None) -> Evidence:
+def evidence(prior: Priors, recording: Moments, start: float | None = None) -> Evidence:
     """Return the evidence at the weight that is most likely, found on the grid of WEIGHTS.
 
     start: a weight to begin at; the search then climbs from there (two to four evaluations instead of nine).
@@ -116,22 +125,28 @@ def evidence(prior: Prior, recording: Gram, start: float | None = None) -> Evide
     return Evidence(at(best), float(WEIGHTS[best]), known[best][1])
 
 
-def lost_by(prior: Prior, recording: Gram, best: Evidence) -> float:
+def lost_by(prior: Priors, recording: Moments, best: Evidence) -> float:
     """Return the nats that a recording loses against its best weight when the run counts fully, or more than that."""
     return best.nats - max(evidence_at(prior, recording, float(w)) for w in WEIGHTS if w >= 1.0)
 
 
-def evidence_at(prior: Prior, recording: Gram, weight: float) -> float:
+def evidence_at(prior: Priors, recording: Moments, weight: float) -> float:
     """Return the log evidence in nats at a weight of the run."""
     return _at(prior, recording, weight)[0]
 
 
-def covariance_at(prior: Prior, recording: Gram, weight: float) -> Array:
+def covariance_at(prior: Priors, recording: Moments, weight: float) -> Array:
     """Return the innovations' covariance (l, l) at a weight of the run."""
     return _at(prior, recording, weight)[1]
 
 
-def _at(prior: Prior, G: Gram, w: float) -> tuple[float, Array]:
+def _at(priors: Priors, recording: Moments, w: float) -> tuple[float, Array]:
+    found = [_of_region(p, g, w) for p, g in zip(priors, recording.regions, strict=True)]
+    mean: Array = np.sum([g.count * c for g, (_, c) in zip(recording.regions, found, strict=True)], axis=0)
+    return sum(nats for nats, _ in found), mean / recording.count
+
+
+def _of_region(prior: Prior, G: Gram, w: float) -> tuple[float, Array]:
     k, q, outputs = prior.size, len(G.Z), G.ZY.shape[1]
     H, b = _precision(prior, G, w), _pulled(prior, G, w)
     try:
@@ -149,10 +164,10 @@ def _at(prior: Prior, G: Gram, w: float) -> tuple[float, Array]:
     return float(-0.5 * G.count * log_s - 0.5 * outputs * (2 * half - prior_det)), S / G.count
 
 
-def posterior(prior: Prior, G: Gram, w: float) -> Array:
-    """Return the coefficients (q, l) of most posterior density at a weight of the run."""
-    out: Array = cho_solve(cho_factor(_precision(prior, G, w), lower=True), _pulled(prior, G, w))
-    return out
+def posterior(priors: Priors, recording: Moments, w: float) -> tuple[Array, ...]:
+    """Return by region the coefficients (q, l) of most posterior density at a weight of the run."""
+    both = zip(priors, recording.regions, strict=True)
+    return tuple(cho_solve(cho_factor(_precision(p, g, w), lower=True), _pulled(p, g, w)) for p, g in both)
 
 
 def _precision(prior: Prior, G: Gram, w: float) -> Array:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,22 @@ class Gram:
     def __add__(self, other: Gram) -> Gram:
         """Return the moments of both sets of windows."""
         return Gram(self.Z + other.Z, self.ZY + other.ZY, self.YY + other.YY, self.count + other.count, self.extra)
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Hold the moments of windows by region of operation: each region has a predictor of its own."""
+
+    regions: tuple[Gram, ...]
+
+    @property
+    def count(self) -> int:
+        """Return how many windows there are in all."""
+        return sum(g.count for g in self.regions)
+
+    def __add__(self, other: Moments) -> Moments:
+        """Return the moments of both sets of windows, region by region."""
+        return Moments(tuple(a + b for a, b in zip(self.regions, other.regions, strict=True)))
 
 
 def lagged_gram(z: Array, past: int, inputs: int, extra: Array | None = None) -> Gram:
@@ -78,9 +95,12 @@ def with_noise(gram: Gram, deviation: float) -> Gram:
     return Gram(Z, gram.ZY, gram.YY + power * np.eye(len(gram.YY)), gram.count, gram.extra)
 
 
-def total(grams: Sequence[Gram]) -> Gram:
+_M = TypeVar("_M", Gram, Moments)
+
+
+def total(moments: Sequence[_M]) -> _M:
     """Return the moments of all windows together."""
-    result = grams[0]
-    for gram in grams[1:]:
-        result = result + gram
+    result = moments[0]
+    for more in moments[1:]:
+        result = result + more
     return result

@@ -139,7 +139,7 @@ def _alike(a: Mode, b: Mode) -> bool:
 
 
 def _slowed(pair: Pair, sides: Sequence[Side], stride: int) -> list[Record]:
-    """Return means over blocks of inputs and of outputs in the fixed frame."""
+    """Return means over blocks of inputs and of outputs in the fixed frame, of several regions about each one's own."""
     roles = [("input", n) for n in pair.inputs] + [("output", n) for n in pair.shown]
     channels = tuple(Channel(n, "", role) for role, n in roles)
     step, records = pair.step * stride, []
@@ -147,6 +147,8 @@ def _slowed(pair: Pair, sides: Sequence[Side], stride: int) -> list[Record]:
         y = fixed_frame(side.y, side.azimuth, pair.blades)
         n = len(y) // stride
         values = np.hstack([side.u, y])[: n * stride].reshape(n, stride, -1).mean(axis=1)
+        if len(pair.offset) > 1:
+            values -= values.mean(axis=0)
         values[side.missing[: n * stride].reshape(n, stride).any(axis=1)] = np.nan
         records.append(Record(np.arange(n, dtype=np.float64) * step, values, channels, step, side.source, ""))
     return records

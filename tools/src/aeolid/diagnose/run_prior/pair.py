@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.run_prior.grams import Gram, lagged_gram, total, with_noise
+from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise
 from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
@@ -31,7 +31,8 @@ _SHORTEST = 10  # windows of a stretch without a missing sample
 class Side:
     """Hold one recording or run: u (N, r), y (N, l), azimuth (N,) in rad or None, where samples are missing, source.
 
-    turned (N,): the angle in rad that the rotor has turned by, from anywhere, or None.
+    turned (N,): the angle in rad that the rotor has turned by, from anywhere, or None; d (N, k): recorded
+    disturbances, None for none; region: place of its region of operation.
     """
 
     u: Array
@@ -41,6 +42,8 @@ class Side:
     step: float
     source: str
     turned: Array | None = None
+    d: Array | None = None
+    region: int = 0
 
     def __len__(self) -> int:
         return len(self.u)
@@ -99,7 +102,9 @@ class Pair:
     """Hold recordings and runs as windows see them.
 
     inputs, outputs: names as recorded; shown: names of the outputs in the fixed frame; stride: samples a block; past:
-    blocks a window; blades: places of each set of blade outputs; offset, scale (m,): of the runs.
+    blocks a window; blades: places of each set of blade outputs; offset (regions, m), scale (m,): of the
+    runs; disturbances: names of what is recorded of wind and waves on both sides, block means of which are regressors
+    that nothing changes.
     """
 
     inputs: tuple[str, ...]
@@ -113,6 +118,12 @@ class Pair:
     blades: tuple[tuple[int, ...], ...]
     offset: Array
     scale: Array
+    disturbances: tuple[str, ...] = ()
+
+    @property
+    def held(self) -> int:
+        """Return how many columns of a block are no outputs: all samples of the inputs, means of the disturbances."""
+        return len(self.inputs) * self.stride + len(self.disturbances)
 
     @property
     def block_s(self) -> float:
@@ -126,37 +137,50 @@ class Pair:
 
     def regressors(self) -> int:
         """Return how many regressors a window has, the constant included."""
-        held = len(self.inputs) * self.stride
-        return self.past * (held + len(self.shown)) + held + 1
+        return self.past * (self.held + len(self.shown)) + self.held + 1
 
-    def of_recordings(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
+    def of_recordings(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Moments:
         """Return the moments of the recordings' windows that end in a part of each, 0 … 1, with a change of them."""
-        return total([self._moments(s, replace(change, outputs={}, runs=None), first, last) for s in self.recordings])
+        return self._of(self.recordings, replace(change, outputs={}, runs=None), first, last)
 
-    def of_runs(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Gram:
+    def of_runs(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Moments:
         """Return the moments of the runs' windows that end in a part of each, with what a change does to them."""
-        return total([self._moments(s, replace(change, inputs={}, extra=None), first, last) for s in self.runs])
+        return self._of(self.runs, replace(change, inputs={}, extra=None), first, last)
 
-    def of_runs_changed(self, change: Change, first: float, last: float) -> Gram:
+    def of_runs_changed(self, change: Change, first: float, last: float) -> Moments:
         """Return the moments of the runs' windows when a change acts on them as it does on recordings."""
-        return total([self._moments(s, change, first, last) for s in self.runs])
+        return self._of(self.runs, change, first, last)
+
+    def _of(self, sides: Sequence[Side], change: Change, first: float, last: float) -> Moments:
+        found: list[list[Gram]] = [[] for _ in self.offset]
+        for s in sides:
+            found[s.region].append(self._moments(s, change, first, last))
+        return Moments(tuple(map(total, found)))
+
+    def scaled(self, side: Side, blocks: Array) -> Array:
+        """Return blocks of a side about the runs' means in its region, in the runs' deviations."""
+        out: Array = (blocks - self.offset[side.region]) / self.scale
+        return out
 
     def predicted(self, side: Side, change: Change, theta: Array, first: float) -> tuple[Array, Array, Array]:
-        """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units."""
-        z = (self._blocks(_changed(side.u, change.inputs, side.step), side.y, side.azimuth) - self.offset) / self.scale
+        """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units.
+
+        theta (q, l): coefficients of the recording's region.
+        """
+        z = self.scaled(side, self.blocks(side, _changed(side.u, change.inputs, side.step), side.y))
         start = max(round(first * len(z)), self.past)
-        held = len(self.inputs) * self.stride
+        held = self.held
         k = np.arange(start, len(z))
         rows = [z[k - i] for i in range(1, self.past + 1)] + [z[k][:, :held], np.ones((len(k), 1))]
         if change.extra is not None:
             rows.append(_before(_in_blocks(change.extra(side), self.stride)[:, -1])[k])
-        scale, offset = self.scale[held:], self.offset[held:]
+        scale, offset = self.scale[held:], self.offset[side.region][held:]
         time_s = np.asarray(k * self.block_s, dtype=np.float64)
         return time_s, z[k][:, held:] * scale + offset, np.hstack(rows) @ theta * scale + offset
 
     def _moments(self, side: Side, change: Change, first: float, last: float) -> Gram:
         u, y = _changed(side.u, change.inputs, side.step), _changed(side.y, change.outputs, side.step)
-        z = (self._blocks(u, y, side.azimuth) - self.offset) / self.scale
+        z = self.scaled(side, self.blocks(side, u, y))
         if change.runs is not None:
             z[:, -len(self.shown) :] += change.runs(side) / self.scale[-len(self.shown) :]
         n = len(z)
@@ -168,7 +192,7 @@ class Pair:
         for a, b in stretches(missing[start:stop], self.past + _SHORTEST):
             rows = slice(start + a, start + b)
             more = None if added is None else _before(added)[rows]
-            parts.append(lagged_gram(z[rows], self.past, len(self.inputs) * self.stride, more))
+            parts.append(lagged_gram(z[rows], self.past, self.held, more))
         if not parts:
             raise NotIdentifiable(
                 f"{side.source}: no stretch of {self.past + _SHORTEST} blocks of {self.block_s:g} s without a missing"
@@ -176,11 +200,15 @@ class Pair:
             )
         return with_noise(total(parts), NOISE)
 
-    def _blocks(self, u: Array, y: Array, azimuth: Array | None) -> Array:
-        """Return blocks (n, r q + l): all samples of the inputs, mean of the outputs in the fixed frame."""
+    def blocks(self, side: Side, u: Array, y: Array) -> Array:
+        """Return blocks (n, r q + k + l) of a side with other inputs u and outputs y.
+
+        All samples of the inputs, means of the disturbances, means of the outputs in the fixed frame.
+        """
         held = _in_blocks(u, self.stride)
-        mean = _in_blocks(fixed_frame(y, azimuth, self.blades), self.stride).mean(axis=1)
-        return np.hstack([held.reshape(len(held), -1), mean])
+        mean = _in_blocks(fixed_frame(y, side.azimuth, self.blades), self.stride).mean(axis=1)
+        known = [] if side.d is None else [_in_blocks(side.d, self.stride).mean(axis=1)]
+        return np.hstack([held.reshape(len(held), -1), *known, mean])
 
 
 def _before(added: Array) -> Array:
@@ -227,10 +255,13 @@ def fixed_frame(y: Array, azimuth: Array | None, blades: Sequence[Sequence[int]]
     return np.hstack(columns)
 
 
-def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str], context: Mapping[str, Any]) -> Side:
+def side_of(
+    record: Record, inputs: Sequence[str], outputs: Sequence[str], context: Mapping[str, Any],
+    disturbances: Sequence[str] = (),
+) -> Side:  # fmt: skip
     """Return a recording's channels with missing samples filled in for the filters' sake and marked."""
-    u, y = record.columns(inputs), record.columns(outputs)
-    missing: Mask = ~np.all(np.isfinite(np.hstack([u, y])), axis=1)
+    u, y, d = (record.columns(names) for names in (inputs, outputs, disturbances))
+    missing: Mask = ~np.all(np.isfinite(np.hstack([u, d, y])), axis=1)
     angle = record.names("azimuth")
     azimuth = None
     if angle:
@@ -239,7 +270,8 @@ def side_of(record: Record, inputs: Sequence[str], outputs: Sequence[str], conte
         missing |= ~np.isfinite(values)
         azimuth = np.nan_to_num(values) * turns
     angle_turned = azimuth if azimuth is not None else turned(record, context)
-    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned)
+    known = _filled(d) if disturbances else None
+    return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned, known)
 
 
 def _filled(values: Array) -> Array:

@@ -67,12 +67,12 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
 
 @dataclass(frozen=True, eq=False)
 class _Foretold:
-    """Hold by block of the sealed part the nats; squared errors and spread of each output; the coefficients."""
+    """Hold by block of the sealed part the nats; squared errors and spread of each output; coefficients by region."""
 
     nats: Array
     square: Array
     spread: Array
-    theta: Array
+    theta: tuple[Array, ...]
 
     def errors(self, pair: Pair) -> dict[str, float]:
         """Return one-step errors in standard deviations of each output."""
@@ -86,9 +86,10 @@ def _foretold(pair: Pair, change: Change, ridge: Array, edges: Array, weight: fl
     parts = [pair.of_recordings(change, float(a), float(b)) for a, b in pairwise(edges)]
     theta = posterior(prior, known, weight)
     sealed = total(parts)
-    square = np.diag(sealed.YY - 2 * theta.T @ sealed.ZY + theta.T @ sealed.Z @ theta)
-    mean = sealed.ZY[prior.size] / sealed.count
-    spread = np.diag(sealed.YY) - sealed.count * mean**2
+    square, spread = np.zeros(len(pair.shown)), np.zeros(len(pair.shown))
+    for p, g, t in zip(prior, sealed.regions, theta, strict=True):
+        square += np.diag(g.YY - 2 * t.T @ g.ZY + t.T @ g.Z @ t)
+        spread += np.diag(g.YY) - g.ZY[p.size] ** 2 / g.count
     nats = []
     for part in parts:
         nats.append(evidence_at(prior, known + part, weight) - evidence_at(prior, known, weight))
@@ -99,8 +100,9 @@ def _foretold(pair: Pair, change: Change, ridge: Array, edges: Array, weight: fl
 def _series(pair: Pair, bare: _Foretold, full: _Foretold, change: Change) -> dict[str, dict[str, object]]:
     """Return measured outputs and one-step predictions before and after over the sealed part of the last recording."""
     found: dict[str, dict[str, object]] = {}
-    time_s, measured, before = pair.predicted(pair.recordings[-1], NOTHING, bare.theta, FIT)
-    after = pair.predicted(pair.recordings[-1], change, full.theta, FIT)[2]
+    last = pair.recordings[-1]
+    time_s, measured, before = pair.predicted(last, NOTHING, bare.theta[last.region], FIT)
+    after = pair.predicted(last, change, full.theta[last.region], FIT)[2]
     for j, name in enumerate(pair.shown):
         columns = {"measured": measured, "before": before, "after": after}
         found[name] = {"time_s": time_s.tolist()} | {k: v[:, j].tolist() for k, v in columns.items()}

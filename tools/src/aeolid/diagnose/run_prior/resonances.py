@@ -30,6 +30,7 @@ _PITCH = r"pitch|blpit|beta"
 _BELOW = 2.9  # revolutions at rated speed, below which a tower of three blades swings
 _RATIOS = (0.8, 0.9, 0.95, 1.05, 1.1, 1.2)  # of frequencies that are tried
 _DAMPED = 0.15  # most damping of a mode that may move
+_LOOSE = 0.3  # damping from which the model of another rate does not hold the mode
 _SURE = 0.03  # relative deviation of its frequency
 _GROWN = 0.2  # of the most by which an output's errors grow: the output that shows a mode most, for it to have moved
 _SPEEDS = ("rpm", "1/min", "rad/s", "deg/s", "m/s")
@@ -48,7 +49,9 @@ def resonances(
     if runs is not None:
         model, records = runs
         swings = {s.eigenvalue: (s, _strongest(m)) for m in movable for s in [swing_of(model, records, pair.runs, m)]}
-        found += [_move(pair, s, entry, name, units) for s, name in swings.values() for entry in MOVED]
+        found += [
+            _move(pair, s, entry, name, units) for s, name in swings.values() if s.damping < _LOOSE for entry in MOVED
+        ]
     return found + (_towers(pair, context.get("rated_speed_rad_s")) if is_turbine(context) else [])
 
 

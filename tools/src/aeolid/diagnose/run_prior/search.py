@@ -49,7 +49,7 @@ class Search:
         """Form the moments of run and recordings and the evidence without a hypothesis."""
         self.pair, self.found, self.last = pair, found, last
         whole = pair.of_runs(found)
-        channels = len(pair.inputs) * pair.stride + len(pair.shown)
+        channels = pair.held + len(pair.shown)
         self.ridge = shrinkage_of(whole, pair.past, channels)
         self.prior = prior_of(whole, self.ridge)
         self.recorded = pair.of_recordings(found, 0.0, last)
