@@ -250,6 +250,13 @@ BAD: dict[str, tuple[Callable[[Path], None], int, list[str]]] = {
     "no files": (edit("case.toml", '["recording.csv"]', "[]"), 3, ["[recordings]", "files"]),
     "no roles key": (edit("case.toml", 'roles = "roles.toml"\n', ""), 3, ["[recordings]", "roles"]),
     "recordings no table": (edit("case.toml", "[recordings]\n", "recordings = 1\n[case.x]\n"), 3, ["case.toml"]),
+    "file and files": (edit("case.toml", 'file = "model.toml"', 'file = "model.toml"\nfiles = ["a"]'), 3, ["files ="]),
+    "several models": (edit("case.toml", 'file = "model.toml"', 'files = ["a", "b"]'), 3, ['kind = "run"']),
+    "runs with the recorded inputs": (
+        edit("case.toml", 'kind = "equations"\nfile = "model.toml"',
+             'kind = "run"\nsame_inputs = true\nfiles = ["a", "b"]'), 3, ["give one file"],
+    ),
+    "no names of files": (edit("case.toml", 'file = "model.toml"', "files = [1]"), 3, ["texts"]),
     "no baseline": (edit("case.toml", '[baseline]\nkind = "equations"\nfile = "model.toml"\n', ""), 3, ["[baseline]"]),
     "no kind": (edit("case.toml", 'kind = "equations"\n', ""), 3, ["kind"]),
     "unknown kind": (edit("case.toml", '"equations"', '"guess"'), 3, ["'guess'"]),
