@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +14,9 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
-from aeolid.diagnose.candidates.settle_sampling import choice_of, settle
+from aeolid.diagnose.candidates.settle_sampling import Choice, choice_of, settle
 from aeolid.diagnose.data.case import load_case
-from aeolid.diagnose.data.intersample import sampling_findings, traits_of
+from aeolid.diagnose.data.intersample import Sampling, sampling_findings, traits_of
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
@@ -79,6 +80,16 @@ def test_a_command_as_it_is_stays_as_it_is(tmp_path: Path) -> None:
 def test_a_command_late_by_part_of_a_sample_is_physics(tmp_path: Path) -> None:
     """That is what a lag or a dead time does, and the catalogue names both."""
     assert stage(tmp_path, rows("held", -0.5))[1] is None
+
+
+@pytest.mark.parametrize("late", [0.0, 0.5, 1.0])
+def test_a_command_beside_a_measured_input_is_never_late(late: float) -> None:
+    """One offset holds for all inputs: 0.105 s at 10 Hz beside a recorded speed was a steering drive's lag."""
+    both = Choice(("speed", "command"), any_offset=True, whole=False)
+    mixed = Sampling((("speed", "foh"), ("command", "zoh")), 1.05 * late * STEP, free=True)
+    smooth = replace(mixed, holds=(("speed", "foh"), ("command", "foh")))
+    assert both.allows(mixed, STEP) is (late == 0.0)
+    assert both.allows(smooth, STEP)
 
 
 def test_feedback_lets_no_output_be_foretold_from_itself(tmp_path: Path) -> None:

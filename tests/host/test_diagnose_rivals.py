@@ -144,6 +144,25 @@ def test_a_filter_that_rings_where_a_blade_bends_is_the_blade(damping: float, ou
     assert leading([sensor, bending]).attachments[0].entry.startswith(first)
 
 
+@pytest.mark.parametrize(
+    ("damping", "ahead", "first"),
+    [
+        ((0.97, 0.27), 1.5, "actuator_lag"),  # it may be damped critically, and three nats are no odds of 20 to 1
+        ((0.6, 0.1), 1.5, "actuator_second_order"),  # it rings
+        ((0.97, 0.27), 30.0, "actuator_second_order"),  # two lags in a row, which one does not do
+    ],
+)  # fmt: skip
+def test_a_drive_that_shows_no_more_than_a_lag_is_one(damping: Any, ahead: float, first: str) -> None:
+    def drive(entry: str, gain: float, **more: Any) -> Any:
+        own = SimpleNamespace(entry=entry, key=entry, location={"entry": "input:u", "outputs": ()})
+        facts = {"attachments": (own,), "values": {entry: {"damping": damping}}}
+        return SimpleNamespace(**vars(candidate(gain, 10.0)) | facts | more)
+
+    lag = drive("actuator_lag", 60.0)
+    drives = [drive("actuator_second_order", 60.0 + ahead, parameters=2), lag]
+    assert leading(drives).attachments[0].entry == first
+
+
 def test_leading_takes_ten_nats_and_some_on_the_selection_data() -> None:
     assert leads(candidate(80.0, 25.0), WINNER) and not leads(candidate(66.0, 21.0), WINNER)
     assert not leads(candidate(90.0, 15.0), WINNER)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from aeolid.diagnose.hypotheses.parts.base import Site
 from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.structure.anatomy import Motion
-from aeolid.diagnose.structure.signals import motions_of_signals, static_outputs
+from aeolid.diagnose.structure.signals import balances_forces, motions_of_signals, static_outputs
 from aeolid.models import equations_file
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
@@ -116,6 +117,27 @@ def test_two_positions_have_a_difference(tmp_path: Path) -> None:
     assert [m.location for m in found] == ["motion:upper", "motion:lower", "motion:upper-lower"]
     assert found[2].position_size == pytest.approx(np.std(a - b))
     assert found[2].velocity_size == pytest.approx(np.std(va - vb), rel=0.02)
+
+
+FORCES = (
+    ("load", "N"), ("load", "kip"), ("moment", "N m"), ("moment", "lbf·ft"), ("nacelle", "m/s²"), ("nacelle", "m/s2"),
+    ("arm", "rad/s**2"), ("y", ""), ("acceleration", "1"), ("current", "A"), ("drive", "V"), ("pitch_moment", "-"),
+)  # fmt: skip
+OTHERS = (
+    ("yaw_rate", "rad/s"), ("flap", "deg"), ("T1", "degC"), ("speed", "1"), ("yaw_rate", ""), ("power", "kW"),
+    ("load_position", "V"), ("level", "V"), ("flow", "%"), ("gap", "mm"),
+)  # fmt: skip
+
+
+def test_only_a_balance_of_forces_has_springs_and_friction(tmp_path: Path) -> None:
+    """A rate, a position, a temperature is no sum of forces: nothing rubs in the equation of a yaw rate."""
+    assert [balances_forces(name, unit) for name, unit in FORCES] == [True] * len(FORCES)
+    assert [balances_forces(name, unit) for name, unit in OTHERS] == [False] * len(OTHERS)
+    q, _ = swing(7)
+    model = law(tmp_path, "k*speed", speed="m/s")
+    assert motions(model, q[:, None], 2 * q)[0]
+    turning = replace(model, outputs=(replace(model.outputs[0], name="yaw_rate", unit="rad/s"),))
+    assert motions(turning, q[:, None], 2 * q) == ((), turning)
 
 
 def rung(u: Array, modes: tuple[tuple[float, float, float], ...], step: float) -> Array:

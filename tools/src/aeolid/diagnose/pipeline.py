@@ -149,8 +149,14 @@ def _evidence(
 def _proven(
     prepared: Prepared, unsealed: Prepared, candidates: Sequence[Candidate], chain: Sequence[Candidate], seed: int
 ) -> tuple[Held, list[Candidate]]:
-    """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted."""
+    """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted.
+
+    A set that the sealed data do not bear out falls back on its first effect: what the folds bear out where the sealed
+    part is silent is one effect, and a further one was not among their choices.
+    """
     held = hold_against(prepared, unsealed, chain, seed)
+    if held.several is not None and held.proof is not None and held.proof.interval[0] <= PROVEN:
+        held = hold_against(prepared, unsealed, chain[:1], seed)
     if prepared.deadline.skips("forms outside the catalogue"):
         return held, []
     form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)

@@ -111,9 +111,9 @@ class Choice:
     def allows(self, sampling: Sampling, step: float) -> bool:
         """Tell whether a fitted offset is still one of these: a command is not late by part of a sample.
 
-        An input that is likeliest to be held is a command, whatever it looks like.
+        An input that is likeliest to be held is a command, whatever it looks like; beside a measured one, too.
         """
-        measured = self.any_offset and any(h != "zoh" for _, h in sampling.holds)
+        measured = self.any_offset and all(h != "zoh" for _, h in sampling.holds)
         return measured or sampling.offset_s <= 0 or abs(sampling.offset_s - step) < _TINY * step
 
 
@@ -158,17 +158,30 @@ def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate
 
 
 def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
-    """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs."""
-    trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
-    best = max((s for s in trials if choice.allows(s, stage.step)), key=lambda s: s.gain, default=None)
-    if best is None or not np.isfinite(best.gain):
+    """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs.
+
+    Where the best has a command that comes late, the question is asked once more without late offsets.
+    """
+    best = _best(stage, choice)
+    if best is not None and not choice.allows(best, stage.step) and choice.any_offset:
+        choice = replace(choice, any_offset=False)
+        best = _best(stage, choice)
+    if best is None:
         return None
-    best = _finished(stage, choice, best)
     price = float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
     if best.offset_s < 0 or best.holds != stage.sampling.holds:
         price += _leak(stage, choice)
     clear = best.gain > price and choice.allows(best, stage.step)
     return best if clear and not _goes_on(stage, best) else None
+
+
+def _best(stage: _Stage, choice: Choice) -> Sampling | None:
+    """Return the best of what may be chosen, fitted further, which may have carried it beyond that."""
+    trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
+    best = max((s for s in trials if choice.allows(s, stage.step)), key=lambda s: s.gain, default=None)
+    if best is None or not np.isfinite(best.gain):
+        return None
+    return _finished(stage, choice, best)
 
 
 def choice_of(case: Case, prepared: Prepared) -> Choice:

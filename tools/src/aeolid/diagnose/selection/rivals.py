@@ -20,6 +20,8 @@ _RARER = 10.0  # times more often a declared value is wrong than the factor of a
 _COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by just so much that it fits
 _FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
 _DAMPED = 0.5  # damping ratio of filters at least; Butterworth's have 0.7
+_CRITICAL = 1.0  # damping ratio from which a filter of second order is two lags
+_LAGS = {("actuator_lag", "actuator_second_order"), ("sensor_lag", "sensor_second_order")}
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
@@ -118,18 +120,33 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
     and sticking with nothing in excess, which were third effects in turn when only the selection data ranked them. A
     form outside the catalogue leads where no entry is left only; one that fits far better takes the entry's name in the
     verdict. Of sets the effects last added are compared. That the structure is right is one claim, whichever declared
-    value is wrong: the best of them stands for all.
+    value is wrong: the best of them stands for all. A second-order drive or filter that nothing tells from the lag at
+    its place, and that may be damped critically, leaves the lead to the lag.
     """
     candidates = [c for c in candidates if not c.unlisted] or candidates
     scores = _taken_together(candidates, standings(candidates))
     order = [*(e.id for e in ENTRIES), unlisted.ID]
-    tied = [c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED]
+    if not candidates:
+        return None
+    best = candidates[int(np.argmax(scores))]
+    tied = [
+        c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED or _is_all_of(c, best)
+    ]  # fmt: skip
 
     def rank(c: Candidate) -> tuple[int, bool, int]:
         last = c.attachments[-1].entry
         return c.parameters, last != "parameter_error", order.index(last)
 
-    return min(tied, key=rank, default=None)
+    return min(tied, key=rank)
+
+
+def _is_all_of(lag: Candidate, filtered: Candidate) -> bool:
+    """Tell whether a first-order lag is all that a second-order one shows: nothing in it has to ring."""
+    own, other = lag.attachments[-1], filtered.attachments[-1]
+    if (own.entry, other.entry) not in _LAGS or own.location["entry"] != other.location["entry"]:
+        return False
+    damping, deviation = filtered.values[other.key]["damping"]
+    return damping + 2 * deviation >= _CRITICAL and not tells_apart(filtered, lag)
 
 
 def standings(candidates: Sequence[Candidate]) -> list[float]:

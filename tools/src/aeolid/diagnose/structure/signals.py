@@ -1,7 +1,11 @@
 """Find where a model without states moves: recorded positions and velocities, and outputs that follow them at once.
 
 A static law (force = c·velocity + k·displacement) has no equation of motion for a friction or a stop to act on; what it
-moves along is recorded. Each output that depends on no state is the force over every such coordinate.
+moves along is recorded. Each output that depends on no state, and that is a balance of forces, is the force over every
+such coordinate. Springs and friction have no meaning in the equation of a rate, a position or a temperature: it is
+kinematics or a sensor's curve, and what it lacks there are lags, delays and curves of its inputs. An output balances
+forces where its unit is one of a force, moment, pressure or acceleration. A unit that does not say (none, a number, the
+volts or amperes of a drive or of a sensor) leaves it to the name: an output called a speed, an angle, a level does not.
 """
 
 from __future__ import annotations
@@ -32,6 +36,36 @@ _WINDOWS = (3, 5, 9, 15, 25)  # rows that a derivative looks at; the first that 
 _QUIET = 0.01  # of the velocity's spread: noise that a derivative may have; whitened, its high frequencies count most
 _CLEAR, _LITTLE = 4.0, 1e-3  # deviations of the noise, and of the position, by which it must come back to have turned
 _THIRD = np.sqrt(20.0)  # spread of white noise's third differences over its own
+_FORCES = {
+    *("N", "kN", "MN", "mN", "lb", "lbf", "klb", "kip", "kips", "kgf", "tf", "dyn", "Pa", "kPa", "MPa", "bar", "psi"),
+    *("m/s^2", "mm/s^2", "cm/s^2", "in/s^2", "ft/s^2", "rad/s^2", "deg/s^2", "g", "mg"),
+    *(
+        "Nm",
+        "kNm",
+        "MNm",
+        "mNm",
+        "Nmm",
+        "Ncm",
+        "kgfm",
+        "lbft",
+        "lbfft",
+        "ftlb",
+        "lbin",
+        "inlb",
+        "kipin",
+        "kipft",
+        "ozin",
+    ),
+}
+_SAYS_NOTHING = {"", "1", "-", "%", "V", "mV", "kV", "A", "mA", "counts", "count", "pu"}
+_MOVEMENT = re.compile(
+    r"displ|posit|deflec|stroke|travel|angle|stretch|twist|elong|veloc|speed|(?<![a-z])(rate|rpm|temp|level|height)",
+    re.IGNORECASE,
+)
+_ELSEWHERE = re.compile(
+    r"flow|power|concentr|humid|(?<![a-z])(yaw|pitch|roll|heading|azimuth|angular)(?![a-z])", re.IGNORECASE
+)
+_FORCE = re.compile(r"force|torque|moment|load|thrust|tension|accel|pressure|stress|reaction", re.IGNORECASE)
 _LABELS = {"N": "force_N", "kN": "force_kN", "Nm": "torque_N_m"}
 
 
@@ -73,6 +107,14 @@ def static_outputs(model: Equations) -> list[int]:
     return found
 
 
+def balances_forces(name: str, unit: str) -> bool:
+    """Tell whether an output is a balance of forces, by its unit or, where that does not say, by its name."""
+    plain = re.sub(r"[\s*·.]", "", unit.replace("**", "^").replace("²", "^2").replace("s2", "s^2"))
+    if plain not in _SAYS_NOTHING:
+        return plain in _FORCES
+    return not _MOVEMENT.search(name) and (bool(_FORCE.search(name)) or not _ELSEWHERE.search(name))
+
+
 def motions_of_signals(
     model: Equations, exogenous: Sequence[Exogenous], segments: Sequence[Segment], units: Mapping[str, str]
 ) -> tuple[tuple[Motion, ...], Equations]:
@@ -80,7 +122,8 @@ def motions_of_signals(
 
     segments: u holds the model's inputs first, then the exogenous channels; units of the channels by name.
     """
-    outputs = static_outputs(model)
+    shown = [(j, model.outputs[j].name, model.outputs[j].unit) for j in static_outputs(model)]
+    outputs = [j for j, name, unit in shown if balances_forces(name, unit or units.get(name, ""))]
     if not outputs:
         return (), model
     found = _coordinates(_channels(model, exogenous, segments, units), segments[0].step)
