@@ -208,7 +208,9 @@ MALFORMED = {
     "overflowing": (HEAD + "0,1,2\n0.1,1,1e400\n0.2,1,2\n", ["'speed'", "infinite", "sample 2"]),
     "no value": (HEAD + "0,,2\n0.1,,2\n0.2,,2\n", ["'pitch'", "no value", "ignore"]),
     "one sample": (HEAD + "0,1,2\n", ["one sample", "sample_time_s"]),
-    "date": (HEAD + "2024-05-01 10:00,1,2\n2024-05-01 10:01,1,2\n", ["'time_s'", "sample 1", "not a number"]),
+    "date": (HEAD + "05/01/2024 10:00,1,2\n05/01/2024 10:01,1,2\n", ["'time_s'", "sample 1", "2024-03-01T12:00"]),
+    "no date": (HEAD + "2024-05-01 10:00,1,2\n2024-05-01 25:01,1,2\n", ["'time_s'", "sample 2 (line 3)", "no date"]),
+    "one zone": (HEAD + "2024-05-01 10:00Z,1,2\n2024-05-01 10:01,1,2\n", ["'time_s'", "sample 2", "no time zone"]),
     "binary": ("time_s,pitch\0,speed\n", ["binary"]),
 }
 

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 from aeolid.display import has_unseen, token
 from aeolid.errors import DataError, UsageError
 from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
+from aeolid.units import rightly
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
+TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 HOLDS = ("zoh", "foh", "band_limited", "auto")  # of a channel that acts: held, straight, smooth, as recordings say
 _ACTING = ("input", "disturbance", "scheduling", "excitation")
 Array = NDArray[np.float64]
@@ -46,12 +48,16 @@ class Roles:
     """Say what each channel of a table is: the content of a roles TOML file.
 
     `sample_time_s` is None where the time column gives it; `time` names the time column, None where there is none.
+    time_unit: of that column, None where the file says it; resample: seconds to which channels of different rates are
+    brought, "auto" for the longest sample time among them, None where they must have one clock.
     """
 
     channels: tuple[Channel, ...]
     sample_time_s: float | None
     time: str | None
     source: str
+    time_unit: str | None = None
+    resample: float | str | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> Roles:
@@ -63,7 +69,7 @@ class Roles:
         source = str(path)
         check_keys(data, {"recording", "channel"}, source)
         head = data.get("recording", {})
-        check_keys(head, {"sample_time_s", "time"}, f"{source} [recording]")
+        check_keys(head, {"sample_time_s", "time", "time_unit", "resample"}, f"{source} [recording]")
         sample_time = head.get("sample_time_s")
         if sample_time is not None and not (is_number(sample_time) and 0 < sample_time < 1e6):
             raise DataError(f"{source} [recording]: sample_time_s = {shown(sample_time)} is not a time above 0 s")
@@ -79,14 +85,20 @@ class Roles:
         double = sorted(n for n, count in Counter(names).items() if count > 1)
         if double:
             raise DataError(f"{source}: channel {double[0]!r} is listed twice")
-        return cls(channels, None if sample_time is None else float(sample_time), head.get("time"), source)
+        unit, resample = head.get("time_unit"), head.get("resample")
+        if unit is not None and (not isinstance(unit, str) or unit not in TIME_UNITS):
+            raise DataError(f"{source} [recording]: time_unit = {shown(unit)} is none of {', '.join(TIME_UNITS)}")
+        check_resample(resample, f"{source} [recording]: resample = {shown(resample)}")
+        time_s = None if sample_time is None else float(sample_time)
+        return cls(channels, time_s, head.get("time"), source, unit, resample)
 
 
 @dataclass(frozen=True, eq=False)
 class Record:
     """Hold one recording; time runs along the first axis and missing samples are NaN.
 
-    time_s (N,) seconds, uniform; values (N, channels) in the channels' units; sha256 of the file it came from.
+    time_s (N,) seconds, uniform; values (N, channels) in the channels' units; sha256 of the file it came from; begins:
+    the instant that time_s counts from, ISO 8601, where the file says one.
     """
 
     time_s: Array
@@ -95,6 +107,7 @@ class Record:
     sample_time_s: float
     source: str
     sha256: str
+    begins: str | None = None
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape != (len(self.time_s), len(self.channels)):
@@ -148,6 +161,12 @@ def check_keys(table: Any, allowed: set[str], where: str) -> None:
     unknown = sorted(set(table) - allowed)
     if unknown:
         raise DataError(f"{where}: unknown key {shown(unknown[0])}; allowed are {', '.join(sorted(allowed))}")
+
+
+def check_resample(value: Any, where: str) -> None:
+    """Refuse what is neither None, "auto" nor a sample time in seconds."""
+    if value not in (None, "auto") and not (is_number(value) and 0 < value < 1e6):
+        raise DataError(f'{where} is neither "auto" nor a sample time above 0 s')
 
 
 def file_sha256(path: str | Path) -> str:
@@ -208,6 +227,11 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
             raise DataError(f"{where}: {key} = {shown(entry[key])} is longer than {MOST_LETTERS} characters")
     if has_unseen(entry["name"], entry["unit"]):
         raise DataError(f"{where}: the name {token(entry['name'])!r} or its unit holds a control character; rename it")
+    right = rightly(entry["unit"])
+    if right is not None:
+        raise DataError(
+            f"{where}: the unit {entry['unit']!r} of {entry['name']!r} is written {right!r} here; correct it"
+        )
     if entry["role"] not in ROLES:
         raise DataError(f"{where}: role {shown(entry['role'])} is none of {', '.join(ROLES)}")
     if not is_short(entry.get("column", "")):

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 import typer
@@ -19,6 +19,9 @@ from rich.segment import Segment
 from aeolid import output
 from aeolid.display import visible_lines
 from aeolid.errors import UsageError
+
+if TYPE_CHECKING:
+    from aeolid.record import Record, Roles
 
 FILTERS = ("rls", "els", "fast-rls", "lattice")  # aeolid.filters.METHODS, not imported for the sake of --help
 BLOCKS = ("levinson", "block-lattice")  # aeolid.identify.block_markov.BLOCK_METHODS, likewise
@@ -41,6 +44,14 @@ RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),
+]
+ResampleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--resample",
+        help="Bring channels of several rates, or uneven ones, to one sample time in seconds, or auto: the slowest.",
+        autocompletion=lambda incomplete: [v for v in ("auto",) if v.startswith(incomplete)],
+    ),
 ]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace also inputs, and files that this command did not write.")
@@ -102,6 +113,48 @@ def one_of(*values: str) -> Callable[[str], list[str]]:
         return [value for value in values if value.startswith(incomplete)]
 
     return complete
+
+
+def load_roles(path: Path, resample: str | None = None) -> Roles:
+    """Read a roles file; resample: what --resample says, which goes before the file. Raises UsageError, DataError."""
+    from dataclasses import replace
+
+    from aeolid.record import Roles
+
+    roles = Roles.load(path)
+    wanted = read_resample(resample)
+    return roles if wanted is None else replace(roles, resample=wanted)
+
+
+def read_resample(text: str | None) -> float | str | None:
+    """Read what --resample says: auto, or seconds above 0. Raises UsageError."""
+    if text in (None, "auto"):
+        return text
+    try:
+        seconds = float(text.removesuffix("s")) if text else 0.0
+    except ValueError:
+        seconds = 0.0
+    if not 0 < seconds < 1e6:
+        raise UsageError(f"--resample {text}: neither auto nor a sample time in seconds such as 0.05")
+    return seconds
+
+
+def extent(record: Record) -> str:
+    """Say in a line how much was read: samples, rate, duration, first instant, missing cells."""
+    step, count = record.sample_time_s, len(record)
+    seconds = step * count
+    length = (
+        f"{seconds:.4g} s"
+        if seconds < 120
+        else f"{seconds / 60:.4g} min"
+        if seconds < 7200
+        else f"{seconds / 3600:.4g} h"
+    )
+    rate = f"{1 / step:.4g} samples a second" if step < 1 else f"a sample every {step:.4g} s"
+    began = f", from {record.begins}" if record.begins else ""
+    lost = int(np.count_nonzero(np.isnan(record.values)))
+    gaps = f", {lost} cells missing" if lost else ""
+    return f"{record.source}: {count} samples, {rate}, {length}{began}{gaps}"
 
 
 DEFAULT_BASE = "0x1CFF4000"  # aeolid.can.wire.BASE

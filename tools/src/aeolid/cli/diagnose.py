@@ -7,7 +7,15 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, Milestones, console, emit_json, progress_console
+from aeolid.cli.common import (
+    ForceOption,
+    JsonOption,
+    Milestones,
+    ResampleOption,
+    console,
+    emit_json,
+    progress_console,
+)
 from aeolid.output import declare, discard
 
 EXAMPLES = (
@@ -48,6 +56,7 @@ def run(
     time_limit: Annotated[
         float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
     ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
+    resample: ResampleOption = None,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:

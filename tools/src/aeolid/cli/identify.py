@@ -7,7 +7,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, waiting
+from aeolid.cli.common import (
+    ForceOption,
+    JsonOption,
+    ResampleOption,
+    RolesOption,
+    SafeConsole,
+    console,
+    emit_json,
+    extent,
+    load_roles,
+    one_of,
+    progress_console,
+    waiting,
+)
 from aeolid.identify.request import Request
 from aeolid.identify.request_checks import METHODS
 from aeolid.output import declare
@@ -16,6 +29,7 @@ if TYPE_CHECKING:
     from aeolid.identify.lpv import LpvIdentification
     from aeolid.identify.ort import OrtIdentification
     from aeolid.identify.result import Identification
+    from aeolid.record import Roles
 
     Result = Identification | LpvIdentification | OrtIdentification
 
@@ -213,6 +227,7 @@ def identify(
         int | None, typer.Option("--bootstrap-seed", help="Seed of the bootstrap; default 0.")
     ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
+    resample: ResampleOption = None,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -229,7 +244,8 @@ def identify(
     request.check(streamed=markov is not None)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)
-    result = _identified(recordings, roles, markov, request)
+    shown = progress_console if json_target == "-" else console
+    result = _identified(recordings, load_roles(roles, resample), markov, request, shown)
     emit_json(result.model_json(), str(out))
     if json_target != "-":
         console.print(result.summary(), markup=False)
@@ -239,16 +255,19 @@ def identify(
     emit_json(result.to_json(), json_target)
 
 
-def _identified(recordings: list[Path], roles: Path, markov: Path | None, request: Request) -> Result:
-    """Read the recordings and identify; shows what takes its time."""
+def _identified(
+    recordings: list[Path], roles: Roles, markov: Path | None, request: Request, shown: SafeConsole
+) -> Result:
+    """Read the recordings, say how much was read, and identify; shows what takes its time."""
     from aeolid.formats import read_record
     from aeolid.identify.run import identify_records
     from aeolid.identify.streamed import StreamedMarkov
-    from aeolid.record import Roles
 
     with waiting("reading"):
-        records = [read_record(path, table) for table in [Roles.load(roles)] for path in recordings]
+        records = [read_record(path, roles) for path in recordings]
         streamed = None if markov is None else StreamedMarkov.load(markov)
+    for record in records:
+        shown.print(extent(record), markup=False, soft_wrap=True)
     return identify_records(records, request, streamed, waiting)
 
 

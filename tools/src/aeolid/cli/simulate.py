@@ -7,7 +7,17 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import (
+    ForceOption,
+    JsonOption,
+    ResampleOption,
+    RolesOption,
+    console,
+    emit_json,
+    load_roles,
+    one_of,
+    progress_console,
+)
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -32,6 +42,7 @@ def simulate(
             autocompletion=one_of("estimate", "model", "zero"),
         ),
     ] = "estimate",
+    resample: ResampleOption = None,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -45,10 +56,9 @@ def simulate(
     from aeolid.formats import read_record, write_table
     from aeolid.identify.free_run import run_free
     from aeolid.models.load import load_model
-    from aeolid.record import Roles
 
     model = load_model(model_file)
-    run = run_free(model, read_record(recording, Roles.load(roles)), initial)
+    run = run_free(model, read_record(recording, load_roles(roles, resample)), initial)
     record, y, wild = run.record, run.y, run.divergence
     names, finite = [s.name for s in model.outputs], np.isfinite(y)
     told = np.where(finite, y, np.nan)

@@ -7,7 +7,18 @@ from typing import Annotated, Any
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, one_of, progress_console
+from aeolid.cli.common import (
+    ForceOption,
+    JsonOption,
+    ResampleOption,
+    RolesOption,
+    console,
+    emit_json,
+    extent,
+    load_roles,
+    one_of,
+    progress_console,
+)
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -40,6 +51,7 @@ def validate(
             autocompletion=one_of("free-run", "one-step"),
         ),
     ] = "free-run",
+    resample: ResampleOption = None,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -55,10 +67,9 @@ def validate(
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model
     from aeolid.models.rate import at_rate_of, rate_of
-    from aeolid.record import Roles
 
     doubt, model = stated_doubt(model_file), load_model(model_file)
-    record = at_rate_of(rate_of(model), read_record(recording, Roles.load(roles)))
+    record = at_rate_of(rate_of(model), read_record(recording, load_roles(roles, resample)))
     result = validate_model(model, record, horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     worst = result.worst_nrmse(metric)
@@ -73,6 +84,7 @@ def validate(
         progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
     facts["bands_hold"] = None if doubt is None else not doubt
     if json_target != "-":
+        console.print(extent(record), markup=False, soft_wrap=True)
         console.print(result.summary(), markup=False)
         if doubt:
             console.print(f"WARNING: the model's own deviations do not hold: {doubt}", markup=False)

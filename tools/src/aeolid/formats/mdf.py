@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from aeolid.confined import Failure, start
 from aeolid.errors import DataError
 from aeolid.formats.bounds import content_limit, guard_names, reading_limits
-from aeolid.formats.sent import columns_of, names_of, units_of
+from aeolid.formats.sent import clocks_of, columns_of, names_of, units_of
 from aeolid.formats.table import Array, Choose, Table, unreadable
 from aeolid.inputs import open_regular
 
@@ -19,15 +21,19 @@ CLOCK = "time_s"
 _FRAMES = b"CAN_DataFrame"
 
 
-def read_mdf(path: Path, choose: Choose) -> Table:
-    """Read the chosen channels of an MDF file; they must share one clock, which becomes the column time_s."""
+def read_mdf(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
+    """Read the chosen channels of an MDF file; their clock becomes the column time_s.
+
+    own_clocks: each keeps its own; otherwise they must share one.
+    """
     require_mdf(path)
-    asked = {"path": str(path.absolute()), "source": str(path), "most": content_limit(path)}
+    asked = {"path": str(path.absolute()), "source": str(path), "most": content_limit(path), "own": own_clocks}
     names: tuple[str, ...] = ()
     wanted: tuple[str, ...] = ()
     measured: list[str] = []
     units: dict[str, str] = {}
     columns: dict[str, Array] = {}
+    clocks: dict[str, Array] = {}
     try:
         with start("aeolid.formats.mdf_blocks:send_channels", asked, reading_limits(path)) as running:
             for facts, arrays in running:
@@ -38,11 +44,15 @@ def read_mdf(path: Path, choose: Choose) -> Table:
                     running.answer({"wanted": measured})
                     continue
                 units = {CLOCK: "s"} | units_of(facts)
+                if own_clocks:
+                    columns, clocks = clocks_of(arrays, measured)
+                    columns = {CLOCK: next(iter(clocks.values()), np.zeros(0))} | columns
+                    continue
                 found = columns_of(arrays, [CLOCK, *measured])
                 columns = {name: found[name] for name in dict.fromkeys(wanted)}
     except Failure as error:
         raise unreadable(path, "MDF", error) from None
-    return Table(str(path), names, columns, units, CLOCK)
+    return Table(str(path), names, columns, units, CLOCK, clocks=clocks)
 
 
 def may_hold_frames(path: Path) -> bool:

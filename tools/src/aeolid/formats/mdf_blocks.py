@@ -53,8 +53,8 @@ def say_kind(path: str) -> Reply:
     return {"frames": any(name.startswith("CAN_DataFrame") for name in open_mdf(path).channels_db)}, {}
 
 
-def send_channels(path: str, source: str, most: int) -> Generator[Reply, dict[str, Any], None]:
-    """Say what channels there are, then send those that are wanted, with their clock."""
+def send_channels(path: str, source: str, most: int, own: bool = False) -> Generator[Reply, dict[str, Any], None]:
+    """Say what channels there are, then send those that are wanted, with their clock, or each with its own."""
     file = open_mdf(path)
     clocks = {file.groups[g].channels[c].name for g, c in file.masters_db.items()}
     names = [name for name in file.channels_db if name not in clocks]
@@ -62,6 +62,7 @@ def send_channels(path: str, source: str, most: int) -> Generator[Reply, dict[st
     if not wanted:
         raise DataError(f"{source}: no measured channel; it holds {listed(['time_s', *names])}")
     time, first = np.zeros(0), ""
+    stamped: dict[str, Array] = {}
     columns: dict[str, Array] = {}
     units: dict[str, str] = {}
     size = 0
@@ -74,10 +75,14 @@ def send_channels(path: str, source: str, most: int) -> Generator[Reply, dict[st
         stamps, values, unit = _channel(file, source, name, group, index)
         if not first:
             time, first = stamps, name
-        _require_one_clock(source, (first, time), (name, stamps))
+        if own:
+            stamped[f"t{len(columns)}"] = stamps
+        else:
+            _require_one_clock(source, (first, time), (name, stamps))
         columns[name] = values
         units |= {name: unit} if unit else {}
-    yield {"units": units}, {str(i): values for i, values in enumerate([time, *columns.values()])}
+    held = list(columns.values()) if own else [time, *columns.values()]
+    yield {"units": units}, {str(i): values for i, values in enumerate(held)} | stamped
 
 
 def _announced(group: Any) -> int:
@@ -107,7 +112,7 @@ def _require_one_clock(source: str, first: tuple[str, Array], other: tuple[str, 
     if len(stamps) != len(time) or (len(time) and np.max(np.abs(stamps - time)) > _SAME_INSTANT):
         raise DataError(
             f"{source}: channels {name!r} ({len(time)} samples) and {second!r} ({len(stamps)} samples) have"
-            f" different clocks; export them resampled to one clock"
+            f" different clocks; let --resample bring them to one, or export them resampled"
         )
 
 

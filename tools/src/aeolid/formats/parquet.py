@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from aeolid.confined import Failure, Reply, start
 from aeolid.errors import DataError
 from aeolid.formats.bounds import content_limit, guard_names, guard_size, reading_limits
+from aeolid.formats.clock import relative
 from aeolid.formats.sent import columns_of, names_of, units_of
 from aeolid.formats.table import Array, Choose, Table, to_numbers, unreadable
 
@@ -33,20 +35,23 @@ def read_parquet(path: Path, choose: Choose) -> Table:
     wanted: list[str] = []
     units: dict[str, str] = {}
     columns: dict[str, Array] = {}
+    begins: dict[str, str] = {}
+    clock: str | None = None
     try:
         with start("aeolid.formats.parquet:send_columns", asked, reading_limits(path)) as running:
             for facts, arrays in running:
                 if "asks" not in facts:
-                    columns = columns_of(arrays, wanted)
+                    columns, begins = columns_of(arrays, wanted), units_of(facts, "begins")
                     break
                 if facts.get("frames") is True:
                     raise HoldsFrames
                 names, units = guard_names(path, names_of(facts)), units_of(facts)
-                wanted = list(dict.fromkeys(choose(names, None)))
+                clock = facts.get("clock") if facts.get("clock") in names else None
+                wanted = list(dict.fromkeys(choose(names, clock)))
                 running.answer({"wanted": wanted})
     except Failure as error:
         raise unreadable(path, "Parquet", error) from None
-    return Table(str(path), names, columns, units)
+    return Table(str(path), names, columns, units, clock, begins=begins)
 
 
 def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str, Any], None]:
@@ -57,6 +62,7 @@ def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str
         schema = file.schema_arrow
         units = {f.name: _text(f.metadata[b"unit"]) for f in schema if f.metadata and b"unit" in f.metadata}
         facts = {"names": schema.names, "units": units, "frames": FRAMES_MARK in (schema.metadata or {})}
+        facts["clock"] = _index_of_dates(schema)
         wanted = (yield {"asks": "wanted"} | facts, {})["wanted"]
         double = next((name for name in wanted if schema.names.count(name) > 1), None)
         if double is not None:
@@ -66,14 +72,34 @@ def send_columns(path: str, source: str, most: int) -> Generator[Reply, dict[str
         texts = [name for name in wanted if _is_text(schema.field(name).type)]
     with parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts) as file:
         data = {name: file.read(columns=[name]).column(name) for name in wanted}
-        yield {}, {str(i): _numbers(source, name, data.pop(name)) for i, name in enumerate(wanted)}
+        begins: dict[str, str] = {}
+        columns = [_numbers(source, name, data.pop(name), begins) for name in wanted]
+        yield {"begins": begins}, {str(i): values for i, values in enumerate(columns)}
 
 
-def _numbers(source: str, name: str, column: Any) -> Array:
+def _index_of_dates(schema: Any) -> str | None:
+    """Return the column that pandas kept a DatetimeIndex in; None where there is none."""
+    try:
+        index = json.loads((schema.metadata or {}).get(b"pandas", b"{}"))["index_columns"]
+        dates = [n for n in index if isinstance(n, str) and str(schema.field(n).type).startswith("timestamp")]
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return dates[0] if len(dates) == 1 else None
+
+
+def _numbers(source: str, name: str, column: Any, begins: dict[str, str]) -> Array:
+    """Return a column as numbers; dates as seconds since the first of them, which `begins` then says."""
     import pyarrow as pa
 
-    if pa.types.is_timestamp(column.type) or pa.types.is_date(column.type):
-        raise DataError(f"{source}: channel {name!r} holds dates; give the time in seconds as a number")
+    if pa.types.is_timestamp(column.type):
+        try:
+            stamps = column.cast(pa.timestamp("ns", column.type.tz)).combine_chunks()
+        except pa.ArrowInvalid:
+            raise DataError(f"{source}: channel {name!r} holds dates before 1678 or after 2262") from None
+        seconds, begins[name] = relative(stamps, column.type.tz)
+        return seconds
+    if pa.types.is_date(column.type) or pa.types.is_time(column.type):
+        raise DataError(f"{source}: channel {name!r} holds days or times of day; give date and time in one column")
     if pa.types.is_floating(column.type) or pa.types.is_integer(column.type) or pa.types.is_boolean(column.type):
         return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(), dtype=float)
     if not pa.types.is_dictionary(column.type):

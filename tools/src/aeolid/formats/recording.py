@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from aeolid.errors import DataError
+from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
-from aeolid.formats.timebase import uniform_grid
+from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
-from aeolid.record import Record, Roles, file_sha256
+from aeolid.record import Channel, Record, Roles, file_sha256
 
 SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log")
+_RATES = (".mf4", ".tdms")  # formats in which each group of channels has a clock
 _CAN_LOGS = (".blf", ".asc", ".log")
 
 
@@ -40,17 +42,46 @@ def read_record(path: str | Path, roles: Roles) -> Record:
         found = [find_heading(c.heading, names, source) for c in channels]
         return tuple(dict.fromkeys(([time] if time else []) + found))
 
-    table = _read(Path(path), choose)
+    table = _read(Path(path), choose, own_clocks=roles.resample is not None)
     if table.samples == 0:
         raise DataError(f"{source}: a heading but no sample; record at least one row")
     headings = [find_heading(c.heading, table.names, source) for c in channels]
     for channel, heading in zip(channels, headings, strict=True):
         check_unit(source, channel.name, channel.unit, _unit(table, heading))
         _require_usable(table, channel.name, table.columns[heading])
-    time = _time_column(table, roles, source)
-    grid = uniform_grid(table, time, roles.sample_time_s)
-    values = grid.place(np.column_stack([table.columns[h] for h in headings]))
-    return Record(grid.times(), values, channels, grid.sample_time_s, source, file_sha256(path))
+        if heading in table.begins:
+            raise DataError(f"{source}: channel {channel.name!r} holds dates; only the time may")
+    grid, values, begins = _on_one_clock(table, roles, channels, headings)
+    return Record(grid.times(), values, channels, grid.sample_time_s, source, file_sha256(path), begins)
+
+
+def _on_one_clock(
+    table: Table, roles: Roles, channels: Sequence[Channel], headings: Sequence[str]
+) -> tuple[Grid, Array, str | None]:
+    """Return the uniform clock of a table, the values (N, channels) on it, and the instant that it counts from."""
+    heading = _time_heading(table.names, roles, table.time, table.source)
+    clock = None
+    if heading is not None:
+        unit = _unit(table, heading)
+        clock = clock_of(table, heading, unit, roles.time_unit, roles.sample_time_s)
+    time: Array | None = None if clock is None else clock.seconds
+    begins = None if clock is None else clock.begins
+    if roles.resample is None:
+        grid = uniform_grid(table, time, roles.sample_time_s)
+        return grid, grid.place(np.column_stack([table.columns[h] for h in headings])), begins
+    if time is None and not all(h in table.clocks for h in headings):
+        if roles.sample_time_s is None:
+            raise DataError(f"{table.source}: no time column, by which its channels could be resampled")
+        time = np.asarray(roles.sample_time_s * np.arange(table.samples), dtype=np.float64)
+    from aeolid.formats.rates import resampled, series_of
+
+    common = np.zeros(0) if time is None else time
+    series = [
+        series_of(table.source, c, table.clocks.get(h, common), table.columns[h])
+        for c, h in zip(channels, headings, strict=True)
+    ]
+    grid, values = resampled(table.source, series, roles.resample)
+    return grid, values, begins
 
 
 def read_table(path: str | Path, columns: Sequence[str] | None = None) -> Table:
@@ -73,7 +104,8 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> Table:
     )
 
 
-def _read(path: Path, choose: Choose) -> Table:
+def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
+    """Read the chosen columns of a file; own_clocks: they may have different clocks where the format has such."""
     empty = regular_size(path) == 0
     name = path.name.lower()
     suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
@@ -81,10 +113,11 @@ def _read(path: Path, choose: Choose) -> Table:
         raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {', '.join(SUFFIXES)}; export it as CSV")
     if empty:
         raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")
-    return _reader(suffix, path)(path, choose)
+    reader = _reader(suffix, path)
+    return reader(path, choose, own_clocks=True) if own_clocks and suffix in _RATES else reader(path, choose)
 
 
-def _reader(suffix: str, path: Path) -> Callable[[Path, Choose], Table]:
+def _reader(suffix: str, path: Path) -> Callable[..., Table]:
     """Import the reader only when its format is met: none of the libraries behind them is needed for the others."""
     if suffix in (".csv", ".csv.gz", ".out"):
         from aeolid.formats import text
@@ -132,22 +165,16 @@ def _read_can_log(path: Path, choose: Choose) -> Table:
 
 
 def _time_heading(names: Sequence[str], roles: Roles, clock: str | None, source: str) -> str | None:
-    """Find the time column: the one the roles file names, else the format's own, else one called time_s."""
+    """Find the time column: the one the roles file names, the format's own, one called time_s, or the only one."""
     bare = {split_heading(name)[0] for name in names}
     if roles.time is not None and (clock is None or roles.time in bare or roles.time in names):
         return find_heading(roles.time, names, source)
     if clock is not None:
         return clock
-    return find_heading("time_s", names, source) if "time_s" in bare else None
-
-
-def _time_column(table: Table, roles: Roles, source: str) -> Array | None:
-    heading = _time_heading(table.names, roles, table.time, source)
-    if heading is None:
-        return None
-    unit = _unit(table, heading)
-    check_unit(source, split_heading(heading)[0], "s", unit)
-    return table.columns[heading]
+    if "time_s" in bare:
+        return find_heading("time_s", names, source)
+    likely = [name for name in names if is_time_heading(name)] if roles.sample_time_s is None else []
+    return likely[0] if len(likely) == 1 else None
 
 
 def _unit(table: Table, heading: str) -> str | None:

@@ -22,9 +22,9 @@ def names_of(facts: Mapping[str, Any], key: str = "names") -> tuple[str, ...]:
     return tuple(names)
 
 
-def units_of(facts: Mapping[str, Any]) -> dict[str, str]:
-    """Return the units by channel; raises Failure where they are no texts."""
-    units = facts.get("units")
+def units_of(facts: Mapping[str, Any], key: str = "units") -> dict[str, str]:
+    """Return the units by channel, or another text; raises Failure where they are no texts."""
+    units = facts.get(key)
     if not isinstance(units, dict) or not all(isinstance(unit, str) for unit in units.values()):
         raise Failure(NONSENSE)
     return units
@@ -38,6 +38,15 @@ def shapes_of(facts: Mapping[str, Any]) -> dict[str, tuple[int, ...]]:
     if not all(type(n) is int and n >= 0 for shape in shapes.values() for n in shape):
         raise Failure(NONSENSE)
     return {name: tuple(shape) for name, shape in shapes.items()}
+
+
+def clocks_of(arrays: Mapping[str, NDArray[Any]], names: Sequence[str]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return values and seconds of channels with clocks of their own: arrays "0", "1", … and "t0", "t1", …"""
+    values, clocks = {}, {}
+    for i, name in enumerate(names):
+        pair = columns_of({"0": arrays.get(str(i)), "1": arrays.get(f"t{i}")}, ["time", name])  # type: ignore[dict-item]
+        values[name], clocks[name] = pair["time"], pair[name]
+    return values, clocks
 
 
 def columns_of(arrays: Mapping[str, NDArray[Any]], names: Sequence[str]) -> dict[str, Array]:

@@ -22,7 +22,9 @@ class Table:
     """Hold named columns of one length; a missing sample is NaN.
 
     names: every heading of the file, in its order; columns: the wanted ones, (N,) each; units: those the file
-    carries itself; time: the column the format itself marks as time; first_line: line of sample 1 in a text file.
+    carries itself; time: the column the format itself marks as time; first_line: line of sample 1 in a text file;
+    begins: columns that were dates, now seconds since this instant (ISO 8601); clocks: seconds (n,) of columns that
+    have a clock of their own, whose length may differ from the others'.
     """
 
     source: str
@@ -31,6 +33,8 @@ class Table:
     units: dict[str, str] = field(default_factory=dict)
     time: str | None = None
     first_line: int | None = None
+    begins: dict[str, str] = field(default_factory=dict)
+    clocks: dict[str, Array] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:
@@ -45,7 +49,7 @@ class Table:
 
 def want_all(names: tuple[str, ...], clock: str | None) -> tuple[str, ...]:
     """Choose every named column of a file."""
-    return tuple(name for name in names if name)
+    return tuple(dict.fromkeys(name for name in names if name))
 
 
 def positions(names: Sequence[str], wanted: Sequence[str]) -> list[int]:

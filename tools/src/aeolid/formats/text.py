@@ -5,14 +5,16 @@ from __future__ import annotations
 import csv
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from aeolid.errors import DataError
 from aeolid.formats.bounds import MOST_LINE, guard_names, guard_size
+from aeolid.formats.clock import date_hint, looks_like_date, seconds_of_dates
 from aeolid.formats.headings import bare_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, positions, text_error
 from aeolid.formats.unpacking import GZIP, bounded_lines, open_text
@@ -33,6 +35,12 @@ class Layout:
     decimal: str
     skip: int
     encoding: str
+    first: tuple[str, ...] = ()  # the cells of sample 1
+
+    def dates(self, wanted: tuple[str, ...]) -> tuple[str, ...]:
+        """Return those of the wanted columns that begin with a date."""
+        places = zip(wanted, positions(self.names, wanted), strict=True)
+        return tuple(name for name, i in places if i < len(self.first) and looks_like_date(self.first[i]))
 
 
 def read_csv(path: Path, choose: Choose) -> Table:
@@ -40,10 +48,10 @@ def read_csv(path: Path, choose: Choose) -> Table:
     layout = _csv_layout(path)
     wanted = choose(layout.names, None)
     try:
-        columns = _read_columns(path, layout, wanted)
+        columns, begins = _read_columns(path, layout, wanted)
     except ValueError as error:  # what pyarrow raises for bad cells and ragged rows, without the place
         raise _locate(path, layout, wanted, str(error)) from None
-    return Table(str(path), layout.names, columns, layout.units, None, layout.skip + 1)
+    return Table(str(path), layout.names, columns, layout.units, None, layout.skip + 1, begins)
 
 
 def read_out(path: Path, choose: Choose) -> Table:
@@ -137,7 +145,7 @@ def _heading(path: Path, lines: list[str], skip: int, encoding: str) -> Layout:
         units |= {n: u.strip().strip("[]()") for n, u in zip(names, rows.pop(0), strict=True) if u.strip()}
         skip += 1
     decimal = "," if delimiter != "," and rows and any("," in cell for cell in rows[0]) else "."
-    return Layout(names, units, delimiter, decimal, skip + 1, encoding)
+    return Layout(names, units, delimiter, decimal, skip + 1, encoding, tuple(rows[0]) if rows else ())
 
 
 def _cells(path: Path, line: str, delimiter: str) -> list[str]:
@@ -151,7 +159,7 @@ def _cells(path: Path, line: str, delimiter: str) -> list[str]:
 def _is_unit_row(cells: list[str]) -> bool:
     """Tell a row of units from a row of samples: words stand there, none of them a number or a mark for "missing"."""
     words = [c for c in cells if c.strip() and c.strip() not in EMPTY]
-    return bool(words) and not any(_is_number(c) for c in words)
+    return bool(words) and not any(_is_number(c) or looks_like_date(c) for c in words)
 
 
 def _decodes(head: bytes) -> bool:
@@ -162,12 +170,14 @@ def _decodes(head: bytes) -> bool:
     return True
 
 
-def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[str, Array]:
+def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> tuple[dict[str, Array], dict[str, str]]:
+    """Return the wanted columns as numbers, those that are dates as seconds, and the instants these count from."""
     import pyarrow as pa
     from pyarrow import csv as arrow_csv
 
     keys = [str(position) for position in positions(layout.names, wanted)]
-    types = dict.fromkeys(keys, pa.float64())
+    dates = {k for k, name in zip(keys, wanted, strict=True) if name in layout.dates(wanted)}
+    types = {key: pa.string() if key in dates else pa.float64() for key in keys}
     read = arrow_csv.ReadOptions(
         column_names=[str(i) for i in range(len(layout.names))], skip_rows=layout.skip, block_size=_BLOCK,
         encoding=layout.encoding,
@@ -175,24 +185,36 @@ def _read_columns(path: Path, layout: Layout, wanted: tuple[str, ...]) -> dict[s
     convert = arrow_csv.ConvertOptions(
         column_types=types, include_columns=keys, null_values=list(EMPTY), decimal_point=layout.decimal
     )
-    parts: dict[str, list[Array]] = {key: [] for key in keys}
+    parts: dict[str, list[Any]] = {key: [] for key in keys}
     rows = 0
     with open_text(path) as handle:
         parse = arrow_csv.ParseOptions(delimiter=layout.delimiter)
         for batch in arrow_csv.open_csv(handle, read, parse, convert):
             rows += batch.num_rows
-            guard_size(path, 2 * rows * len(keys) * 8)  # twice: the parts and their concatenation
+            guard_size(path, 2 * rows * (len(keys) * 8 + len(dates) * 32))  # twice: the parts and their concatenation
             for key in keys:
-                parts[key].append(batch.column(key).to_numpy(zero_copy_only=False))
-    return {
-        name: np.concatenate([np.empty(0), *(np.asarray(p, dtype=float) for p in parts.pop(key))])
-        for name, key in zip(wanted, keys, strict=True)
-    }
+                column = batch.column(key)
+                parts[key].append(column if key in dates else column.to_numpy(zero_copy_only=False))
+    columns: dict[str, Array] = {}
+    begins: dict[str, str] = {}
+    for name, key in zip(wanted, keys, strict=True):
+        if key in dates:
+            text = pa.chunked_array(parts.pop(key), pa.string()).combine_chunks()
+            place = _namer(layout)
+            columns[name], begins[name] = seconds_of_dates(str(path), name, text, place)
+        else:
+            columns[name] = np.concatenate([np.empty(0), *(np.asarray(p, dtype=float) for p in parts.pop(key))])
+    return columns, begins
+
+
+def _namer(layout: Layout) -> Callable[[int], str]:
+    return lambda index: f"sample {index + 1} (line {layout.skip + 1 + index})"
 
 
 def _locate(path: Path, layout: Layout, wanted: tuple[str, ...], cause: str) -> DataError:
     """Walk the file once more, slowly, to name the first row that cannot be read."""
-    index = positions(layout.names, wanted)
+    dates = layout.dates(wanted)
+    index = positions(layout.names, [name for name in wanted if name not in dates])
     try:
         with open_text(path) as raw:
             lines = (line.decode(layout.encoding, "replace") for line in bounded_lines(path, raw))
@@ -217,7 +239,9 @@ def _first_fault(path: Path, layout: Layout, index: list[int], rows: Iterator[li
             number = cell.replace(",", ".") if layout.decimal == "," else cell
             if cell not in EMPTY and not _is_number(number):
                 place = f"sample {sample + 1} (line {layout.skip + 1 + sample})"
-                return text_error(path, layout.names[i], place, cell)
+                hint = date_hint(cell)
+                told = f"{path}: channel {layout.names[i]!r}, {place}: {cell[:40]!r} is not a number{hint}"
+                return DataError(told) if hint else text_error(path, layout.names[i], place, cell)
         sample += 1
     raise csv.Error("its rows cannot be told apart")
 

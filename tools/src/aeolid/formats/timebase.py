@@ -63,6 +63,8 @@ def uniform_grid(table: Table, time: Array | None, declared: float | None) -> Gr
         return Grid(float(time[0]), declared, np.arange(1))
     steps = np.diff(time)
     step = declared or float(np.median(steps))
+    if declared is not None:
+        _require_near(source, float(np.median(steps)), declared)
     counts = _count_steps(table, time, steps, step)
     total = int(counts.sum())
     mean = float(time[-1] - time[0]) / total
@@ -73,6 +75,17 @@ def uniform_grid(table: Table, time: Array | None, declared: float | None) -> Gr
         )
     _tell_missing(table, counts, total - (rows - 1))
     return Grid(float(time[0]), declared or float(f"{mean:.9g}"), np.concatenate([[0], np.cumsum(counts)]))
+
+
+def _require_near(source: str, step: float, declared: float) -> None:
+    """Refuse a declared sample time that most steps are a multiple or a part of: holes would be all over the place."""
+    ratio = step / declared
+    if ratio >= 1.5 or ratio <= 1 / 1.5:
+        times, larger = (ratio, "small") if ratio > 1 else (1 / ratio, "large")
+        raise DataError(
+            f"{source}: the time column steps by {step:.6g} s, the roles file says sample_time_s = {declared:.6g}:"
+            f" {times:.4g} times too {larger}; correct sample_time_s or leave it out"
+        )
 
 
 def _clock_tolerance(time: Array, total: int, declared: float) -> float:
@@ -105,7 +118,8 @@ def _count_steps(table: Table, time: Array, steps: Array, step: float) -> np.nda
         k = int(wrong[0])
         raise DataError(
             f"{table.source}: time is not uniform at {table.place(k + 1)}: a step of {steps[k]:.6g} s where the sample"
-            f" time is {step:.6g} s ({len(wrong)} such in all); resample the recording to one clock"
+            f" time is {step:.6g} s ({len(wrong)} such in all); resample the recording to one clock, or let"
+            " --resample do it"
         )
     if counts.sum() - len(counts) > _MOST_FILL * (len(counts) + 1):
         k = int(np.argmax(counts))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -56,11 +56,14 @@ class Case:
         return (self.baseline, *self.more_runs) if isinstance(self.baseline, Record) else ()
 
 
-def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: bool = False) -> Case:
+def load_case(
+    directory: str | Path, *, allow_outside: bool = False, allow_fmu: bool = False, resample: float | str | None = None
+) -> Case:
     """Read `case.toml` and all it names; raises DataError that names the file and the key.
 
     allow_outside: files may lie outside the folder too; default no, a case from elsewhere could name any of this
-    machine's. allow_fmu: the native library of a functional mock-up unit may be run, confined; default no.
+    machine's. allow_fmu: the native library of a functional mock-up unit may be run, confined; default no. resample:
+    goes before what the roles files say of the clock, None leaves it to them.
     """
     folder = Path(directory)
     find = partial(resolve, folder, allow_outside=allow_outside)
@@ -79,7 +82,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
         raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
     kind, listed = _baseline(data.get("baseline"), source)
     context = _context(data.get("context", {}), source)
-    roles = Roles.load(find(files["roles"], f"{source} [recordings] roles"))
+    roles = _roles(find(files["roles"], f"{source} [recordings] roles"), resample)
     records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
     require_same_layout(records)
     paths = [find(file, f"{source} [baseline] file") for file in listed]
@@ -88,7 +91,7 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
     baseline: StateSpace | Equations | Record | Fmu
     if kind == "run":
         own = data["baseline"].get("roles")
-        own = None if own is None else Roles.load(find(own, f"{source} [baseline] roles"))
+        own = None if own is None else _roles(find(own, f"{source} [baseline] roles"), resample)
         records, (baseline, *others) = _runs(paths, records, roles, own)
         more = tuple(others)
     elif kind == "fmu":
@@ -100,6 +103,11 @@ def load_case(directory: str | Path, *, allow_outside: bool = False, allow_fmu: 
         str(head.get("title", folder.name)), records, kind, baseline, listed[0], file_sha256(path), context, folder,
         same, more,
     )  # fmt: skip
+
+
+def _roles(path: Path, resample: float | str | None) -> Roles:
+    roles = Roles.load(path)
+    return roles if resample is None else replace(roles, resample=resample)
 
 
 def make_case(

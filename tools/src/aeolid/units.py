@@ -1,0 +1,42 @@
+"""Say how a unit is written here, where a roles file writes it in another way that programs would not understand.
+
+Units that are not known are left as they are: a recording may hold anything. What is refused is a spelling of a known
+one, since half of the code would take it for that unit and the other half for none.
+"""
+
+from __future__ import annotations
+
+_WORDS = {
+    "deg": ("degree", "degrees", "degs"),
+    "rad": ("radian", "radians", "rads"),
+    "s": ("sec", "secs", "second", "seconds"),
+    "m": ("meter", "meters", "metre", "metres"),
+    "rpm": ("r/min", "rev/min", "revs/min", "u/min", "rounds per minute", "revolutions per minute"),
+    "deg/s": ("deg/sec", "degree/s", "degrees/s", "degrees/sec", "deg per second", "dps"),
+    "rad/s": ("rad/sec", "radian/s", "radians/s", "rads/s", "radians per second"),
+    "m/s": ("m/sec", "mps", "meter/s", "metre/s", "meters/s", "metres/s", "meters per second"),
+    "m/s^2": ("m/sec^2", "m/sec2", "m/s/s", "mps2", "mpss"),
+    "N": ("newton", "newtons"),
+    "N m": ("newtonmeter", "newtonmetre", "newton meter", "newton metre", "newton meters"),
+    "kN m": ("kilonewtonmeter", "kilonewton meter", "kilonewton metre"),
+    "W": ("watt", "watts"),
+    "kW": ("kilowatt", "kilowatts"),
+    "V": ("volt", "volts"),
+    "A": ("amp", "amps", "ampere", "amperes"),
+    "%": ("percent", "per cent", "pct"),
+    "Hz": ("hertz",),
+    "degC": ("celsius", "deg c", "°c"),
+}
+_RIGHT = {word: unit for unit, words in _WORDS.items() for word in words}
+_CASES = {"deg": "deg", "rad": "rad", "rpm": "rpm", "deg/s": "deg/s", "rad/s": "rad/s"}  # mW is not MW, but RPM is rpm
+
+
+def rightly(unit: str) -> str | None:
+    """Return how this unit is written here; None where it stands right, or is not known.
+
+    >>> rightly("degrees"), rightly("RPM"), rightly("rpm"), rightly("furlong")
+    ('deg', 'rpm', None, None)
+    """
+    word = " ".join(unit.strip().lower().split())
+    right = _RIGHT.get(word) or _CASES.get(word)
+    return None if right == unit.strip() else right
