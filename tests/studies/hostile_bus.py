@@ -112,7 +112,7 @@ def besieged(page: str, held: list[socket.socket]) -> None:
     host, _, port = page.partition("//")[2].rstrip("/").partition(":")
     for _ in range(IDLE):
         with suppress(OSError):
-            held.append(socket.create_connection((host, int(port)), timeout=5))
+            held.append(socket.create_connection((host, int(port)), timeout=3600))
     for peer in held[: -10 * IDLE]:
         peer.close()
     del held[: -10 * IDLE]
@@ -153,7 +153,7 @@ def run(folder: Path, minutes: float, rate: float, share: float) -> dict[str, An
     for adapter in adapters.values():
         adapter.unplug()
     processes["monitor"].send_signal(signal.SIGTERM)  # the page stays until it is told
-    codes = {n: p.wait(timeout=600) for n, p in processes.items()}
+    codes = {n: p.wait(timeout=3600) for n, p in processes.items()}
     whole = {n: complete(folder / f"{n}-node{hostile.HONEST}.csv", samples) for n in processes}
     for peer in chain(held):
         peer.close()
