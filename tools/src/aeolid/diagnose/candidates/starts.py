@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
 from aeolid.diagnose.baseline.prepare import Prepared, riccati_gains
+from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Point, shifted
@@ -20,11 +21,6 @@ from aeolid.diagnose.structure.forces import FORCE
 from aeolid.models.integrate import output_jacobian
 from aeolid.models.state_space import StateSpace
 
-_TURNING = {
-    "actuator_lag", "actuator_second_order", "transport_delay", "data_time_offset", "sensor_lag",
-    "sensor_second_order", "sensor_scale", "sensor_sign", "data_channel_swap",
-}  # effects that turn what the gain was fitted to, in phase, sign, size or place  # fmt: skip
-_BENDING = {"blade_flap", "blade_edge"}  # where they pass a load on later (stepped), not where a mode is driven
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
 _LOUD_FORCE = 10.0  # the same of a force with a memory, in sizes of what it acts against
 _QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
@@ -32,7 +28,8 @@ _QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
 
 def turns(attachment: Attachment) -> bool:
     """Tell whether an effect turns the phase, sign, size or place of what a free gain was fitted to."""
-    return attachment.entry in _TURNING or (attachment.entry in _BENDING and attachment.stepped)
+    kind = entry(attachment.entry)
+    return kind.turns or (kind.bends and attachment.stepped)
 
 
 def starts_of(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> list[list[Point]]:

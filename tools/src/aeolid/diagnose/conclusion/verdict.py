@@ -32,7 +32,6 @@ _MATERIAL = 0.005  # relative improvement of the prediction error at some horizo
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
-_VERDICTS = {"parameter_error": "parameter", "data_channel_swap": "data_fault"}  # of entries that miss no physics
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
 _CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 
@@ -167,7 +166,7 @@ def _named(study: Study, winner: Candidate) -> tuple[str, list[dict[str, Any]]]:
     if any(is_other(c, winner) for c, _ in said):
         effects += [_effect(study, c, c.attachments[0], [], w) for c, w in said]
         return "ambiguous", effects
-    return _VERDICTS.get(winner.attachments[0].entry, "named"), effects
+    return entry(winner.attachments[0].entry).verdict, effects
 
 
 def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:

@@ -1,138 +1,30 @@
-"""The catalogue of physics a model may lack: one small declarative module an entry."""
+"""The catalogue of physics a model may lack: every module of the folder `entries` is one effect."""
 
 from __future__ import annotations
 
-from aeolid.diagnose.hypotheses.entries import (
-    actuator_lag,
-    actuator_second_order,
-    added_mass,
-    aero_imbalance,
-    aero_nonlinearity,
-    air_density,
-    backlash,
-    blade_edge,
-    blade_flap,
-    bouc_wen_hysteresis,
-    clearance,
-    controller_state,
-    coulomb_friction,
-    cp_change,
-    cubic_stiffness,
-    damping_change,
-    data_channel_swap,
-    data_time_offset,
-    deadband,
-    drivetrain_torsion,
-    dynamic_inflow,
-    efficiency_loss,
-    end_stop,
-    gravity_1p,
-    input_quantisation,
-    input_saturation,
-    mass_imbalance,
-    missing_coupling,
-    missing_disturbance,
-    one_sided_storage,
-    operating_region_switch,
-    overflow,
-    parameter_error,
-    play_hysteresis,
-    quadratic_damping,
-    quadratic_stiffness,
-    rate_limit,
-    rotational_sampling,
-    sensor_bias,
-    sensor_cross_axis,
-    sensor_drift,
-    sensor_lag,
-    sensor_quantisation,
-    sensor_rectified,
-    sensor_saturation,
-    sensor_scale,
-    sensor_second_order,
-    sensor_sign,
-    stiction,
-    stiffness_change,
-    structural_mode,
-    temperature_dependence,
-    tower_fore_aft,
-    tower_shadow,
-    tower_side_side,
-    transport_delay,
-    unsteady_aero,
-    viscous_friction_change,
-    wave_load,
-    wind_shear,
-    yaw_misalignment,
-)
+import importlib
+import pkgutil
+
+from aeolid.diagnose.hypotheses import entries
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Entry
+from aeolid.errors import DataError
 
-ENTRIES: tuple[Entry, ...] = (
-    actuator_lag.ENTRY,
-    transport_delay.ENTRY,
-    data_time_offset.ENTRY,
-    actuator_second_order.ENTRY,
-    sensor_lag.ENTRY,
-    sensor_second_order.ENTRY,
-    rate_limit.ENTRY,
-    input_saturation.ENTRY,
-    deadband.ENTRY,
-    backlash.ENTRY,
-    input_quantisation.ENTRY,
-    coulomb_friction.ENTRY,
-    stiction.ENTRY,
-    viscous_friction_change.ENTRY,
-    cubic_stiffness.ENTRY,
-    quadratic_stiffness.ENTRY,
-    end_stop.ENTRY,
-    clearance.ENTRY,
-    bouc_wen_hysteresis.ENTRY,
-    play_hysteresis.ENTRY,
-    quadratic_damping.ENTRY,
-    damping_change.ENTRY,
-    sensor_rectified.ENTRY,
-    sensor_saturation.ENTRY,
-    sensor_quantisation.ENTRY,
-    sensor_scale.ENTRY,
-    sensor_sign.ENTRY,
-    data_channel_swap.ENTRY,
-    sensor_bias.ENTRY,
-    sensor_drift.ENTRY,
-    sensor_cross_axis.ENTRY,
-    structural_mode.ENTRY,
-    drivetrain_torsion.ENTRY,
-    tower_fore_aft.ENTRY,
-    tower_side_side.ENTRY,
-    blade_flap.ENTRY,
-    blade_edge.ENTRY,
-    stiffness_change.ENTRY,
-    added_mass.ENTRY,
-    temperature_dependence.ENTRY,
-    mass_imbalance.ENTRY,
-    aero_imbalance.ENTRY,
-    gravity_1p.ENTRY,
-    wind_shear.ENTRY,
-    yaw_misalignment.ENTRY,
-    tower_shadow.ENTRY,
-    rotational_sampling.ENTRY,
-    dynamic_inflow.ENTRY,
-    unsteady_aero.ENTRY,
-    aero_nonlinearity.ENTRY,
-    operating_region_switch.ENTRY,
-    cp_change.ENTRY,
-    air_density.ENTRY,
-    efficiency_loss.ENTRY,
-    wave_load.ENTRY,
-    missing_coupling.ENTRY,
-    missing_disturbance.ENTRY,
-    controller_state.ENTRY,
-    overflow.ENTRY,
-    one_sided_storage.ENTRY,
-    parameter_error.ENTRY,
-)
+
+def _found() -> tuple[Entry, ...]:
+    """Return the entries in the order of their rank; a module without one, or under another name, is a mistake."""
+    found = []
+    for module in pkgutil.iter_modules(entries.__path__):
+        found.append(importlib.import_module(f"{entries.__name__}.{module.name}").ENTRY)
+        if found[-1].id != module.name:
+            raise DataError(f"{module.name}.py holds the entry {found[-1].id!r}; a module has the name of its entry")
+    return tuple(sorted(found, key=lambda e: (e.rank, e.id)))
+
+
+ENTRIES: tuple[Entry, ...] = _found()
+_BY_ID = {e.id: e for e in (*ENTRIES, unlisted.ENTRY)}
 
 
 def entry(identifier: str) -> Entry:
-    """Return the entry with this id."""
-    return next(e for e in (*ENTRIES, unlisted.ENTRY) if e.id == identifier)
+    """Return the entry with this id. Raises KeyError."""
+    return _BY_ID[identifier]

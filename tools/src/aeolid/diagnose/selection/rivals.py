@@ -21,7 +21,6 @@ _COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by
 _FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
 _DAMPED = 0.5  # damping ratio of filters at least; Butterworth's have 0.7
 _CRITICAL = 1.0  # damping ratio from which a filter of second order is two lags
-_LAGS = {("actuator_lag", "actuator_second_order"), ("sensor_lag", "sensor_second_order")}
 _OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
@@ -143,7 +142,7 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
 def _is_all_of(lag: Candidate, filtered: Candidate) -> bool:
     """Tell whether a first-order lag is all that a second-order one shows: nothing in it has to ring."""
     own, other = lag.attachments[-1], filtered.attachments[-1]
-    if (own.entry, other.entry) not in _LAGS or own.location["entry"] != other.location["entry"]:
+    if own.entry != entry(other.entry).without_ringing or own.location["entry"] != other.location["entry"]:
         return False
     damping, deviation = filtered.values[other.key]["damping"]
     return damping + 2 * deviation >= _CRITICAL and not tells_apart(filtered, lag)
@@ -170,7 +169,7 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
 def _rings_like(candidate: Candidate, other: Candidate) -> bool:
     """Tell whether one is a sensor's filter with less damping than filters have, the other a blade's bending there."""
     own, blade = candidate.attachments[-1], other.attachments[-1]
-    if own.entry != "sensor_second_order" or blade.entry not in ("blade_flap", "blade_edge"):
+    if own.entry != "sensor_second_order" or not entry(blade.entry).bends:
         return False
     return candidate.values[own.key]["damping"][0] < _DAMPED and own.location["outputs"] == blade.location["outputs"]
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, DRIVES_ELSE, DRIVES_PITCH, OPENFAST, ROSCO, Setting
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
 
@@ -54,4 +55,32 @@ ENTRY = Entry(
         ("sensor_lag", "one input to all outputs (actuator) against all inputs to one output (sensor)"),
     ),
     attach=_attach,
+    rank=10,
+    turns=True,
+    settings=(
+        Setting(
+            ROSCO,
+            "PA_Mode = 1, PA_CornerFreq = {inverse_tau:.3g} rad/s",
+            "PA_Mode = 1, PA_CornerFreq = 1/tau in rad/s",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            BLADED,
+            "Pitch actuator: first order, time constant {tau_s:.3g} s",
+            "Pitch actuator: first order lag",
+            at=DRIVES_PITCH,
+        ),
+        Setting(
+            OPENFAST,
+            (
+                "ServoDyn has no lag of the torque behind a controller library: low-pass the demand in "
+                "the library with {tau_s:.3g} s"
+            ),
+            ("ServoDyn has no lag of the torque behind a controller library: low-pass the demand in the library"),
+            at=DRIVES_ELSE,
+        ),
+        Setting(
+            BLADED, "Generator: torque time constant {tau_s:.3g} s", "Generator: torque time constant", at=DRIVES_ELSE
+        ),
+    ),
 )

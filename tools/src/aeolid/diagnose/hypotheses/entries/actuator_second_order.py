@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_filter
 from aeolid.models.equations import Equations, Parameter
 
@@ -72,4 +73,19 @@ ENTRY = Entry(
         ("sensor_second_order", "one input to all outputs (actuator) against all inputs to one output (sensor)"),
     ),
     attach=_attach,
+    rank=40,
+    turns=True,
+    without_ringing="actuator_lag",
+    settings=(
+        Setting(
+            ROSCO,
+            "PA_Mode = 2, PA_CornerFreq = {omega_rad_s:.3g} rad/s, PA_Damping = {zeta:.2g}",
+            "PA_Mode = 2, PA_CornerFreq, PA_Damping",
+        ),
+        Setting(
+            BLADED,
+            "Pitch actuator: second order, frequency {omega_rad_s:.3g} rad/s, damping {zeta:.2g}",
+            "Pitch actuator: second order",
+        ),
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
@@ -47,4 +48,9 @@ ENTRY = Entry(
         ("parameter_error", "a wrong frequency leaves the gain above resonance alone; a declared mass is a parameter"),
     ),
     attach=_attach,
+    rank=390,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: NacMass, HubMass, AdjTwMa, AdjBlMs; inertias NacYIner, HubIner, GenIner"),
+        Setting(BLADED, "Mass and inertia of hub, nacelle, tower, blades"),
+    ),
 )

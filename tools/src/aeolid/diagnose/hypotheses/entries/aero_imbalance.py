@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations, Parameter
 
 _RATIO = "aero_imbalance_ratio"
@@ -93,4 +94,12 @@ ENTRY = Entry(
         ("wind_shear", "the mean over the blades of their root moments: shear loads every blade alike"),
     ),
     attach=_attach,
+    rank=420,
+    settings=(
+        Setting(
+            OPENFAST,
+            ("AeroDyn: a blade file of its own for one blade (ADBlFile) with BlTwist moved by the pitch error"),
+        ),
+        Setting(BLADED, "Rotor: blade set angle error of one blade"),
+    ),
 )

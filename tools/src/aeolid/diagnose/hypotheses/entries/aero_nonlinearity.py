@@ -8,6 +8,7 @@ from functools import partial
 from aeolid.diagnose.hypotheses.parts import operating_point
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.operating_point import Point
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _says(p: Point, v: Mapping[str, float]) -> str:
@@ -46,4 +47,9 @@ ENTRY = Entry(
         ("parameter_error", "two operating points: a wrong gain is wrong by the same factor in both"),
     ),
     attach=_attach,
+    rank=500,
+    settings=(
+        Setting(OPENFAST, "AeroDyn in place of a linearised model (CompAero = 2)"),
+        Setting(BLADED, "simulate in place of a linear model"),
+    ),
 )

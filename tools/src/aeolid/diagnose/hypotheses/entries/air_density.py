@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import power_level
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 _MOST = 0.35  # air of 1.6 or 0.8 kg/m³ where 1.225 was assumed: colder and higher than any wind farm
 
@@ -31,4 +32,11 @@ ENTRY = Entry(
         ("efficiency_loss", "torque and speed: a loss behind the rotor shows only in the power"),
     ),
     attach=_attach,
+    rank=530,
+    settings=(
+        Setting(
+            OPENFAST, "turbine.fst: AirDens = {density_factor:.4g} times the present value", "turbine.fst: AirDens"
+        ),
+        Setting(BLADED, "Wind: air density = {density_factor:.4g} times the present value", "Wind: air density"),
+    ),
 )

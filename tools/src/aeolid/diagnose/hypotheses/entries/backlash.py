@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
 
 _GRID = (0.1, 0.3, 0.8, 1.6)  # of the input's spread
@@ -52,4 +53,16 @@ ENTRY = Entry(
         ("transport_delay", "slow motion: the lag behind play grows in time as the command slows down"),
     ),
     attach=_attach,
+    rank=100,
+    settings=(
+        Setting(
+            OPENFAST,
+            (
+                "no switch: pass the demand through {width:.3g} of play (in its unit) between "
+                "controller library and ServoDyn"
+            ),
+            "no switch: pass the demand through the play between controller library and ServoDyn",
+        ),
+        Setting(BLADED, "Pitch actuator in an external library, with {width:.3g} of play", "Pitch actuator with play"),
+    ),
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.blade_response import blade_mode
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 ENTRY = blade_mode(
     "blade_flap",
@@ -12,5 +13,16 @@ ENTRY = blade_mode(
     (
         ("rotational_sampling", "a rotor harmonic moves with the rotor speed, a mode hardly does"),
         ("unsteady_aero", "lift that builds up is a lag, a mode turns the phase by 180 degrees"),
+    ),
+    rank=360,
+    settings=(
+        Setting(
+            OPENFAST,
+            (
+                "ElastoDyn: FlapDOF1 = True (FlapDOF2 for the second); blade file: AdjFlSt, "
+                "BldFlDmp(1); or BeamDyn (CompElast = 2)"
+            ),
+        ),
+        Setting(BLADED, "Modal analysis: include the blades' flapwise modes"),
     ),
 )

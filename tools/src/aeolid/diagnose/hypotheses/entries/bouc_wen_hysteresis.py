@@ -67,4 +67,5 @@ ENTRY = Entry(
         ("viscous_friction_change", "the loop's area grows with the rate for a viscous force only"),
     ),
     attach=_attach,
+    rank=190,
 )

@@ -68,4 +68,5 @@ ENTRY = Entry(
         ("backlash", "a play in the drive delays reversals, a clearance leaves the middle without a spring"),
     ),
     attach=_attach,
+    rank=180,
 )

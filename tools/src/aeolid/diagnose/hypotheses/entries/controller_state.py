@@ -11,6 +11,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts import operating_point, pitch_path, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
@@ -74,4 +75,11 @@ ENTRY = Entry(
         ("parameter_error", "fast and slow excitation: a wrong gain is wrong at every frequency"),
     ),
     attach=_attach,
+    rank=580,
+    settings=(
+        Setting(
+            ROSCO, ("F_LPFType, F_LPFCornerFreq, F_LPFDamping and the other filters of DISCON.IN as on the turbine")
+        ),
+        Setting(BLADED, "External controller: the same version and parameters as on the turbine"),
+    ),
 )

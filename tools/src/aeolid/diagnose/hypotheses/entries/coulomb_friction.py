@@ -6,6 +6,7 @@ import ast
 from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
@@ -56,4 +57,9 @@ ENTRY = Entry(
         ("backlash", "loop area independent of rate; backlash width independent of amplitude"),
     ),
     attach=_attach,
+    rank=120,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: YawFrctMod for the yaw bearing; ElastoDyn: GBoxEff for the drive train"),
+        Setting(BLADED, "Pitch and yaw bearings: friction"),
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import power_level
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -31,4 +32,9 @@ ENTRY = Entry(
         ("efficiency_loss", "torque and speed: a loss behind the rotor shows only in the power"),
     ),
     attach=_attach,
+    rank=520,
+    settings=(
+        Setting(OPENFAST, "AeroDyn: polars (AFNames) and twist (BlTwist) of the blades"),
+        Setting(BLADED, "Aerofoils: lift and drag, for instance of rough blades"),
+    ),
 )

@@ -54,4 +54,5 @@ ENTRY = Entry(
         ("stiffness_change", "a changed linear stiffness moves the resonance at every amplitude"),
     ),
     attach=_attach,
+    rank=150,
 )

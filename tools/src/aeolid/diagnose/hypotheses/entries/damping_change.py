@@ -6,6 +6,7 @@ import math
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.forces import natural, per
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.timed import Coefficient, changes
 from aeolid.diagnose.structure.anatomy import Motion
 
@@ -39,4 +40,9 @@ ENTRY = Entry(
         ("quadratic_damping", "drag follows the amplitude, not the clock"),
     ),
     attach=_attach,
+    rank=220,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: TwrFADmp, TwrSSDmp, BldFlDmp, BldEdDmp, DTTorDmp"),
+        Setting(BLADED, "Modal analysis: damping of the modes"),
+    ),
 )

@@ -91,4 +91,7 @@ ENTRY = Entry(
         ("parameter_error", "no values let the two bodies change places in every response"),
     ),
     attach=_attach,
+    rank=280,
+    verdict="data_fault",
+    turns=True,
 )

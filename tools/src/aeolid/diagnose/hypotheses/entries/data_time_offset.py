@@ -64,4 +64,6 @@ ENTRY = Entry(
         ("actuator_lag", "gain: a shift in time leaves it flat, a lag lets it droop above 1/tau_s"),
     ),
     attach=_attach,
+    rank=30,
+    turns=True,
 )  # fmt: skip

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, is_continuous, spread_of, unit_of_input
 
 _GRID = (0.15, 0.4, 1.0)  # of the input's spread
@@ -69,4 +70,17 @@ ENTRY = Entry(
         ("input_quantisation", "quantisation has levels that return, a hold stops at any value"),
     ),
     attach=_attach,
+    rank=90,
+    settings=(
+        Setting(
+            ROSCO,
+            "no switch: hold the demand until it has moved by {width:.3g}",
+            "no switch: hold the demand in a band",
+        ),
+        Setting(
+            BLADED,
+            "Pitch actuator in an external library, with a dead band of {width:.3g}",
+            "Pitch actuator: dead band",
+        ),
+    ),
 )

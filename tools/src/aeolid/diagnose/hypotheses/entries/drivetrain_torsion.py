@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.modes import named_mode
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 ENTRY = named_mode(
     "drivetrain_torsion",
@@ -12,5 +13,17 @@ ENTRY = named_mode(
     (
         ("rotational_sampling", "three per revolution moves with the rotor speed, torsion does not"),
         ("blade_edge", "edgewise bending shows in the blade roots, torsion in the generator speed"),
+    ),
+    rank=330,
+    settings=(
+        Setting(
+            OPENFAST,
+            (
+                "ElastoDyn: DrTrDOF = True, DTTorSpr until it swings at {frequency_hz:.3g} Hz, DTTorDmp"
+                " for a damping of {damping:.2g}"
+            ),
+            "ElastoDyn: DrTrDOF = True, DTTorSpr, DTTorDmp",
+        ),
+        Setting(BLADED, "Drive train: flexible low speed shaft, torsional stiffness and damping"),
     ),
 )

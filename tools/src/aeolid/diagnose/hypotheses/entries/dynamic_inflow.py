@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import pitch_path
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 _TAUS = (2.5, 5.0, 10.0, 20.0)
 
@@ -36,4 +37,9 @@ ENTRY = Entry(
         ("aero_nonlinearity", "amplitude: the overshoot is in proportion to the step"),
     ),
     attach=_attach,
+    rank=480,
+    settings=(
+        Setting(OPENFAST, "AeroDyn: Wake_Mod = 1 with DBEMT_Mod = 2 (before 4.0: WakeMod = 2)"),
+        Setting(BLADED, "Aerodynamics: dynamic wake (Oye or Pitt and Peters) in place of equilibrium wake"),
+    ),
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, ROSCO, Setting
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
 
@@ -50,4 +51,10 @@ ENTRY = Entry(
         ("cp_change", "torque and speed: the rotor's own loss shows there, a loss behind it only in the power"),
     ),
     attach=_attach,
+    rank=540,
+    settings=(
+        Setting(OPENFAST, "ServoDyn: GenEff; ElastoDyn: GBoxEff"),
+        Setting(ROSCO, "VS_GenEff"),
+        Setting(BLADED, "Losses: mechanical and electrical"),
+    ),
 )

@@ -60,4 +60,5 @@ ENTRY = Entry(
         ("input_saturation", "excite less: a stop is not reached, a saturated drive is as modelled"),
     ),
     attach=_attach,
+    rank=170,
 )

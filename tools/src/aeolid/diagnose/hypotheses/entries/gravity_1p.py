@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -47,4 +48,9 @@ ENTRY = Entry(
         ("aero_imbalance", "another wind: weight does not grow with it"),
     ),
     attach=_attach,
+    rank=430,
+    settings=(
+        Setting(OPENFAST, "turbine.fst: Gravity"),
+        Setting(BLADED, "Loads: gravity"),
+    ),
 )

@@ -57,4 +57,5 @@ ENTRY = Entry(
     signature="noise that repeats whenever the command passes the same values",
     confused_with=(("deadband", "levels: a quantised drive always comes back to the same ones"),),
     attach=_attach,
+    rank=110,
 )

@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import Array, blended_filter, is_continuous, unit_of_input
 
 _GRID = (0.97, 0.85)  # quantiles of the input where a limit is tried; 1 − q below
@@ -80,4 +81,9 @@ ENTRY = Entry(
         ("parameter_error", "small commands: a wrong gain shows there too"),
     ),
     attach=_attach,
+    rank=80,
+    settings=(
+        Setting(ROSCO, "PC_MaxPit, PC_MinPit, VS_MaxTq"),
+        Setting(BLADED, "Pitch actuator: angle limits; generator: torque limits"),
+    ),
 )

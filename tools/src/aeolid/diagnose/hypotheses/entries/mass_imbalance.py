@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -44,4 +45,9 @@ ENTRY = Entry(
         ("gravity_1p", "the force of a mass grows with the speed squared, its weight acts on the shaft"),
     ),
     attach=_attach,
+    rank=410,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: a blade file of its own for one blade (BldFile) with AdjBlMs, or TipMass"),
+        Setting(BLADED, "Rotor: mass imbalance (radial position and mass)"),
+    ),
 )

@@ -26,4 +26,5 @@ ENTRY = Entry(
         ("parameter_error", "the channel itself: a wrong value shows without it too"),
     ),
     attach=_attach,
+    rank=560,
 )

@@ -30,4 +30,5 @@ ENTRY = Entry(
         ("wave_load", "the channel: a wave elevation in m pushes the tower alone"),
     ),
     attach=_attach,
+    rank=570,
 )

@@ -68,4 +68,5 @@ ENTRY = Entry(
         ("sensor_saturation", "a sensor at its end hides the level, the store behind it goes on falling"),
     ),
     attach=_attach,
+    rank=600,
 )

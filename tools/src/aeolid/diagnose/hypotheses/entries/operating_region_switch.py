@@ -10,6 +10,7 @@ import numpy as np
 from aeolid.diagnose.hypotheses.parts import operating_point
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.operating_point import Point
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 
 _SHARPNESS = 0.1  # of the spread: the width over which the switch turns, so that the threshold can be fitted
 _LEVELS = (0.3, 0.5, 0.7)
@@ -61,4 +62,9 @@ ENTRY = Entry(
         ("input_saturation", "small steps beyond the threshold: a limited input does nothing there"),
     ),
     attach=_attach,
+    rank=510,
+    settings=(
+        Setting(ROSCO, "VS_ControlMode, PS_Mode, SS_Mode and their set points"),
+        Setting(BLADED, "External controller: the same version and parameters as on the turbine"),
+    ),
 )

@@ -78,4 +78,5 @@ ENTRY = Entry(
         ("one_sided_storage", "at the brim against at the floor"),
     ),
     attach=_attach,
+    rank=590,
 )

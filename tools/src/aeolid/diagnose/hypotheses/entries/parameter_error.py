@@ -93,4 +93,6 @@ ENTRY = Entry(
     signature="the misfit vanishes when one declared number moves",
     confused_with=(("every structural effect", "the likelihood gain left after the parameter was moved"),),
     attach=_attach,
+    rank=610,
+    verdict="parameter",
 )

@@ -70,4 +70,5 @@ ENTRY = Entry(
         ("backlash", "backlash lies between the command and the drive, the slider acts on the motion itself"),
     ),
     attach=_attach,
+    rank=200,
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.forces import force_on, natural, per, say
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.structure.anatomy import Motion
 
 
@@ -41,4 +42,9 @@ ENTRY = Entry(
         ("viscous_friction_change", "decay per cycle: drag's falls with amplitude, a viscous one stays"),
     ),
     attach=_attach,
+    rank=210,
+    settings=(
+        Setting(OPENFAST, "HydroDyn: drag coefficients SimplCd"),
+        Setting(BLADED, "Sea: hydrodynamic drag"),
+    ),
 )

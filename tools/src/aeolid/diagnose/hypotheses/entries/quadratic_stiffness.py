@@ -40,4 +40,5 @@ ENTRY = Entry(
         ("end_stop", "a stop is silent until it is touched"),
     ),
     attach=_attach,
+    rank=160,
 )

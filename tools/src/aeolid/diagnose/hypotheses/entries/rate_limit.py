@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, spread_of, unit_of_input
 
 _GRID, _STARTS = 5, 14
@@ -58,4 +59,9 @@ ENTRY = Entry(
         ("input_saturation", "slow commands pass a rate limit whatever their size"),
     ),
     attach=_attach,
+    rank=70,
+    settings=(
+        Setting(ROSCO, "PC_MaxRat, PC_MinRat: ± {rate:.3g} in the demand's unit a second", "PC_MaxRat, PC_MinRat"),
+        Setting(BLADED, "Pitch actuator: rate limits ± {rate:.3g}", "Pitch actuator: rate limits"),
+    ),
 )

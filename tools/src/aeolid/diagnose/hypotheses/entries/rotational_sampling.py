@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wind import wind
 
 
@@ -48,4 +49,9 @@ ENTRY = Entry(
         ("structural_mode", "another rotor speed: sampled turbulence moves with it, a mode does not"),
     ),
     attach=_attach,
+    rank=470,
+    settings=(
+        Setting(OPENFAST, "InflowWind: WindType = 3 with a full field of TurbSim in place of a uniform wind (1, 2)"),
+        Setting(BLADED, "Wind: 3D turbulent in place of single point history"),
+    ),
 )

@@ -55,4 +55,5 @@ ENTRY = Entry(
     signature="a constant difference that contradicts the other outputs",
     confused_with=(("parameter_error", "a wrong value changes with the operating point, a bias does not"),),
     attach=_attach,
+    rank=290,
 )

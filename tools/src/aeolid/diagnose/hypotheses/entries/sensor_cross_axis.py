@@ -70,4 +70,5 @@ ENTRY = Entry(
         ("sensor_scale", "a wrong scale is in proportion to the channel itself"),
     ),
     attach=_attach,
+    rank=310,
 )

@@ -64,4 +64,5 @@ ENTRY = Entry(
         ("temperature_dependence", "a recorded temperature explains the difference better than time"),
     ),
     attach=_attach,
+    rank=300,
 )

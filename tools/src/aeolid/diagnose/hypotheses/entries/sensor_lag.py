@@ -7,6 +7,7 @@ from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
 
@@ -81,4 +82,17 @@ ENTRY = Entry(
         ("sensor_second_order", "excitation above 1/tau_s: the gain falls by 6 dB an octave, not by 12"),
     ),
     attach=_attach,
+    rank=50,
+    turns=True,
+    settings=(
+        Setting(
+            ROSCO,
+            (
+                "for a speed: F_LPFCornerFreq = {inverse_tau:.3g} rad/s with F_LPFType = 1; else filter"
+                " the simulation's output by {tau_s:.3g} s"
+            ),
+            "for a speed: F_LPFCornerFreq with F_LPFType = 1; else filter the simulation's output",
+        ),
+        Setting(BLADED, "Transducers: first order lag {tau_s:.3g} s", "Transducers: first order lag"),
+    ),
 )

@@ -88,4 +88,5 @@ ENTRY = Entry(
         ("deadband", "a held value stays whatever it is, a quantised one returns to the same levels"),
     ),
     attach=_attach,
+    rank=250,
 )

@@ -70,4 +70,5 @@ ENTRY = Entry(
     signature="never negative, sharp turns at zero, twice the expected frequency near reversals",
     confused_with=(("sensor_saturation", "a sensor clipped at zero stays there, a rectified one rises again"),),
     attach=_attach,
+    rank=230,
 )

@@ -76,4 +76,5 @@ ENTRY = Entry(
         ("sensor_rectified", "a sensor clipped at zero stays there, a rectified one rises again"),
     ),
     attach=_attach,
+    rank=240,
 )

@@ -115,4 +115,6 @@ ENTRY = Entry(
         ("sensor_sign", "direction"),
     ),
     attach=_attach,
+    rank=260,
+    turns=True,
 )

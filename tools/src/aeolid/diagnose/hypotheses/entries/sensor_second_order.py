@@ -86,4 +86,7 @@ ENTRY = Entry(
         ("sensor_lag", "excitation above omega: the gain falls by 12 dB an octave, behind a lag by 6 dB"),
     ),
     attach=_attach,
+    rank=60,
+    turns=True,
+    without_ringing="sensor_lag",
 )

@@ -76,4 +76,6 @@ ENTRY = Entry(
         ("sensor_rectified", "an absolute value is right half of the time"),
     ),
     attach=_attach,
+    rank=270,
+    turns=True,
 )

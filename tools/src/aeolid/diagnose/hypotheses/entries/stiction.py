@@ -55,4 +55,5 @@ ENTRY = Entry(
     signature="the force falls as motion begins; slow motion jerks",
     confused_with=(("coulomb_friction", "Coulomb friction is the same at every speed: excess not above zero"),),
     attach=_attach,
+    rank=130,
 )

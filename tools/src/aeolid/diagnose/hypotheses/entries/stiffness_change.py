@@ -6,6 +6,7 @@ import math
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.forces import natural, per, with_spring
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.timed import Coefficient, changes
 from aeolid.diagnose.structure.anatomy import Motion
 
@@ -41,4 +42,9 @@ ENTRY = Entry(
         ("temperature_dependence", "follows the recorded temperature, not the clock"),
     ),
     attach=_attach,
+    rank=380,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: AdjFASt, AdjSSSt (tower), AdjFlSt, AdjEdSt (blades), DTTorSpr (shaft)"),
+        Setting(BLADED, "Tower, blade and foundation: stiffness"),
+    ),
 )

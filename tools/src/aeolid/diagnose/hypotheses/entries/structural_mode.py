@@ -31,4 +31,5 @@ ENTRY = Entry(
         ("parameter_error", "a shifted mode leaves a pair of opposite residues, a missing one a single band"),
     ),
     attach=_attach,
+    rank=320,
 )

@@ -87,4 +87,5 @@ ENTRY = Entry(
     signature="the resonance or the gain moves with the recorded temperature, up and down again",
     confused_with=(("stiffness_change", "temperature that only rises looks like time: record a cooling, too"),),
     attach=_attach,
+    rank=400,
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.modes import named_mode
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 ENTRY = named_mode(
     "tower_fore_aft",
@@ -12,5 +13,17 @@ ENTRY = named_mode(
     (
         ("tower_side_side", "fore-aft is damped by the rotor, side-side is not"),
         ("rotational_sampling", "a rotor harmonic moves with the rotor speed, a mode does not"),
+    ),
+    rank=340,
+    settings=(
+        Setting(
+            OPENFAST,
+            (
+                "ElastoDyn: TwFADOF1 = True (TwFADOF2 for the second); tower file: AdjFASt until it "
+                "swings at {frequency_hz:.3g} Hz, TwrFADmp(1) for its damping without wind"
+            ),
+            "ElastoDyn: TwFADOF1 = True; tower file: AdjFASt, TwrFADmp(1)",
+        ),
+        Setting(BLADED, "Modal analysis: include the tower's fore-aft modes"),
     ),
 )

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations
 
 _SHARPNESS = "tower_shadow_sharpness"
@@ -97,4 +98,9 @@ ENTRY = Entry(
         ("drivetrain_torsion", "another rotor speed: a shadow moves with it, a mode does not"),
     ),
     attach=_attach,
+    rank=460,
+    settings=(
+        Setting(OPENFAST, "AeroDyn: TwrPotent = 1 and TwrShadow = 1 (upwind: potential flow; downwind: wake)"),
+        Setting(BLADED, "Aerodynamics: tower shadow, potential flow or empirical"),
+    ),
 )

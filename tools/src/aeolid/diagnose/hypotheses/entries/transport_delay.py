@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
 _STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5)  # samples
@@ -53,4 +54,17 @@ ENTRY = Entry(
     signature="phase falls in proportion to frequency, gain is untouched",
     confused_with=(("actuator_lag", "gain droop above 1/tau_s is there for a lag, not for a delay"),),
     attach=_attach,
+    rank=20,
+    turns=True,
+    settings=(
+        Setting(
+            OPENFAST,
+            (
+                "ServoDyn: DLL_DT = {delay_s:.3g} s delays by up to one such step (DLL_Ramp by one "
+                "more); else delay the demand in the controller library by {delay_s:.3g} s"
+            ),
+            "ServoDyn: DLL_DT and DLL_Ramp; else delay the demand in the controller library",
+        ),
+        Setting(BLADED, "External controller: time delay {delay_s:.3g} s", "External controller: time delay"),
+    ),
 )

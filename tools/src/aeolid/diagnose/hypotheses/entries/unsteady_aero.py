@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import pitch_path
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 _ONE_LAG = "load ~ pitch - lagging_share*(pitch - lag(pitch, tau_s))"
 _EQUATION = "load ~ pitch - lagging_share*(pitch - (2*lag(pitch, tau_s/6.6) + lag(pitch, tau_s))/3)"
@@ -47,4 +48,9 @@ ENTRY = Entry(
         ("transport_delay", "gain: a delay leaves it flat"),
     ),
     attach=_attach,
+    rank=490,
+    settings=(
+        Setting(OPENFAST, "AeroDyn: UA_Mod = 3 (Beddoes-Leishman; before 4.0: AFAeroMod = 2)"),
+        Setting(BLADED, "Aerodynamics: dynamic stall (Beddoes-Leishman or Oye)"),
+    ),
 )

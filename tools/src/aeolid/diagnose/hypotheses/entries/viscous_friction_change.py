@@ -55,4 +55,5 @@ ENTRY = Entry(
         ("parameter_error", "a declared friction coefficient that is wrong is a parameter, not a missing effect"),
     ),
     attach=_attach,
+    rank=140,
 )

@@ -10,6 +10,7 @@ import numpy as np
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 
@@ -94,4 +95,9 @@ ENTRY = Entry(
         ("structural_mode", "the record of a wave buoy: waves follow it, a mode does not"),
     ),
     attach=_attach,
+    rank=550,
+    settings=(
+        Setting(OPENFAST, "SeaState: WaveMod, WaveHs, WaveTp; turbine.fst: CompSeaSt, CompHydro"),
+        Setting(BLADED, "Sea state: waves"),
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -44,4 +45,9 @@ ENTRY = Entry(
         ("tower_shadow", "higher multiples: a shadow is a narrow dip, shear a smooth swing"),
     ),
     attach=_attach,
+    rank=440,
+    settings=(
+        Setting(OPENFAST, "InflowWind: PLexp, or the shear columns of the uniform wind file; TurbSim: PLExp"),
+        Setting(BLADED, "Wind: shear exponent"),
+    ),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, ROSCO, Setting
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -35,4 +36,10 @@ ENTRY = Entry(
         ("tower_shadow", "higher multiples: a shadow is a narrow dip"),
     ),
     attach=_attach,
+    rank=450,
+    settings=(
+        Setting(OPENFAST, "ElastoDyn: NacYaw (ServoDyn: YawNeut); or InflowWind: PropagationDir"),
+        Setting(ROSCO, "Y_ControlMode and its offsets"),
+        Setting(BLADED, "Wind: flow direction; nacelle: yaw angle"),
+    ),
 )

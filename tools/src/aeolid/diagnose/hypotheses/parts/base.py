@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
+from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models.equations import Equations
 from aeolid.models.state_space import StateSpace
@@ -134,7 +135,14 @@ class Attachment:
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """Hold one physical effect: what it is, where it can sit, what it looks like, what else looks alike."""
+    """Hold one physical effect: what it is, where it can sit, what it looks like, what else looks alike.
+
+    rank: place in the catalogue, simplest first; of candidates that nothing tells apart the earlier one is told.
+    verdict: what a diagnosis ends with that names it alone; "named", but for what misses no physics.
+    turns: it turns the phase, sign, size or place of what a free gain was fitted to; bends: so does it where it passes
+    a load on later (stepped attachments). without_ringing: id of the entry that it is when nothing in it rings.
+    settings: where simulators have it.
+    """
 
     id: str
     family: str
@@ -146,6 +154,12 @@ class Entry:
     signature: str
     confused_with: tuple[tuple[str, str], ...]
     attach: Callable[[Site], list[Attachment]]
+    rank: int = 10_000
+    verdict: str = "named"
+    turns: bool = False
+    bends: bool = False
+    without_ringing: str = ""
+    settings: tuple[Setting, ...] = ()
 
 
 def location(entry: str, *, outputs: tuple[str, ...] = (), inputs: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.following import Filter, following, is_possible, memories_of
 from aeolid.diagnose.hypotheses.parts.modes import KINDS, Kind, attach_named, derivatives_seen, kind_of, named_mode
+from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 
@@ -21,9 +22,12 @@ _FREQUENCIES = 6  # of the grid that the bank scores
 _STARTS = tuple((share, zeta) for share in (0.3, 0.6) for zeta in (0.15, 0.6))  # of the band, of the highest damping
 
 
-def blade_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[tuple[str, str], ...]) -> Entry:
+def blade_mode(
+    entry: str, name: str, source: str, damping: str, rivals: tuple[tuple[str, str], ...], *,
+    rank: int, settings: tuple[Setting, ...],
+) -> Entry:  # fmt: skip
     """Return the entry of a blade's mode: driven by the inputs, or by the load that the model passes on at once."""
-    made = named_mode(entry, name, source, damping, rivals)
+    made = named_mode(entry, name, source, damping, rivals, rank=rank, settings=settings, bends=True)
     return replace(made, attach=lambda site: attach_named(entry, site) + responses(entry, site))
 
 

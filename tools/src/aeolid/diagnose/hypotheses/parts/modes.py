@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, VELOCITY_UNITS
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
@@ -224,7 +225,10 @@ def _states(pair: tuple[str, str], w: str, zeta: str, push: str, step: float) ->
     return [State(n, "", ex.parse(f, "mode"), 0.0, True) for n, f in zip(pair, forms, strict=True)]
 
 
-def named_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[tuple[str, str], ...]) -> Entry:
+def named_mode(
+    entry: str, name: str, source: str, damping: str, rivals: tuple[tuple[str, str], ...], *,
+    rank: int, settings: tuple[Setting, ...], bends: bool = False,
+) -> Entry:  # fmt: skip
     """Return the entry of a mode of a turbine; damping says what is usual for it."""
     kind = next(k for k in KINDS if k.entry == entry)
     return Entry(
@@ -241,4 +245,7 @@ def named_mode(entry: str, name: str, source: str, damping: str, rivals: tuple[t
         signature="a narrow band in these outputs, phase turning by 180 degrees through it, at every rotor speed",
         confused_with=rivals,
         attach=lambda site: attach_named(entry, site),
+        rank=rank,
+        bends=bends,
+        settings=settings,
     )
