@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.stats import binom
 
 from aeolid.diagnose.baseline.frame import scales_of
+from aeolid.diagnose.conclusion.correction import zero_of
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.data.split import Split
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.validation.free_run import FreeRun, fitted_to_run_free
+from aeolid.diagnose.validation.free_run import FreeRun, fitted_to_run_free, runs_better, shows_zero
 from aeolid.models import equations_file
 from aeolid.models.integrate import Compiled, compile_equations
 from aeolid.report.evidence import appendix
@@ -110,6 +111,35 @@ def test_a_model_that_never_forgets_its_start_is_left_as_it_is(tmp_path: Path) -
     """Sums run away from the truth with every error: there is no free run to fit to."""
     u, y = recording(1, 1600, 0.0, 0.1)
     assert fits(store(tmp_path, leak=""), u, y)[1] is None
+
+
+def test_a_sensors_zero_is_told_where_no_other_value_is_the_same_constant(tmp_path: Path) -> None:
+    """A constant of the sensor beside a store that leaks to nothing; beside a store with a free inflow it is that."""
+    zero = zero_of(0, "y", "K")
+    u, y = recording(1, 8000, 0.0, 0.1)
+    for inflow, told in (("", ["sensor_zero_1"]), ("c + ", [])):
+        text = _MODEL.replace("[[state]]", "c = {{ value = 0.0, free = true }}\n[[state]]", 1)
+        path = tmp_path / "store.toml"
+        path.write_text(text.format(leak=f"{inflow}-a*x + "))
+        model = zero.edit(equations_file.load(path))
+        predictor, fit, _ = one_step(compile_equations(model), u, y + 3.0)
+        free = [model.index(n) for n in (*"ab", *(["c"] if inflow else []), "sensor_zero_1")]
+        fit = replace(fit, free=replace(fit.free, theta=tuple(free)))
+        assert shows_zero(predictor, fit, ["sensor_zero_1"]) == told
+
+
+def test_a_free_run_beside_its_sensors_zero_is_better_only_with_it(tmp_path: Path) -> None:
+    u, y = recording(1, 8000, 0.0, 0.1)
+    with_zero = compile_equations(zero_of(0, "y", "K").edit(store(tmp_path).model))
+    predictor, fit, split = one_step(with_zero, u, y + 3.0)
+    alone = fitted_to_run_free(predictor, fit, split)
+    place = with_zero.model.index("sensor_zero_1")
+    shifted = fitted_to_run_free(
+        predictor, replace(fit, free=replace(fit.free, theta=(*fit.free.theta, place))), split
+    )  # fmt: skip
+    assert shifted is not None
+    assert shifted.fit.point.theta[place] == pytest.approx(3.0, abs=0.05)  # ten deviations of the mean of the noise
+    assert runs_better(shifted, alone, predictor.scales.spread)
 
 
 def test_the_report_tells_both_values_and_what_they_are_worth(tmp_path: Path) -> None:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from aeolid.diagnose.baseline.frame import carry_fit
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.baseline.recorded_wind import SHARE
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.conclusion.verdict import shown_proof
 from aeolid.diagnose.data.exogenous import with_exogenous, without_unused
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot, location
+from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.validation.divergent import Diverging, diverging
-from aeolid.diagnose.validation.free_run import FreeRun, fitted_to_run_free
-from aeolid.models.equations import Equations
+from aeolid.diagnose.validation.free_run import FreeRun, fitted_to_run_free, runs_better, shows_zero
+from aeolid.models.equations import Equations, Parameter
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +45,64 @@ def correct(study: Study) -> Correction:
     predictor, fit = (
         (study.unsealed.predictor, study.unsealed.fit) if chosen is None else (chosen.predictor, chosen.fit)
     )
-    free = None if study.prepared.linear is not None else fitted_to_run_free(predictor, fit, study.prepared.split)
+    free, zeros = _running_free(study, () if chosen is None else chosen.attachments, predictor, fit)
     model = corrected_model(study.unsealed, fit if free is None else free.fit, chosen)
+    if free is not None:
+        model = _with_zeros(model, zeros, free)
     model = model if free is None else replace(model, name=f"{model.name} to run free")
     wild = diverging(model, study.prepared.records)
     return Correction(model if wild is None else replace(model, name=f"{model.name}, DIVERGES"), free, wild)
+
+
+def _running_free(
+    study: Study, effects: Sequence[Attachment], predictor: Predictor, fit: Fit
+) -> tuple[FreeRun | None, tuple[Attachment, ...]]:
+    """Return the fit of the free run and the sensors' zeros in it, where the selection data ask for these.
+
+    A sensor's constant offset is no finding by itself, and one step ahead the noise model's slow part takes it up (5 mV
+    of an electronic circuit whose free run errs by 0.5 mV beside it); a file that is run free has to have it.
+    """
+    split, spreads = study.prepared.split, predictor.scales.spread
+    if study.prepared.linear is not None:
+        return None, ()
+    free = fitted_to_run_free(predictor, fit, split)
+    taken = {o for a in effects if a.entry == "sensor_bias" for o in a.location["outputs"]}
+    outputs = study.prepared.declared.outputs
+    zeros = tuple(zero_of(j, o.name, o.unit) for j, o in enumerate(outputs) if o.name not in taken)
+    if study.deadline.skips("the sensors' zeros in the corrected model"):
+        return free, ()
+    frame, own = study.unsealed.frame, {a.key: s.name for a in zeros for s in a.slots}
+    larger = frame.extend((*effects, *zeros), predictor.segments)[0].with_order(predictor.var_order or 0)
+    start = carry_fit(fit, predictor.compiled.model, larger.compiled.model)
+    told = shows_zero(larger, start, list(own.values()))
+    places = tuple(larger.compiled.model.index(name) for name in told)
+    start = replace(start, free=replace(start.free, theta=(*start.free.theta, *places)))
+    shifted = fitted_to_run_free(larger, start, split) if places else None
+    if shifted is None or not runs_better(shifted, free, spreads):
+        return free, ()
+    return shifted, tuple(a for a in zeros if own[a.key] in told)
+
+
+def zero_of(number: int, output: str, unit: str) -> Attachment:
+    """Return the constant that a sensor shows of nothing, as an attachment without a name of the catalogue."""
+    name = f"sensor_zero_{number + 1}"
+    slot = Slot(name, "zero", unit, 0.0, -np.inf, np.inf, 1.0)
+    parameter = Parameter(name, 0.0, unit, free=True)
+
+    def edit(model: Equations) -> Equations:
+        return with_reading(model, output, f"reading + {name}", (parameter,))
+
+    return Attachment("zero", f"zero output:{output}", location(f"output:{output}", outputs=(output,)), edit, (slot,))
+
+
+def _with_zeros(model: Equations, zeros: Sequence[Attachment], free: FreeRun) -> Equations:
+    """Return the corrected model with the zeros that its sensors have."""
+    values = dict(zip([p.name for p in free.model.parameters], free.fit.point.theta.tolist(), strict=True))
+    for a in zeros:
+        model = a.edit(model)
+    names = {s.name for a in zeros for s in a.slots}
+    parameters = tuple(replace(p, value=float(values[p.name])) if p.name in names else p for p in model.parameters)
+    return replace(model, parameters=parameters)
 
 
 def corrected_model(prepared: Prepared, fit: Fit, candidate: Candidate | None) -> Equations:

@@ -72,7 +72,8 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
     if sampling is None or found.winner is None:
         return found
     again = _look(case, seed, step, 0.35, found.prepared.decimation, deadline, replace(sampling, free=False))
-    if again.winner is None or again.winner.fit.log_posterior < found.winner.fit.log_posterior:
+    short = max(-sampling.gain, 0.0)  # nats that a plainer reading was allowed to be less likely
+    if again.winner is None or again.winner.fit.log_posterior < found.winner.fit.log_posterior - short:
         return found
     return again
 

@@ -20,6 +20,7 @@ from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
+_APART = 0.05  # of a sensor's zero must lie outside what the other values can do
 _EVEN = 1.64  # deviations by which selection data bear a choice out, as they do an effect
 
 
@@ -27,7 +28,8 @@ _EVEN = 1.64  # deviations by which selection data bear a choice out, as they do
 class FreeRun:
     """Hold a fit of the free run, and the errors (l,) of both fits' free runs on the selection data.
 
-    one_step: the fit that predicts one step ahead, which the values told are of; model: that of both.
+    one_step: the fit that predicts one step ahead, which the values told are of; model: that of both; left: the errors
+    (N, l) of the free run on the selection data.
     """
 
     model: Equations
@@ -35,6 +37,7 @@ class FreeRun:
     one_step: Fit
     before: Array
     after: Array
+    left: Array
 
     def to_json(self) -> dict[str, Any]:
         """Return the errors by output, and each value that differs as it was told and as it runs free."""
@@ -79,7 +82,33 @@ def fitted_to_run_free(predictor: Predictor, fit: Fit, split: Split) -> FreeRun 
     final = fit_quietly(both, replace(tried.point, x0=(*tried.point.x0, *x0)), free)
     if final is None:
         return None
-    return FreeRun(model, final, fit, *(np.sqrt(np.nanmean(e**2, axis=0)) for e in (before, after)))
+    was, now = (np.sqrt(np.nanmean(e**2, axis=0)) for e in (before, after))
+    return FreeRun(model, final, fit, was, now, after)
+
+
+def runs_better(free: FreeRun, than: FreeRun | None, spreads: Array) -> bool:
+    """Tell whether the selection data bear one fit of the free run out over another; over none that was asked."""
+    return than is None or _is_better(than.left, free.left, spreads)
+
+
+def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str]:
+    """List the sensors' zeros that the free run tells from all its other free values, start included.
+
+    A spring's rest or a force of the model may be the same constant, and then the sensor has none of its own.
+    """
+    part = predictor.with_order(0)
+    places = [predictor.compiled.model.index(z) for z in zeros]
+    point = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
+    own = [i for i in fit.free.theta if i not in places]
+    columns = part.at(point, Free((*own, *places), (), (), fit.free.x0)).jacobian
+    rest = np.delete(columns, range(len(own), len(own) + len(places)), axis=1)
+    told = []
+    for k, name in enumerate(zeros):
+        column = columns[:, len(own) + k]
+        apart = column - rest @ np.linalg.lstsq(rest, column, rcond=1e-10)[0]
+        if np.linalg.norm(apart) > _APART * np.linalg.norm(column) > 0:
+            told.append(name)
+    return told
 
 
 def _elsewhere(predictor: Predictor, fit: Fit, segments: Sequence[Segment]) -> tuple[Array, tuple[Array, ...]]:
