@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.diagnose.baseline.channel_faults import RATIOS, ChannelFault, channel_faults, with_faults
+from aeolid.diagnose.baseline.wiring_evidence import judge_of
 from aeolid.diagnose.data.case import Case, load_case
 from aeolid.models.model_file import Signal
 from aeolid.models.state_space import StateSpace
@@ -131,6 +132,23 @@ def test_equations_are_asked_too(tmp_path: Path) -> None:
         values = np.column_stack([push, y[:, 0], factor * y[:, 1]])
         spoilt = replace(case, records=(replace(case.records[0], values=values),))
         assert [(f.id, f.entry) for f in channel_faults(spoilt)[0]] == said
+
+
+def test_what_was_asked_before_changes_no_answer(tmp_path: Path) -> None:
+    """Simulations are kept and looked up: each wiring is worth what it is to a judge that was asked nothing else."""
+    rng = np.random.default_rng(6)
+    rows = np.column_stack([np.repeat(rng.standard_normal(40), 10), 0.1 * rng.standard_normal((400, 2))])
+    case = load_case(write_case(tmp_path, SWING, 0.02, SWING_CHANNELS, rows))
+    asked = judge_of(case)
+    assert asked is not None
+    base = asked.declared
+    wirings = [base, *(replace(base, inputs=(f,)) for f in (-1.0, 3.0, 0.1, 10.0)), replace(base, outputs=(-1.0, 2.0))]
+    for wiring in [*wirings, *wirings[::-1]]:
+        fresh = judge_of(case)
+        assert fresh is not None
+        for order in (2, 5):
+            (value, parts, lags), other = asked.worth(wiring, order), fresh.worth(wiring, order)
+            assert (value, lags) == (other[0], other[2]) and np.array_equal(parts, other[1])
 
 
 def test_the_answer_is_that_of_the_recording_put_right_and_says_so() -> None:

@@ -31,6 +31,7 @@ PARTS = 10  # stretches into which evidence is told
 _LAGS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # time constants of one input's lag, samples; none is off by more than √2
 _MOST_ROWS = 20_000  # of all recordings: more make no sign clearer
 _FEWEST = 200
+_KEPT = 3  # wirings of the inputs whose simulations are kept: some tens of megabytes at most
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,8 @@ class Judge:
         r, m = len(self.names[0]), len(self.names[1])
         self.declared = Wiring((1.0,) * r, (1.0,) * m, tuple(range(r)), tuple(range(m)))
         self._gain = _observer(model, blocks) if isinstance(model, StateSpace) else None
+        self._compiled = compile_equations(model) if isinstance(model, Equations) else None
+        self._runs: dict[object, dict[object, Array | None]] = {}
         self.skip = self._settled()
 
     def _settled(self) -> int:
@@ -70,29 +73,45 @@ class Judge:
     def residuals(self, wiring: Wiring, lags: tuple[float, ...]) -> list[Array] | None:
         """Return what the baseline leaves over of each recording; None where it does not run on it."""
         result = []
-        for u, y in self.blocks:
+        for number, (u, y) in enumerate(self.blocks):
             v, z = wiring.apply(u, y)
-            v = np.column_stack([_lagged(v[:, j], lag) for j, lag in enumerate(lags)]) if v.shape[1] else v
-            left = self._left(v, z)
+            if self._compiled is None:
+                left: Array | None = self._observed(_late(v, lags), z)
+            else:
+                run = self._run(v, lags, number, (wiring.inputs, wiring.input_order))
+                left = None if run is None else z - run
             if left is None or not np.all(np.isfinite(left)):
                 return None
             result.append(left[self.skip :])
         return result
 
-    def _left(self, u: Array, y: Array) -> Array | None:
-        if isinstance(self.model, StateSpace):
-            m, K = self.model, self._gain
-            assert K is not None
-            v, z = u - m.u_offset, y - m.y_offset
-            return (
-                z
-                - run_states(m.A - K @ m.C, v @ (m.B - K @ m.D).T + z @ K.T, np.zeros(m.order))[:-1] @ m.C.T
-                - v @ m.D.T
-            )
-        try:
-            return y - simulate(compile_equations(self.model), u, self.model.theta, self.model.x0, self.step)
-        except DataError:
-            return None
+    def _observed(self, u: Array, y: Array) -> Array:
+        """Return what a linear model leaves over behind an observer."""
+        m, K = self.model, self._gain
+        assert isinstance(m, StateSpace)
+        assert K is not None
+        v, z = u - m.u_offset, y - m.y_offset
+        states = run_states(m.A - K @ m.C, v @ (m.B - K @ m.D).T + z @ K.T, np.zeros(m.order))[:-1]
+        left: Array = z - states @ m.C.T - v @ m.D.T
+        return left
+
+    def _run(self, u: Array, lags: tuple[float, ...], number: int, inputs: object) -> Array | None:
+        """Return the simulation by equations on inputs behind lags, None where it runs away; kept for a while.
+
+        What is asked of an output changes no simulation: those of the last wirings of the inputs are looked up.
+        """
+        assert self._compiled is not None
+        model = self._compiled.model
+        kept = self._runs.pop(inputs, {})
+        self._runs[inputs] = kept  # the last one used
+        if len(self._runs) > _KEPT:
+            del self._runs[next(iter(self._runs))]
+        if (number, lags) not in kept:
+            try:
+                kept[number, lags] = simulate(self._compiled, _late(u, lags), model.theta, model.x0, self.step)
+            except DataError:
+                kept[number, lags] = None
+        return kept[number, lags]
 
     def worth(self, wiring: Wiring, order: int) -> tuple[float, Array, tuple[float, ...]]:
         """Return the log-likelihood with the best lag, its parts by stretch, and the lag."""
@@ -169,6 +188,11 @@ def _observer(model: StateSpace, blocks: Sequence[tuple[Array, Array]]) -> Array
     moved = model.B @ np.diag(0.1 * np.var(u, axis=0)) @ model.B.T
     moved += 1e-9 * max(float(np.trace(moved)), 1e-300) * np.eye(model.order)
     return steady_gain(model.A, model.C, moved, np.diag(0.01 * np.var(y, axis=0)))
+
+
+def _late(u: Array, lags: tuple[float, ...]) -> Array:
+    """Return inputs (N, r), each behind its lag."""
+    return np.column_stack([_lagged(u[:, j], lag) for j, lag in enumerate(lags)]) if u.shape[1] else u
 
 
 def _lagged(u: Array, samples: float) -> Array:
