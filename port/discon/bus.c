@@ -1,5 +1,6 @@
 #include "bus.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,6 +8,7 @@
 
 #define STALL_S  1.0
 #define LINGER_S 30.0 /* for the last of it, however slowly it is read */
+#define RUNS_MAX 9999u
 
 static double clock_s(void)
 {
@@ -48,21 +50,30 @@ static int open_text(bus_t *self, const settings_t *settings, unsigned turbine, 
     return error == 0 ? 0 : fail(self, what, strerror(error), why, room);
 }
 
-static int open_file(bus_t *self, const settings_t *settings, unsigned turbine, char *why, size_t room)
+/* Write the file's name for this turbine and run: name.log, name_2.log; name-3.log, name-3_2.log. */
+static void name_file(char path[BUS_PATH_MAX], const char *name, unsigned turbine, unsigned run)
 {
-    char path[SETTINGS_PATH_MAX + 16u];
-    const char *name = settings->bus_name;
     const char *slash = strrchr(name, '/');
     const char *dot = strrchr(name, '.');
     const int stem = (int)(dot != NULL && (slash == NULL || dot > slash) ? (size_t)(dot - name) : strlen(name));
-    int error;
+    char which[12] = "", again[12] = "";
     if (turbine > 1u) {
-        (void)snprintf(path, sizeof path, "%.*s-%u%s", stem, name, turbine, name + stem);
-    } else {
-        (void)snprintf(path, sizeof path, "%s", name);
+        (void)snprintf(which, sizeof which, "-%u", turbine);
     }
-    error = frame_log_open(&self->log, path);
-    return error == 0 ? 0 : fail(self, path, strerror(error), why, room);
+    if (run > 1u) {
+        (void)snprintf(again, sizeof again, "_%u", run);
+    }
+    (void)snprintf(path, BUS_PATH_MAX, "%.*s%s%s%s", stem, name, which, again, name + stem);
+}
+
+static int open_file(bus_t *self, const settings_t *settings, unsigned turbine, char *why, size_t room)
+{
+    int error = EEXIST;
+    for (unsigned run = 1; run <= RUNS_MAX && error == EEXIST; run++) {
+        name_file(self->path, settings->bus_name, turbine, run);
+        error = frame_log_open(&self->log, self->path, settings->overwrite);
+    }
+    return error == 0 ? 0 : fail(self, self->path, strerror(error), why, room);
 }
 
 int bus_open(bus_t *self, const settings_t *settings, unsigned turbine, char *why, size_t room)

@@ -2,7 +2,8 @@
  *
  * MODEL
  *   Several turbines with one settings file stay apart: turbine 2, 3 … of a process gets the port or node number one,
- *   two … higher, and -2, -3 … before the ending of its file.
+ *   two … higher, and -2, -3 … before the ending of its file. Runs stay apart too: where the file exists, this run's is
+ *   the first of _2, _3 … _9999 that is free, unless the settings say `overwrite = yes`.
  *
  * CONTRACT
  *   Memory: the structure; for tcp and pty posix_bus_t besides (1 MB), allocated by bus_open. send, service: never
@@ -17,13 +18,16 @@
 #include "frame_log.h"
 #include "settings.h"
 
+#define BUS_PATH_MAX (SETTINGS_PATH_MAX + 32u)
+
 typedef struct {
     bus_kind_t kind; /* BUS_NONE: frames are taken and lost */
     posix_bus_t *text;
     socketcan_t can;
     frame_log_t log;
-    uint64_t clock_us; /* simulated time, set by the owner: paces the streamer, dates the lines of the file */
-    uint32_t refused;  /* frames not taken; never decreases */
+    uint64_t clock_us;       /* simulated time, set by the owner: paces the streamer, dates the lines of the file */
+    uint32_t refused;        /* frames not taken; never decreases */
+    char path[BUS_PATH_MAX]; /* of the file that is written */
 } bus_t;
 
 /* Open what the settings say for turbine number `turbine` (1 ...). Returns 0, else -1, `why` (room characters) holds a

@@ -6,13 +6,21 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <time.h>
 #include <unistd.h>
 
-int frame_log_open(frame_log_t *self, const char *path)
+int frame_log_open(frame_log_t *self, const char *path, int replace)
 {
     struct stat facts;
     struct rlimit most;
-    self->fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NONBLOCK | O_CLOEXEC, 0666);
+    struct timespec now;
+    if (!replace && stat(path, &facts) == 0) { /* O_EXCL settles the race with another process */
+        self->fd = -1;
+        return S_ISREG(facts.st_mode) ? EEXIST : EINVAL;
+    }
+    self->fd = open(path, O_WRONLY | O_CREAT | (replace ? O_TRUNC : O_EXCL) | O_NONBLOCK | O_CLOEXEC, 0666);
+    (void)clock_gettime(CLOCK_REALTIME, &now);
+    self->start_us = (uint64_t)now.tv_sec * 1000000u + (uint64_t)now.tv_nsec / 1000u;
     self->held = 0;
     self->size = 0;
     self->written_us = 0;
@@ -49,9 +57,10 @@ int frame_log_put(frame_log_t *self, uint64_t time_us, const aeo_can_frame_t *fr
         return 0;
     }
     if (self->stamp_length == 0u || time_us != self->stamp_us) { /* the frames of one call share it */
+        const uint64_t date_us = self->start_us + time_us;
         self->stamp_us = time_us;
         self->stamp_length = (size_t)snprintf(self->stamp, sizeof self->stamp, "(%010llu.%06u) can0 ",
-                                              (unsigned long long)(time_us / 1000000u), (unsigned)(time_us % 1000000u));
+                                              (unsigned long long)(date_us / 1000000u), (unsigned)(date_us % 1000000u));
     }
     memcpy(at, self->stamp, self->stamp_length);
     at = write_hex(at + self->stamp_length, frame->id, (frame->flags & AEO_CAN_EXTENDED) != 0u ? 8u : 3u);

@@ -1,5 +1,7 @@
 #include "observer.h"
 
+#include "announce.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -180,6 +182,7 @@ int observer_start(observer_t *self, const settings_t *settings, unsigned turbin
     double period_us, samples;
     memset(self, 0, sizeof *self);
     self->settings = settings;
+    self->turbine = turbine;
     self->due = CLOCK_REPEATED;
     self->bus.log.fd = -1;
     if (sample_clock_init(&self->clock, step_s, settings->decimation) != 0) {
@@ -195,12 +198,14 @@ int observer_start(observer_t *self, const settings_t *settings, unsigned turbin
     samples = settings->snapshot_s > 0 && samples < 1.0 ? 1.0 : samples; /* shorter than a sample: with every one */
     self->snapshot_samples = samples < 4e9 ? (uint32_t)samples : 0u;
     name_channels(self);
+    scale_watch_init(&self->watch, settings, period_us * 1e-6);
     if (bus_open(&self->bus, settings, turbine, why, room) != 0) {
         return -1;
     }
     if (start_filter(self, turbine, why, room) != 0) {
         return -1;
     }
+    announce_start(self);
     bus_wait(&self->bus, settings->wait_s);
     self->on = 1;
     return 0;
@@ -288,7 +293,18 @@ static int send_snapshot(observer_t *self)
     return theta != NULL && aeo_stream_snapshot(&self->stream, self->clock.index, theta) == AEO_OK;
 }
 
-static void take_sample(observer_t *self)
+/* Tell what the scales hide, once a channel and kind. */
+static void judge_scales(observer_t *self, int last)
+{
+    char text[SCALE_WATCH_TEXT_MAX];
+    for (unsigned i = 0; i < settings_taps(self->settings); i++) {
+        if (scale_watch_judge(&self->watch, i, last, text)) {
+            (void)fprintf(stderr, "aeolid-discon: turbine %u: %s\n", self->turbine, text);
+        }
+    }
+}
+
+static void take_sample(observer_t *self, double time_s)
 {
     const settings_t *s = self->settings;
     const float *u = self->value, *y = u + s->taps[ROLE_INPUT], *scheduling = y + s->taps[ROLE_OUTPUT];
@@ -303,6 +319,10 @@ static void take_sample(observer_t *self)
         self->since_snapshot = 0;
     }
     report_health(self);
+    if (scale_watch_take(&self->watch, self->value, time_s)) {
+        judge_scales(self, 0);
+        scale_watch_next(&self->watch);
+    }
 }
 
 void observer_after(observer_t *self, const float *swap, const demands_t *demands)
@@ -317,7 +337,7 @@ void observer_after(observer_t *self, const float *swap, const demands_t *demand
                 self->value[i] = read_after(tap, swap, demands);
             }
         }
-        take_sample(self);
+        take_sample(self, (double)records_get(swap, RECORD_TIME));
     }
     (void)aeo_stream_step(&self->stream);
     bus_service(&self->bus);
@@ -350,12 +370,18 @@ void observer_finish(observer_t *self)
         aeo_stream_finish(&self->stream);
         drain(self);
         bus_linger(&self->bus);
+        judge_scales(self, 1);
+        announce_end(self, 1);
+        self->on = 0;
     }
     observer_drop(self);
 }
 
 void observer_drop(observer_t *self)
 {
+    if (self->on) {
+        announce_end(self, 0);
+    }
     bus_close(&self->bus);
     free(self->memory);
     self->memory = NULL;

@@ -4,6 +4,8 @@
  *   call --> sample_clock --> channels --> regressor --> filter --> streamer --> bus
  *   Measured records are taken as the controller gets them, demands as the simulator gets them. The streamer is stepped
  *   at every call on simulated time, so that a call never has many frames to make.
+ *   Channels that the filter hardly sees are told on standard error (scale_watch.h), the first and the last call on
+ *   standard output: in the simulator's own text.
  *
  * CONTRACT
  *   Memory: the structure, and one array for regressor, filter and snapshot, allocated by observer_start and released
@@ -17,12 +19,14 @@
 #include "bus.h"
 #include "demands.h"
 #include "sample_clock.h"
+#include "scale_watch.h"
 #include "settings.h"
 
 #include <aeolid/stream.h>
 
 typedef struct {
     const settings_t *settings;
+    unsigned turbine;
     int on;  /* 1: filters and streams */
     int due; /* clock_tick_t of the call under way */
     sample_clock_t clock;
@@ -30,6 +34,7 @@ typedef struct {
     chosen_filter_t filter;
     aeo_stream_t stream;
     bus_t bus;
+    scale_watch_t watch;
     aeo_stream_channel_t channel[SETTINGS_CHANNELS_MAX];
     float value[SETTINGS_CHANNELS_MAX]; /* of the sample under way */
     uint32_t period_us;

@@ -159,6 +159,8 @@ static int read_main_word(reading_t *self, int key, const char *name, char *valu
         return read_choice(self, name, value, yes_no, "yes or no is needed", &s->seal);
     case 7:
         return read_choice(self, name, value, yes_no, "yes or no is needed", &s->fd);
+    case 8:
+        return read_choice(self, name, value, yes_no, "yes or no is needed", &s->overwrite);
     default:
         self->feedthrough_line = self->text.number;
         return text_copy(&self->text, name, value, self->feedthrough, sizeof self->feedthrough);
@@ -198,8 +200,9 @@ static int give(const reading_t *self, const char *key, unsigned long *given, in
 
 static int read_key(reading_t *self, char *key, char *value)
 {
-    static const char *const main_words[] = {"controller",  "symbol", "bus", "method",      "varmax",
-                                             "innovations", "seal",   "fd",  "feedthrough", NULL};
+    static const char *const main_words[] = {"controller", "symbol",      "bus",  "method",
+                                             "varmax",     "innovations", "seal", "fd",
+                                             "overwrite",  "feedthrough", NULL};
     static const char *const excitation_words[] = {"signal", "form", NULL};
     const unsigned section = self->section;
     number_t *numbers = section == MAIN ? self->number : self->excitation[section];

@@ -17,6 +17,7 @@
  *     past = P              past window of the filter
  *     method, forget, regularize, varmax, varx_samples, feedthrough = INPUT ...   as `aeolid node` has them
  *     bus = tcp:PORT | pty | can:INTERFACE | file:PATH | none
+ *     overwrite = yes | no  file: replace the log of an earlier run; no (default): number this one, PATH_2, PATH_3 …
  *     wait = S              at the first call wait so long for a listener (tcp, pty), default 0
  *     node_id, bit_rate, share (percent), snapshot_every (s), sample_every, innovations, repair, seal, fd, fd_ratio
  *         as `aeolid node` has them; yes or no for innovations (no), seal (yes) and fd (no)
@@ -74,7 +75,7 @@ typedef struct {
     bus_kind_t bus;
     char bus_name[SETTINGS_PATH_MAX]; /* file or interface */
     unsigned tcp_port, node_id, sample_every, repair, fd_ratio;
-    int innovations, seal, fd;
+    int innovations, seal, fd, overwrite;
     uint32_t bit_rate;
     double wait_s, share, snapshot_s;
     excitation_settings_t pitch, torque;

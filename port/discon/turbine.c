@@ -88,9 +88,6 @@ static void start_observer(turbine_t *self, const float *swap)
                        sizeof why) != 0) {
         add_note(self, why);
         add_note(self, "nothing is filtered or streamed");
-    } else if ((self->settings.bus == BUS_TCP && self->settings.tcp_port == 0u) || self->settings.bus == BUS_PTY) {
-        (void)fprintf(stderr, "aeolid-discon: turbine %u: aeolid listen --bus %s\n", self->number,
-                      bus_address(&self->observer.bus));
     }
     give_back(&outside);
 }

@@ -121,7 +121,7 @@ int write_settings(const char *path, const char *controller, const char *more)
 {
     char text[4096];
     (void)snprintf(text, sizeof text,
-                   "controller = %s\ninput = pitch_command scale 0.05\noutput = generator_speed offset 122 scale 5\n"
+                   "controller = %s\ninput = pitch_command scale 0.05\noutput = generator_speed offset 122 scale 0.2\n"
                    "output = tower_fore_aft scale 0.3\ndecimation = 10\n%s%s",
                    controller, strstr(more, "past = ") == NULL ? "past = 8\n" : "", more);
     return write_text(path, text);

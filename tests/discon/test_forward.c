@@ -175,8 +175,10 @@ static void test_the_stream_does_not_see_the_simulators_arithmetic(void)
     size_t length[2];
     for (int odd = 0; odd < 2; odd++) {
         simulator_t wrapped;
+        char line[256];
         FILE *file;
-        TEST_ASSERT_TRUE(configure(CONTROLLER_BRIEF, "bus = file:a.log\nshare = 50\nsnapshot_every = 2\n"));
+        TEST_ASSERT_TRUE(
+            configure(CONTROLLER_BRIEF, "bus = file:same.log\noverwrite = yes\nshare = 50\nsnapshot_every = 2\n"));
         TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
         (void)simulator_call(&wrapped, 0.0F);
         while (wrapped.time_s < 20.0) {
@@ -191,12 +193,17 @@ static void test_the_stream_does_not_see_the_simulators_arithmetic(void)
         }
         (void)simulator_call(&wrapped, -1.0F);
         simulator_close(&wrapped);
-        file = fopen(in_scratch("a.log"), "rb");
+        file = fopen(in_scratch("same.log"), "rb");
         TEST_ASSERT_NOT_NULL(file);
-        length[odd] = fread(log[odd], 1, sizeof log[odd], file);
+        length[odd] = 0;
+        while (fgets(line, sizeof line, file) != NULL) { /* from the interface on: stamps are dates */
+            const char *frame = strstr(line, "can0");
+            TEST_ASSERT_TRUE(frame != NULL && length[odd] + sizeof line < sizeof log[odd]);
+            length[odd] += (size_t)snprintf(log[odd] + length[odd], sizeof line, "%s", frame);
+        }
         (void)fclose(file);
     }
-    TEST_ASSERT_TRUE(length[0] > 50000u && length[0] < sizeof log[0]);
+    TEST_ASSERT_TRUE(length[0] > 30000u && length[0] < sizeof log[0]);
     TEST_ASSERT_TRUE(length[0] == length[1] && memcmp(log[0], log[1], length[0]) == 0);
 }
 

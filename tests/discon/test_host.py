@@ -6,12 +6,14 @@ Run by ctest, which names wrapper and controller in AEOLID_TEST_WRAPPER and AEOL
 from __future__ import annotations
 
 import ctypes
+import json
 import os
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -143,6 +145,19 @@ def test_a_frame_log_holds_the_records_bit_for_bit(tmp_path: Path, more: str) ->
     np.testing.assert_array_equal(record.values.astype(np.float32), np.array(turbine.tapped))
     np.testing.assert_allclose(record.time_s, 0.1 * np.arange(601), atol=1e-9)
     assert_same_estimate(record, tmp_path)
+
+
+def test_stamps_are_the_start_of_the_run_and_simulated_seconds(tmp_path: Path) -> None:
+    """The log is dated by the host's clock at the first call; the reader finds the date and a clock that keeps time."""
+    before = time.time()
+    Turbine(tmp_path, "bus = file:frames.log").run(60)
+    after = time.time()
+    stamps = [float(line[1:18]) for line in (tmp_path / "frames.log").read_text().splitlines()]
+    assert before - 1e-3 < stamps[0] < after and 59.9 < stamps[-1] - stamps[0] < 75  # the end waits for the bus's share
+    listen(str(tmp_path / "frames.log"), tmp_path, "--json", str(tmp_path / "facts.json"))
+    (run,) = json.loads((tmp_path / "facts.json").read_text())["nodes"][0]["runs"]
+    zero = datetime.fromisoformat(run["clock"]["utc_of_sample_0"]).replace(tzinfo=UTC).timestamp()
+    assert before - 0.01 < zero < after + 0.01 and run["clock"]["real_time"] is True
 
 
 @pytest.mark.parametrize(("period_s", "sent"), [("0.01", range(2, 1000)), ("0", range(1, 2))])

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "unity.h"
@@ -120,6 +121,12 @@ static void test_an_array_that_moves(void)
     simulator_close(&wrapped);
 }
 
+static long file_size(const char *path)
+{
+    struct stat facts;
+    return stat(path, &facts) == 0 ? (long)facts.st_size : -1L;
+}
+
 /* ---- several turbines -------------------------------------------------------------------------------------------- */
 
 static void test_two_turbines_in_one_process(void)
@@ -148,6 +155,27 @@ static void test_two_turbines_in_one_process(void)
     simulator_close(&alone);
     simulator_close(&first);
     simulator_close(&second);
+}
+
+/* A log is never replaced unasked: every run has a file of its own, and a number apart from the turbine's. */
+static void test_each_run_has_a_log_of_its_own(void)
+{
+    static const char *const names[] = {"own.log", "own_2.log", "own_3.log"};
+    simulator_t wrapped;
+    TEST_ASSERT_TRUE(write_text(in_scratch("own.log"), "mine"));
+    TEST_ASSERT_TRUE(configure(controller, "bus = file:own.log\n"));
+    TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
+    TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 2.0, 0));
+    TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 4.0, 1)); /* first calls without a last one between them too */
+    simulator_close(&wrapped);
+    TEST_ASSERT_EQUAL_INT(4, (int)file_size(in_scratch(names[0])));
+    TEST_ASSERT_TRUE(file_size(in_scratch(names[1])) > 1000 && file_size(in_scratch(names[2])) > 1000);
+    TEST_ASSERT_TRUE(configure(controller, "bus = file:own.log\noverwrite = yes\n"));
+    TEST_ASSERT_TRUE(simulator_open(&wrapped, WRAPPER, RECORDS, ""));
+    TEST_ASSERT_EQUAL_INT(0, simulator_run(&wrapped, 2.0, 1));
+    simulator_close(&wrapped);
+    TEST_ASSERT_TRUE(file_size(in_scratch(names[0])) > 1000);
+    TEST_ASSERT_EQUAL_INT(-1, access(in_scratch("own_4.log"), F_OK));
 }
 
 static void test_with_two_turbines_a_moving_array_is_refused(void)
@@ -246,6 +274,7 @@ int main(void)
     RUN_TEST(test_last_call_only);
     RUN_TEST(test_an_array_that_moves);
     RUN_TEST(test_two_turbines_in_one_process);
+    RUN_TEST(test_each_run_has_a_log_of_its_own);
     RUN_TEST(test_with_two_turbines_a_moving_array_is_refused);
     RUN_TEST(test_turbines_in_threads);
     RUN_TEST(test_the_example_beside_the_wrapper);
