@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from aeolid.errors import DataError
 from aeolid.record import Record
+from aeolid.units import factor
 
 _SAME = 1e-6  # of a ratio of sample times, within which it is a whole number
 
@@ -14,10 +17,10 @@ _SAME = 1e-6  # of a ratio of sample times, within which it is a whole number
 def matched(records: Sequence[Record], run: Record) -> tuple[tuple[Record, ...], Record]:
     """Return recordings and run with the channels that both have, by name, in the recordings' order, at one step.
 
-    The side with the shorter sample time keeps the samples at the other's; nothing is averaged, since a logger picks
-    samples, too. Outputs and channels that only describe (azimuth, wind) may be missing on either side and are left
-    out of both. Raises DataError where an input is missing, no output is left, or one sample time is no multiple of the
-    other.
+    The side with the shorter sample time keeps the samples at the other's; nothing is averaged, since a logger
+    picks samples, too. The run's numbers are brought to the recordings' units (kN m to N m). Outputs and channels
+    that only describe (azimuth, wind) may be missing on either side and are left out of both. Raises DataError
+    where an input is missing, no output is left, or one sample time is no multiple of the other.
     """
     first = records[0]
     there = {c.name: c for c in run.channels}
@@ -26,11 +29,24 @@ def matched(records: Sequence[Record], run: Record) -> tuple[tuple[Record, ...],
             raise DataError(
                 f"{run.source}: no channel {channel.name!r}, an input of {first.source}; its roles file must name it"
             )
+    run = _in_units_of(run, first)
     names = [c.name for c in first.channels if c.name in there and there[c.name].role == c.role]
     if not any(there[n].role == "output" for n in names):
         raise DataError(f"{run.source}: no output of {first.source} is among its channels; names pair the two files")
     step = max(run.sample_time_s, first.sample_time_s)
     return tuple(_brought(r, names, step) for r in records), _brought(run, names, step)
+
+
+def _in_units_of(run: Record, first: Record) -> Record:
+    """Return the run with its channels in the recordings' units, where both are units of one quantity."""
+    wanted = {c.name: c.unit for c in first.channels}
+    scales = [factor(c.unit, wanted.get(c.name, c.unit)) for c in run.channels]
+    if all(s in (None, 1.0) for s in scales):
+        return run
+    changed = [c if s is None else replace(c, unit=wanted.get(c.name, c.unit)) for c, s in
+               zip(run.channels, scales, strict=True)]  # fmt: skip
+    values = run.values * np.array([1.0 if s is None else s for s in scales])
+    return replace(run, channels=tuple(changed), values=values)
 
 
 def _brought(record: Record, names: Sequence[str], step: float) -> Record:
