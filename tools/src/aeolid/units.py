@@ -40,3 +40,32 @@ def rightly(unit: str) -> str | None:
     word = " ".join(unit.strip().lower().split())
     right = _RIGHT.get(word) or _CASES.get(word)
     return None if right == unit.strip() else right
+
+
+_SIZES: tuple[dict[str, float], ...] = (  # units of one quantity, by their size
+    {"deg": 3.141592653589793 / 180, "rad": 1.0, "rev": 2 * 3.141592653589793},
+    {"rpm": 3.141592653589793 / 30, "rad/s": 1.0, "deg/s": 3.141592653589793 / 180},
+    {"N m": 1.0, "Nm": 1.0, "kN m": 1e3, "kNm": 1e3, "MN m": 1e6, "MNm": 1e6},
+    {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    {"W": 1.0, "kW": 1e3, "MW": 1e6},
+    {"m/s^2": 1.0, "m/s2": 1.0, "mm/s^2": 1e-3, "g": 9.80665},
+    {"m": 1.0, "mm": 1e-3, "cm": 1e-2},
+    {"m/s": 1.0, "km/h": 1 / 3.6},
+)
+
+
+def factor(given: str, wanted: str) -> float | None:
+    """Return what a number in one unit is multiplied with to be in another; None where they are of no one quantity.
+
+    >>> factor("kN m", "N m"), factor("deg", "deg"), factor("deg", "kW")
+    (1000.0, 1.0, None)
+    """
+    if given == wanted:
+        return 1.0
+    sizes = next((s for s in _SIZES if given in s and wanted in s), None)
+    return None if sizes is None else sizes[given] / sizes[wanted]
+
+
+def alike(unit: str) -> tuple[str, ...]:
+    """Return the units of the quantity that a unit is of, itself among them."""
+    return next((tuple(s) for s in _SIZES if unit in s), (unit,))

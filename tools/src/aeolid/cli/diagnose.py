@@ -14,7 +14,9 @@ from aeolid.cli.common import (
     ResampleOption,
     console,
     emit_json,
+    extent,
     progress_console,
+    read_resample,
 )
 from aeolid.output import declare, discard
 
@@ -72,10 +74,11 @@ def run(
     if not (case / "case.toml").is_file():
         raise DataError(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
-            " model: aeolid example . writes two"
+            " model: aeolid init RECORDING writes one, aeolid example . two"
         )
     declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
-    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside, allow_fmu)
+    wanted = read_resample(resample)
+    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside, allow_fmu, wanted)
     page = out / "report.html"
     discard(page)  # of an earlier run
     if report:
@@ -96,7 +99,14 @@ def run(
 
 
 def _diagnosed(
-    case: Path, out: Path, sham: int, seed: int, time_limit: float, allow_outside: bool, allow_fmu: bool
+    case: Path,
+    out: Path,
+    sham: int,
+    seed: int,
+    time_limit: float,
+    allow_outside: bool,
+    allow_fmu: bool,
+    resample: float | str | None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
     from rich.markup import escape
@@ -123,7 +133,9 @@ def _diagnosed(
 
         late = Deadline(time_limit, notice=doing)
         try:
-            loaded = load_case(case, allow_outside=allow_outside, allow_fmu=allow_fmu)
+            loaded = load_case(case, allow_outside=allow_outside, allow_fmu=allow_fmu, resample=resample)
+            for record in loaded.records:
+                progress_console.print(extent(record), markup=False, soft_wrap=True)
             if loaded.kind == "fmu":
                 unit = f"running {loaded.baseline_file}, SHA-256 {loaded.baseline_sha256}, in a confined process"
                 progress_console.print(unit, markup=False, soft_wrap=True)

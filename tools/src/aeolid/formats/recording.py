@@ -104,6 +104,11 @@ def read_table(path: str | Path, columns: Sequence[str] | None = None) -> Table:
     )
 
 
+def read_chosen(path: str | Path, choose: Choose) -> Table:
+    """Read the columns that `choose` picks from the headings of a file; channels keep clocks of their own."""
+    return _read(Path(path), choose, own_clocks=True)
+
+
 def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
     """Read the chosen columns of a file; own_clocks: they may have different clocks where the format has such."""
     empty = regular_size(path) == 0

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from aeolid.diagnose.data.inside import resolve
 from aeolid.diagnose.data.match import matched
 from aeolid.errors import Contradiction, DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
+from aeolid.models.angles import turn_of
 from aeolid.models.equations import Equations
 from aeolid.models.equations_size import require_few, require_readable
 from aeolid.models.exchange.files import read_state_space
@@ -32,6 +36,7 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
 MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
 _MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
 ONE_RUN = "same_inputs compares one run with the recordings sample by sample; give one file"
+_IMPOSSIBLE = 6.0  # times a recorded speed; idling apart, a rated one is at most some 2 times above what is recorded
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -67,24 +72,11 @@ def load_case(
     """
     folder = Path(directory)
     find = partial(resolve, folder, allow_outside=allow_outside)
-    source = str(find("case.toml", str(folder)))
-    data = load_toml(source)
-    check_keys(data, {"case", "recordings", "baseline", "context"}, source)
-    head, files = data.get("case", {}), data.get("recordings", {})
-    check_keys(head, {"title"}, f"{source} [case]")
-    check_keys(files, {"files", "roles"}, f"{source} [recordings]")
-    if not isinstance(head.get("title", ""), str):
-        raise DataError(f"{source} [case]: title = {shown(head['title'])} is not a text")
-    names = files.get("files")
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise DataError(f"{source} [recordings]: files must list at least one recording")
-    if not isinstance(files.get("roles"), str):
-        raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
+    data, head, files, source = _tables(find, folder)
     kind, listed = _baseline(data.get("baseline"), source)
     context = _context(data.get("context", {}), source)
-    roles = _roles(find(files["roles"], f"{source} [recordings] roles"), resample)
-    records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
-    require_same_layout(records)
+    roles, records = _recordings(find, files, source, resample)
+    _require_possible(context, records, source)
     paths = [find(file, f"{source} [baseline] file") for file in listed]
     path = paths[0]
     more: tuple[Record, ...] = ()
@@ -103,6 +95,67 @@ def load_case(
         str(head.get("title", folder.name)), records, kind, baseline, listed[0], file_sha256(path), context, folder,
         same, more,
     )  # fmt: skip
+
+
+Find = Callable[[str, str], Path]
+
+
+def load_recordings(
+    directory: str | Path, *, allow_outside: bool = False, resample: float | str | None = None
+) -> tuple[Record, ...]:
+    """Read the recordings of a case, not its baseline; arguments and errors as of `load_case`."""
+    find = partial(resolve, Path(directory), allow_outside=allow_outside)
+    _, _, files, source = _tables(find, Path(directory))
+    return _recordings(find, files, source, resample)[1]
+
+
+def _tables(find: Find, folder: Path) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any], str]:
+    """Return the content of case.toml, its tables [case] and [recordings], and its name."""
+    source = str(find("case.toml", str(folder)))
+    data = load_toml(source)
+    check_keys(data, {"case", "recordings", "baseline", "context"}, source)
+    head, files = data.get("case", {}), data.get("recordings", {})
+    check_keys(head, {"title"}, f"{source} [case]")
+    check_keys(files, {"files", "roles"}, f"{source} [recordings]")
+    if not isinstance(head.get("title", ""), str):
+        raise DataError(f"{source} [case]: title = {shown(head['title'])} is not a text")
+    return data, head, files, source
+
+
+def _recordings(
+    find: Find, files: dict[str, Any], source: str, resample: float | str | None
+) -> tuple[Roles, tuple[Record, ...]]:
+    names = files.get("files")
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise DataError(f"{source} [recordings]: files must list at least one recording")
+    if not isinstance(files.get("roles"), str):
+        raise DataError(f"{source} [recordings]: roles is missing (the roles TOML file)")
+    roles = _roles(find(files["roles"], f"{source} [recordings] roles"), resample)
+    records = tuple(read_record(find(n, f"{source} [recordings] files"), roles) for n in names)
+    require_same_layout(records)
+    return roles, records
+
+
+def _require_possible(context: Mapping[str, Any], records: Sequence[Record], source: str) -> None:
+    """Refuse a rated speed that the recorded rotor angle contradicts by the factor from rpm to rad/s."""
+    rated = context.get("rated_speed_rad_s")
+    turning = _turning(records[0]) if rated else None
+    if rated and turning and rated / turning > _IMPOSSIBLE:
+        raise DataError(
+            f"{source} [context]: rated_speed_rad_s = {rated:g}, but the rotor turns at {turning:.3g} rad/s"
+            f" ({turning * 30 / math.pi:.3g} rpm) in {records[0].source}; rad/s are wanted, not rpm"
+        )
+
+
+def _turning(record: Record) -> float | None:
+    """Return the median speed in rad/s that a recorded rotor angle shows; None where there is none."""
+    channel = next(iter(record.of("azimuth")), None)
+    turn = None if channel is None else turn_of(channel.unit)
+    if channel is None or turn is None:
+        return None
+    steps = np.diff(record.column(channel.name)) / turn
+    rates = np.abs(steps - np.rint(steps)) * 2 * math.pi / record.sample_time_s
+    return float(np.nanmedian(rates)) if np.isfinite(rates).any() else None
 
 
 def _roles(path: Path, resample: float | str | None) -> Roles:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from aeolid.errors import DataError
 from aeolid.record import Record
+from aeolid.units import factor
 
 _SAME = 1e-6  # of a ratio of sample times, within which it is a whole number
 
@@ -15,9 +18,9 @@ def matched(records: Sequence[Record], runs: Sequence[Record]) -> tuple[tuple[Re
     """Return recordings and runs with the channels that all have, by name, in the recordings' order, at one step.
 
     Sides with a shorter sample time keep the samples at the longest one; nothing is averaged, since a logger picks
-    samples, too. Outputs and channels that only describe (azimuth, wind) may be missing on either side and are left
-    out of both. Raises DataError where an input is missing, no output is left, or one sample time is no multiple of the
-    other.
+    samples, too. The runs' numbers are brought to the recordings' units (kN m to N m). Outputs and channels
+    that only describe (azimuth, wind) may be missing on either side and are left out of both. Raises DataError
+    where an input is missing, no output is left, or one sample time is no multiple of the other.
     """
     first = records[0]
     names = [c.name for c in first.channels]
@@ -35,8 +38,21 @@ def matched(records: Sequence[Record], runs: Sequence[Record]) -> tuple[tuple[Re
             raise DataError(
                 f"{run.source}: no output of {first.source} is among its channels; names pair the two files"
             )
+    runs = [_in_units_of(run, first) for run in runs]
     step = max(r.sample_time_s for r in (*runs, first))
     return tuple(_brought(r, names, step) for r in records), tuple(_brought(r, names, step) for r in runs)
+
+
+def _in_units_of(run: Record, first: Record) -> Record:
+    """Return the run with its channels in the recordings' units, where both are units of one quantity."""
+    wanted = {c.name: c.unit for c in first.channels}
+    scales = [factor(c.unit, wanted.get(c.name, c.unit)) for c in run.channels]
+    if all(s in (None, 1.0) for s in scales):
+        return run
+    changed = [c if s is None else replace(c, unit=wanted.get(c.name, c.unit)) for c, s in
+               zip(run.channels, scales, strict=True)]  # fmt: skip
+    values = run.values * np.array([1.0 if s is None else s for s in scales])
+    return replace(run, channels=tuple(changed), values=values)
 
 
 def _brought(record: Record, names: Sequence[str], step: float) -> Record:

@@ -1,0 +1,159 @@
+"""Say what a case was understood as: files, rates, holes, channels with units and holds, and what looks odd."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from aeolid.begin.names import meaning_of
+from aeolid.diagnose.data.intersample import traits_of
+from aeolid.formats.table import Array
+from aeolid.record import Record
+
+_BARS = "▁▂▃▄▅▆▇█"
+_WIDTH = 24  # characters of a line drawn in a table
+_ACTING = ("input", "disturbance", "scheduling", "excitation")
+_HOLDS = {"held": "held (it repeats)", "rough": "held (rough to Nyquist)", "smooth": "by likelihood (smooth)"}
+_LEVELS: dict[str, dict[str, tuple[float, float]]] = {  # kind, unit: sizes that are usual
+    "pitch": {"deg": (0.0, 120.0), "rad": (0.0, 2.2)},
+    "generator_speed": {"rpm": (3.0, 2500.0), "rad/s": (0.3, 250.0)},
+    "rotor_speed": {"rpm": (1.0, 400.0), "rad/s": (0.1, 42.0)},
+    "wind": {"m/s": (0.5, 60.0)},
+}
+_APART = 20.0  # times, from which the levels of a channel in recording and run are doubted
+_STEADY = 2.0  # deviations that a mean must be from zero to be called a level
+
+
+@dataclass(frozen=True)
+class Row:
+    """Hold one channel of one file: what it is called and is, how it is held, missing cells, sizes, a small picture."""
+
+    name: str
+    unit: str
+    role: str
+    hold: str
+    missing: int
+    low: float
+    mean: float
+    high: float
+    shape: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the row as JSON facts."""
+        numbers = {
+            k: v if np.isfinite(v) else None for k, v in (("min", self.low), ("mean", self.mean), ("max", self.high))
+        }
+        own = {"name": self.name, "unit": self.unit, "role": self.role, "hold": self.hold, "missing": self.missing}
+        return own | numbers
+
+
+@dataclass(frozen=True)
+class Holes:
+    """Say what is missing from a recording: rows without any value, stretches of them, the longest and where it is."""
+
+    rows: int
+    stretches: int
+    longest_s: float
+    at_s: float
+
+    def text(self) -> str:
+        """Return a clause."""
+        if not self.rows:
+            return "no holes"
+        many = f"{self.stretches} hole{'s' if self.stretches > 1 else ''}, {self.rows} samples"
+        return f"{many}, the longest {self.longest_s:.4g} s from {self.at_s:.6g} s on"
+
+
+def rows_of(record: Record) -> tuple[Row, ...]:
+    """Describe the channels of a recording."""
+    acting = [c.name for c in record.channels if c.role in _ACTING]
+    holds = {t.name: t.hold if t.kind == "declared" else _HOLDS[t.kind] for t in traits_of([record], acting)}
+    rows = []
+    for i, c in enumerate(record.channels):
+        values = record.values[:, i]
+        known = values[np.isfinite(values)]
+        low, mean, high = (known.min(), known.mean(), known.max()) if len(known) else (np.nan,) * 3
+        missing = len(values) - len(known)
+        hold = holds.get(c.name) or ""
+        rows.append(Row(c.name, c.unit, c.role, hold, missing, float(low), float(mean), float(high), sparkline(values)))
+    return tuple(rows)
+
+
+def sparkline(values: Array, width: int = _WIDTH) -> str:
+    """Draw a signal with blocks: the mean of each stretch between its least and greatest; a hole is a blank.
+
+    >>> sparkline(np.array([0.0, 1.0, np.nan, 2.0, 3.0]), 5)
+    '▁▃ ▆█'
+    """
+    parts = np.array_split(values, min(width, len(values)))
+    means = np.array([p[np.isfinite(p)].mean() if np.isfinite(p).any() else np.nan for p in parts])
+    known = means[np.isfinite(means)]
+    if not len(known):
+        return " " * len(means)
+    span = float(np.ptp(known)) or 1.0
+    level = (means - known.min()) / span * (len(_BARS) - 1)
+    return "".join(" " if np.isnan(x) else _BARS[int(x + 0.5)] for x in level)
+
+
+def holes_of(record: Record) -> Holes:
+    """Find the rows in which every channel is missing."""
+    empty = np.isnan(record.values).all(axis=1)
+    edges = np.diff(np.concatenate([[0], empty.astype(int), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    if not len(starts):
+        return Holes(0, 0, 0.0, 0.0)
+    k = int(np.argmax(ends - starts))
+    step = record.sample_time_s
+    return Holes(int(empty.sum()), len(starts), float((ends[k] - starts[k]) * step), float(record.time_s[starts[k]]))
+
+
+def doubts(records: Sequence[Record], run: Record | None, context: Mapping[str, Any]) -> tuple[str, ...]:
+    """Say what looks odd, a sentence each; none of it is refused."""
+    found = []
+    for record in records:
+        for row in rows_of(record):
+            found += [f"{record.source}: {text}" for text in _odd(row)]
+    if run is not None:
+        found += _levels(records[0], run)
+    if context.get("machine") == "wind turbine" and "rated_speed_rad_s" not in context:
+        found.append("[context] has no rated_speed_rad_s: harmonics of the rotor cannot be told from modes")
+    return tuple(found)
+
+
+def _odd(row: Row) -> list[str]:
+    found = []
+    if row.low == row.high and row.role != "excitation":
+        found.append(f"{row.name} never changes")
+    meaning = meaning_of(row.name)
+    usual = _LEVELS.get("" if meaning is None else meaning.kind, {}).get(row.unit)
+    size = max(abs(row.low), abs(row.high))
+    level = abs(row.mean) if row.low * row.high > 0 else None
+    if usual and (size > usual[1] or (level is not None and level < usual[0])):
+        found.append(f"{row.name} from {row.low:.4g} to {row.high:.4g} {row.unit} is unusual; is the unit right?")
+    return found
+
+
+def _levels(record: Record, run: Record) -> list[str]:
+    """Compare the levels of the channels that both have."""
+    found = []
+    there = {r.name: r for r in rows_of(run)}
+    for row in rows_of(record):
+        other = there.get(row.name)
+        if other is None or row.role == "azimuth":
+            continue
+        a, b = _level(record, row.name), _level(run, row.name)
+        if a and b and not 1 / _APART < a / b < _APART:
+            found.append(
+                f"{row.name} is {a:.4g} {row.unit} in {record.source} and {b:.4g} {other.unit} in {run.source}:"
+                " is a unit wrong?"
+            )
+    return found
+
+
+def _level(record: Record, name: str) -> float | None:
+    values = record.column(name)
+    mean, spread = abs(float(np.nanmean(values))), float(np.nanstd(values))
+    return mean if mean > _STEADY * spread else spread
