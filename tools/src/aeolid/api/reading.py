@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from aeolid.api.record import Record
 from aeolid.api.session import public
 from aeolid.errors import DataError, UsageError
-from aeolid.record import ROLES, Channel, Roles
+from aeolid.record import ROLES, Channel, Roles, check_resample
 
 
 @public
-def read(path: str | Path, roles: str | Path | Roles | Mapping[str, Any]) -> Record:
+def read(
+    path: str | Path, roles: str | Path | Roles | Mapping[str, Any], *, resample: float | str | None = None
+) -> Record:
     """Read a recording: CSV, Parquet, MAT, NPZ, MDF4, OpenFAST's .out and .outb, or a CAN log.
 
     Parameters
@@ -23,6 +26,8 @@ def read(path: str | Path, roles: str | Path | Roles | Mapping[str, Any]) -> Rec
     roles : str, pathlib.Path, aeolid.record.Roles or mapping
         What the channels are: a roles file (TOML), or channel to role or to (role, unit), for example
         {"pitch": ("input", "deg"), "rotor_speed": ("output", "rpm")}; other columns are not read.
+    resample : float or str, optional
+        Brings channels of several rates, or uneven ones, to one sample time in seconds, or "auto": the slowest.
 
     Returns
     -------
@@ -39,7 +44,11 @@ def read(path: str | Path, roles: str | Path | Roles | Mapping[str, Any]) -> Rec
 
     if not isinstance(path, str | Path):
         raise UsageError(f"path is a {type(path).__name__}; a str or pathlib.Path is needed, one file a recording")
-    return Record.of_core(read_record(path, _roles(roles)))
+    wanted = _roles(roles)
+    if resample is not None:
+        check_resample(resample, f"resample = {resample!r}")
+        wanted = replace(wanted, resample=resample)
+    return Record.of_core(read_record(path, wanted))
 
 
 def _roles(given: Any) -> Roles:

@@ -41,6 +41,8 @@ class Record(core.Record):
         Sample time in seconds.
     source, sha256 : str
         Where the recording came from, and the hash of its bytes.
+    begins : str, optional
+        Date and time of the first sample, where the file has them.
     """
 
     @classmethod
@@ -53,7 +55,8 @@ class Record(core.Record):
             What `aeolid.formats.read_record` returns.
         """
         return cls(
-            record.time_s, record.values, record.channels, record.sample_time_s, record.source, record.sha256
+            record.time_s, record.values, record.channels, record.sample_time_s, record.source, record.sha256,
+            record.begins,
         )  # fmt: skip
 
     @classmethod
