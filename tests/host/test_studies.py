@@ -136,26 +136,3 @@ def test_answers_of_two_trees_are_held_against_each_other(tmp_path, capsys):
     assert "three: sealed.log_likelihood_gain: 14.0 → 13.0" in said and "four: effects: [" in said
     assert "five: only after" in said and 'six: verdict: "named" → "none: crash"' in said
     assert "1 of 6 answers are the same to 1e-09" in said
-
-
-def test_a_recording_that_lost_a_sample_to_hostile_devices_is_noticed(tmp_path):
-    study = load_study("hostile_bus")
-    rows = [[0.1 * k, *(k % 4096 + c / 8 for c in range(5))] for k in range(50)]
-
-    def write(kept):
-        path = tmp_path / "r.csv"
-        path.write_text("time,a,b,c,d,e\n" + "".join(",".join(map(repr, r)) + "\n" for r in kept))
-        return path
-
-    assert study.complete(write(rows), 50)
-    assert not study.complete(write(rows[:-1]), 50)
-    assert not study.complete(write(rows[:20] + rows[21:]), 49)
-    assert not study.complete(write([*rows[:-1], [4.9, 0, 0, 0, 0, 0]]), 50)
-
-
-@pytest.mark.slow
-@pytest.mark.nightly  # the same attacks are met without processes by test_can_hostile.py
-def test_hostile_devices_on_a_full_bus_cost_an_honest_one_nothing(tmp_path):
-    study = load_study("hostile_bus")
-    found = study.run(tmp_path, 0.2, study.hostile.BUS_RATE, 0.1)
-    assert found["honest_samples"] > 100 and all(found["honest_complete"].values())
