@@ -9,7 +9,7 @@ from study_modules import load_study
 
 from aeolid.cli.main import main
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.assemble import compress
+from aeolid.identify.compressed import compress
 from aeolid.identify.lpv.matrices import least_squares as shared
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.order import (

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from aeolid.errors import UsageError
-from aeolid.identify.assemble import LARGEST_AUTO_ORDER, compress
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER
+from aeolid.identify.compressed import compress
 from aeolid.identify.frequency import frequency_response
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.settings import make_settings

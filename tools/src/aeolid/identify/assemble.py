@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 import aeolid
 from aeolid.identify.closed_loop import require_outside_excitation
+from aeolid.identify.compressed import Windows
 from aeolid.identify.enough import require_enough
 from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
-from aeolid.identify.missing import Completed
 from aeolid.identify.order import (
     FIT_PART,
     OrderChoice,
@@ -38,7 +38,7 @@ from aeolid.identify.subspace import (
     stabilise,
     system_matrices,
 )
-from aeolid.identify.windows import Scaling, WindowFactor, factorise, require_windows
+from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.model_file import Signal
 from aeolid.models.modes import Mode, mark_harmonics, modes_of
 from aeolid.models.prediction import estimate_initial_state
@@ -51,48 +51,6 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 LARGEST_AUTO_ORDER = 60
-
-
-@dataclass(frozen=True, eq=False)
-class Windows:
-    """Hold the windows of an experiment set.
-
-    records: with innovation channels where the scaling names some; fitted: factor of the part that chooses the order;
-    whole: factor of everything; solution: which Ξ is taken where the data are singular (see `solution`).
-    """
-
-    records: Sequence[Record]
-    scaling: Scaling
-    fitted: WindowFactor
-    whole: WindowFactor
-    solution: str = "smallest"
-
-    @property
-    def input_scale(self) -> Array:
-        """Return the standard deviations of the inputs, (r,), in their units."""
-        return self.scaling.scale[: len(self.scaling.inputs)]
-
-    @property
-    def output_scale(self) -> Array:
-        """Return the standard deviations of the outputs, (l,), in their units."""
-        first = len(self.scaling.inputs)
-        return self.scaling.scale[first : first + len(self.scaling.outputs)]
-
-
-def compress(records: Sequence[Record], scaling: Scaling, past: int, completed: Completed | None = None) -> Windows:
-    """Return the factor of the part that chooses the order from what is held out, and the factor of everything.
-
-    completed: with the recordings of further draws of missing cells, over which the factors are averaged.
-
-    Raises NotIdentifiable where there are fewer complete windows than unknowns. Cost: 2 N q² operations, q = (p + 1) m.
-    """
-    require_windows(records, past, scaling.channels)
-    known = Completed(records) if completed is None else completed
-    sets = (records, *known.others)
-    fitted = known.average([factorise(s, scaling, past, last=FIT_PART) for s in sets])
-    whole = fitted.merge(known.average([factorise(s, scaling, past, first=FIT_PART) for s in sets]))
-    require_windows(records, past, scaling.channels, whole.windows)
-    return Windows(records, scaling, fitted, whole)
 
 
 def assemble(
@@ -169,6 +127,9 @@ def _settled(
         known = quantified()
     if held is not None:
         said, facts = [*said, *held.notes()], facts | held.to_json()
+        from aeolid.identify.crowded import crowding
+
+        facts |= crowding(windows, settings, through, basis, (scaled, held), known.poles, extra or {})
     return replace(known, facts=known.facts | facts), scaled, rest, said
 
 

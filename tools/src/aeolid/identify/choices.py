@@ -109,7 +109,8 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     """Return the result with the notes and facts of the choices.
 
     bands_hold is False where the window is too short, where prediction-error steps find poles elsewhere and have no end
-    to take, where innovations at their end are not white (`contrast`), and where there are few windows a parameter
+    to take, where innovations at their end are not white (`contrast`), where more states find a mode elsewhere
+    (`crowded`), and where there are few windows a parameter
     (`enough`). Where nothing longer than the window could
     be tried, an end that is taken stands in for it. Results of methods that leave nothing to choose are returned as
     they are.
@@ -123,9 +124,11 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     if check is not None:
         confirmed = check.holds is None and held.get("taken", False) and not scarce
         window = "" if confirmed else check.reason
-        reasons = [r for r in (scarce, window, held.get("reason")) if r]
+        near = result.extra.get("crowded", {}).get("reason", "")
+        reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
         notes += [f"WARNING: {window}; lengthen --past, or --decimate"] if window else []
         notes += [f"WARNING: {held['reason']}; record longer, or name a higher order"] if held.get("reason") else []
+        notes += [f"WARNING: {near}; name a higher order, or record longer"] if near else []
         notes += [CONFIRMED.format(check.past)] if confirmed else []
         reasons += [f"input {name!r} acts within the sample and has no feedthrough" for name in made.missing]
         holds = (check.holds is True or confirmed) and not reasons

@@ -26,7 +26,7 @@ from aeolid.identify.windows import WindowFactor
 from aeolid.models.recursion import run_states
 
 if TYPE_CHECKING:
-    from aeolid.identify.assemble import Windows
+    from aeolid.identify.compressed import Windows
     from aeolid.identify.result import Settings
 
 Array = NDArray[np.float64]

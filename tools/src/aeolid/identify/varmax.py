@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from aeolid.errors import UsageError
-from aeolid.identify.assemble import Windows, assemble, compress
+from aeolid.identify.assemble import assemble
+from aeolid.identify.compressed import Windows, compress
 from aeolid.identify.extended import Samples, collect
 from aeolid.identify.markov import estimate_markov, with_theta
 from aeolid.identify.missing import Completed

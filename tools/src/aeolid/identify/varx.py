@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from aeolid.identify.assemble import LARGEST_AUTO_ORDER, assemble, compress
+from aeolid.identify.assemble import LARGEST_AUTO_ORDER, assemble
+from aeolid.identify.compressed import compress
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.prepare import prepare, with_preparation
 from aeolid.identify.quantify import BOOTSTRAP_RUNS, with_uncertainty
