@@ -83,7 +83,8 @@ def _head(path: Path, handle: BinaryIO, size: int) -> _Head:
 def _scales(handle: BinaryIO, head: _Head) -> tuple[np.ndarray, np.ndarray]:
     if head.kind == _PLAIN:
         return np.ones(head.channels), np.zeros(head.channels)
-    both = np.frombuffer(_take(handle, 8 * head.channels), "<f4").astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
+        both = np.frombuffer(_take(handle, 8 * head.channels), "<f4").astype(np.float64)
     return both[: head.channels], both[head.channels :]
 
 
