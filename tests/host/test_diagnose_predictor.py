@@ -11,9 +11,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 from scipy.optimize import minimize
+from scipy.stats import multivariate_normal
 
 from aeolid.diagnose.data.segments import Segment
-from aeolid.diagnose.predictor.noise import colour_var, estimate_noise, filter_var
+from aeolid.diagnose.predictor.ahead import foretold
+from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.predictor.noise import colour_var, estimate_noise, filter_var, levelled_density
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.riccati import exponential, steady_gain
@@ -372,6 +375,48 @@ def test_other_data_are_scored_from_a_start_of_their_own() -> None:
     held = p.score_elsewhere(replace(fit, free=replace(fit.free, x0=(0,))), (late,))[2]
     assert held.x0[0][1] in (0.0, fit.point.x0[0][1])  # a state that is not in the fit is left where it was
     assert held.x0[0][0] != fit.point.x0[0][0]
+
+
+def undamped(burn: int) -> tuple[Predictor, Fit, Segment]:
+    """Return a free run of the oscillator that never forgets its start, at the truth, and other data to score."""
+    rng, theta, first = np.random.default_rng(4), np.array([3.4, 0.0, 2.6]), np.array([0.4, -0.5])
+    u = np.repeat(rng.choice([-1.0, 1.0], 75), 4)[:, None]
+    y = compiled().predict(u, np.full((300, 2), np.nan), theta, np.zeros((2, 2)), first, STEP, 1, 1, False)[1]
+    segment = Segment(u, y + rng.standard_normal((300, 2)) * (0.02, 0.06), STEP, "undamped", 0.0, 0)
+    p = predictor((segment,))
+    fit = p.at(Point(theta, np.zeros(4), np.zeros((2, 2)), (first,)), Free((), (), (), (0, 1)))
+    return p, fit, replace(segment, burn=burn)
+
+
+def test_a_start_that_is_not_forgotten_is_learnt_on_the_way() -> None:
+    """The rows far behind the start are foretold alike however few rows settled it; extrapolated they lost 20 nats."""
+    few, many = (p.score_elsewhere(fit, (s,))[0] for p, fit, s in (undamped(4), undamped(80)))
+    assert few[-200:].sum() == pytest.approx(many[-200:].sum(), abs=1.0)
+
+
+def test_other_data_have_the_likelihood_with_their_start_integrated_out() -> None:
+    """Row by row it is that of r = J δ + white noise, δ normal as the settling rows leave it: one dense Gaussian."""
+    p, fit, segment = undamped(4)
+    other = p.on((segment,))
+    start = p.score_elsewhere(fit, (segment,))[2]
+    found = foretold(other, start, fit.noise, (0, 1))
+    assert found is not None
+    whole = p.on((replace(segment, burn=0),))
+    r = whole.whitened(whole.innovations(start), fit.noise)
+    J = sensitivity(whole, start, fit.noise, r, fit.free)
+    P = np.linalg.inv(J[:8].T @ J[:8] + np.diag(1 / (10 * p.scales.x0) ** 2))
+    dense = multivariate_normal(np.zeros(len(r) - 8), np.eye(len(r) - 8) + J[8:] @ P @ J[8:].T).logpdf(r[8:])
+    density = -0.5 * (found[0] @ found[0] + len(found[0]) * np.log(2 * np.pi)) + found[1].sum()
+    assert density == pytest.approx(float(dense), abs=1e-6)
+
+
+def test_a_predictor_that_forgets_is_scored_as_it_predicts() -> None:
+    p = predictor((recording(10),))
+    fit = p.at(point(1, gain=True), Free((), (), (), (0, 1)))
+    late = replace(recording(11), burn=120)
+    density, other, start = p.score_elsewhere(fit, (late,))
+    white = other.whitened(other.innovations(start), fit.noise)
+    assert density == pytest.approx(levelled_density(white, fit.noise, [180]), abs=1e-6)
 
 
 @pytest.mark.parametrize("order", [0, 2])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.predictor.ahead import foretold
 from aeolid.diagnose.predictor.evaluation import HUGE, Evaluator
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.kinks import beyond_kinks
@@ -141,10 +142,14 @@ class Predictor(Evaluator):
         """Return the per-sample log-likelihood of other data.
 
         Initial states are fitted on the burn-in; each segment has a noise level of its own (another wind, another
-        amplitude), estimated on it for every model alike, so that what counts is the size of the errors.
+        amplitude), estimated on it for every model alike, so that what counts is the size of the errors. A free gain
+        may forget a start slowly: what the burn-in leaves open of it is then learnt on the way, not extrapolated.
         """
         other = self.on(segments)
         point = replace(fit.point, x0=tuple(settled(self.on([s.head(s.burn)]), fit) for s in segments))
-        white = other.whitened(other.innovations(point), fit.noise)
         lengths = [len(s.y) - s.burn for s in segments]
+        ahead = None if point.K is None else foretold(other, point, fit.noise, fit.free.x0)
+        if ahead is not None:
+            return levelled_density(ahead[0], fit.noise, lengths) + ahead[1], other, point
+        white = other.whitened(other.innovations(point), fit.noise)
         return levelled_density(white, fit.noise, lengths), other, point
