@@ -21,7 +21,7 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-SAMPLES, NOISE = 2000, 0.2  # innovations over the spread that the inputs give
+SAMPLES, NOISE = 1500, 0.2  # innovations over the spread that the inputs give
 UNITS = ("deg", "kN m"), ("rpm", "m/s^2")
 
 
@@ -97,19 +97,19 @@ SAID = {
 def test_each_fault_is_found_at_its_place_and_put_right(how: str, lag: float) -> None:
     """On plants that nobody chose, also where the model lacks a lag of half a second besides; the data come back."""
     found = []
-    for seed in range(6):
+    for seed in range(4):
         whole, u, y = draw_case(seed, lag=lag)
         faults, repaired = channel_faults(spoil(whole, u, y, how))
         found.append([(f.id, f.entry) for f in faults] == [SAID[how][:2]])
         if found[-1]:
             assert faults[0].factor == pytest.approx(SAID[how][2], rel=1e-12)
             assert repaired.records[0].values == pytest.approx(whole.records[0].values, rel=1e-9, abs=1e-12)
-    assert sum(found) >= 4  # of six: some inputs hardly reach the outputs, behind a lag least of all
+    assert sum(found) >= 3  # of four: some inputs hardly reach the outputs, behind a lag least of all
 
 
 def test_nothing_is_said_of_channels_that_are_right() -> None:
     """A lag, a gain that is a third off, a mode that is softer, levels, and much noise are no faults of channels."""
-    for seed in range(20):
+    for seed in range(8):  # every lag about either mean
         case, u, y = draw_case(100 + seed, lag=[0.0, 2.0, 20.0][seed % 3], mean=[0.0, 5.0][seed % 2])
         assert isinstance(case.baseline, StateSpace)
         off = replace(case.baseline, A=0.97 * case.baseline.A, B=case.baseline.B * [1.5, 1.0])

@@ -113,10 +113,24 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
         undriven=not driven, score=score, select_gain=50.0, values={key: {"frequency_hz": (0.607, 0.003)}},
         attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
     )  # fmt: skip
-    study: Any = SimpleNamespace(candidates=(mode,), winner=None, proof=None)
+    study: Any = SimpleNamespace(candidates=(mode,), winner=None, proof=None, bank=SimpleNamespace(loud=[]))
     text = sentence("no_mismatch", [], study, None)
     assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
     assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("z", "fair", "said"), [(9.0, 3.0, "9.0, is above the 8.0"), (6.0, 5.0, "5.0, is above the 4.0")]
+)
+def test_a_significant_score_that_no_fit_bears_out_is_not_nothing(z: float, fair: float, said: str) -> None:
+    """Where all that was fitted failed, that nothing is missing was an untrue sentence."""
+    row = SimpleNamespace(z=z, fair=fair, attachment=SimpleNamespace(key="end_stop mode:0.3 Hz"))
+    bank = SimpleNamespace(loud=[row], threshold=8.0, fair=4.0)
+    study: Any = SimpleNamespace(candidates=(), winner=None, proof=None, bank=bank)
+    text = sentence("no_mismatch", [], study, None)
+    assert "Nothing is missing" not in text and f"end_stop mode:0.3 Hz, {said}" in text and text.endswith(".")
+    study.winner = SimpleNamespace(fit_gain=1.0)
+    assert sentence("no_mismatch", [], study, None).startswith("Nothing is missing that this recording could show")
 
 
 def test_a_set_that_was_not_proven_does_not_speak_for_declared_values() -> None:

@@ -13,7 +13,7 @@ from aeolid.report.where import maps
 Facts = dict[str, Any]
 
 _VERDICTS = {
-    "no_mismatch": ("good", "No mismatch", "The model explains this recording within its noise."),
+    "no_mismatch": ("good", "No mismatch", "Nothing was found that the model lacks."),
     "immaterial": ("good", "Immaterial", "A difference can be measured, but it is too small to matter."),
     "data_fault": ("open", "Data fault", "The recording is at fault, not the model."),
     "parameter": ("found", "Parameter", "The structure of the model holds; a parameter is wrong."),

@@ -38,7 +38,24 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
         if (form := form_speaking(study)) is not None:
             nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."
-    return f"Nothing is missing that this recording could show{_coloured(study)}{_not_borne_out(study)}."
+    begin = _significant(study) or "Nothing is missing that this recording could show"
+    return f"{begin}{_coloured(study)}{_not_borne_out(study)}."
+
+
+def _significant(study: Study) -> str:
+    """Say which score is significant where no fit of it was accepted: that nothing is missing is then not known.
+
+    The verdict stays: one or two in a hundred recordings that lack nothing have such a score.
+    """
+    if study.winner is not None or not study.bank.loud:
+        return ""
+    row = study.bank.loud[0]
+    score, limit = (row.z, study.bank.threshold) if row.z > study.bank.threshold else (row.fair, study.bank.fair)
+    return (
+        f"No effect was confirmed, and whether something is missing is open: the score of {row.attachment.key},"
+        f" {score:.1f}, is above the {limit:.1f} that chance exceeds in one of a hundred recordings, but nothing that"
+        " was fitted explains data that were not"
+    )
 
 
 def _beyond(study: Study, proof: Proof | None) -> str:
