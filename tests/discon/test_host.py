@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import re
 import socket
 import threading
 import time
@@ -67,6 +68,7 @@ class Turbine:
         self.fail = ctypes.c_int(0)
         self.random = np.random.default_rng(5)
         self.speed, self.tower = 122.0, np.zeros(2)
+        self.speed_of_rotor = 0.0
         self.tapped: list[np.ndarray] = []
 
     def call(self, status: float, time_s: float, tap: bool) -> None:
@@ -75,6 +77,7 @@ class Turbine:
         s[0], s[1], s[2] = status, time_s, STEP_S
         s[19], s[26], s[52], s[48] = self.speed, 14 + self.random.normal(), self.tower[1], MESSAGE
         s[50 - 1], s[51 - 1], s[61 - 1] = 10, 200, 3
+        s[20] = self.speed_of_rotor + 0.01 * np.sin(time_s) if self.speed_of_rotor else 0.0
         measured = s[[19, 52, 89, 26]].copy()
         pointer = s.ctypes.data_as(ctypes.POINTER(ctypes.c_float))
         self.procedure(pointer, ctypes.byref(self.fail), b"DISCON.IN", self.names, self.message)
@@ -193,6 +196,25 @@ def test_holes_and_jumps_are_missing_samples(tmp_path: Path) -> None:
     record = received(tmp_path)
     np.testing.assert_array_equal(record.values.astype(np.float32), np.array(samples, np.float32))
     assert_same_estimate(record, tmp_path)
+
+
+def test_the_listener_names_a_channel_that_the_filter_hardly_sees(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A direct drive's speed with a gearbox's scale: wrapper, listener and identify say what would fit, and it does."""
+    lines = "output = rotor_speed offset 122 scale 5\n{more}"
+    text = SETTINGS.replace("{more}", lines).replace("speed offset 122 scale 5\n", "speed offset 122 scale 0.5\n", 1)
+    turbine = Turbine(tmp_path, "bus = file:frames.log", text)
+    turbine.speed_of_rotor = 0.79
+    turbine.run(100)
+    said = capfd.readouterr()
+    assert "rotor_speed: its mean lies -24.2 scales" in said.err and "1 channel to look at" in said.out
+    listen(str(tmp_path / "frames.log"), tmp_path, "--json", str(tmp_path / "facts.json"))
+    (problem,) = json.loads((tmp_path / "facts.json").read_text())["nodes"][0]["runs"][0]["scale_problems"]
+    assert problem in capfd.readouterr().out.replace("\n", "")
+    found = re.search(r"offset (0\.7[89]\d*) scale (\S+) would fit", problem)
+    assert found is not None and float(found[2]) == pytest.approx(0.01 / np.sqrt(2), rel=0.2)
+    assert f"scale {found[2]}` would fit" in said.err
 
 
 def test_the_excitation_is_a_channel(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from aeolid.can.configuration import Configuration
 from aeolid.can.limits import FILL_SHARE, INNOVATIONS_AHEAD, RUN_LEAST
 from aeolid.can.tables import SampleTable, follows
 from aeolid.errors import DataError, UsageError
+from aeolid.filters.scales import START_S, RunSums, find_problems
 from aeolid.formats.growing import GrowingTable, growing_suffix, open_growing
 from aeolid.record import Channel
 
@@ -61,6 +62,7 @@ class Run:
     _inside: int = 0  # rows in it
     ended: bool = False  # nothing more will be added
     _digest: Any = field(default_factory=hashlib.sha256)
+    _sums: RunSums | None = None  # of the channels that are filtered
 
     @property
     def table_path(self) -> Path | None:
@@ -138,6 +140,13 @@ class Run:
             self._table.write(rows)
         self._waiting = []
 
+    def scale_problems(self) -> tuple[str, ...]:
+        """Say which channels the node's filter hardly sees with its offset and scale, and what would fit."""
+        if self._sums is None:
+            return ()
+        d, n = self.configuration.description, self._sums.channels
+        return find_problems(d.names[:n], d.units[:n], d.offset[:n], d.scale[:n], self._sums.judged)
+
     def show(self, table: SampleTable | None) -> None:
         """Put rows on the disk, behind those that stay, that later frames may still change. Raises OSError."""
         if self.path is None or self.ended or (table is None and self._table is None):
@@ -171,6 +180,10 @@ class Run:
         self.rows += len(index)
         self.last = int(index[-1])
         self._digest.update(np.ascontiguousarray(values).tobytes())
+        d = self.configuration.description
+        if self._sums is None:
+            self._sums = RunSums(d.inputs + d.outputs, round(START_S / self.sample_time_s))
+        self._sums.add(values[:, : self._sums.channels])
         if self._table is not None:
             self._table.write(self._rows(index, values))
         elif self.path is not None:

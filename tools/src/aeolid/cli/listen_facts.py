@@ -74,8 +74,9 @@ def _written_facts(written: dict[str, Any]) -> dict[str, Any]:
 
 
 def _run_facts(run: Run) -> dict[str, Any]:
-    facts = {"samples": run.rows, "lost_values": run.lost, "first_sample": run.first, "file": run.file}
-    return facts | {"roles": run.roles, "clock": None if run.clock is None else clock_facts(run.clock)}
+    facts: dict[str, Any] = {"samples": run.rows, "lost_values": run.lost, "first_sample": run.first, "file": run.file}
+    facts |= {"roles": run.roles, "clock": None if run.clock is None else clock_facts(run.clock)}
+    return facts | {"scale_problems": run.scale_problems()}
 
 
 def _node_facts(node: Node) -> dict[str, Any]:
@@ -124,6 +125,7 @@ def summary(facts: dict[str, Any]) -> list[str]:
         clocks = [r["clock"] for r in n["runs"] if r["clock"]]
         if clocks:
             lines.append(f"  sample 0 at {clocks[-1]['utc_of_sample_0'][:23]} UTC; {drift_text(clocks[-1])}")
+        lines += [f"  {problem}" for run in n["runs"][-1:] for problem in run["scale_problems"]]
         lines += _mode_lines(n["modes"])
     return lines + ([f"modes over time → {facts['poles']}"] if facts.get("poles") else [])
 

@@ -150,7 +150,10 @@ def find_fault(name: str, samples: Array, precision: str) -> AeolidError | None:
     if not finite.size:
         return DataError(f"{name} holds no finite sample; take it out of the roles or repair the recording")
     if np.ptp(finite) == 0.0:
-        return NotIdentifiable(f"{name} is constant ({finite[0]:g}); give it the role ignore")
+        return NotIdentifiable(
+            f"{name} is constant ({finite[0]:g}); give it the role ignore, and in a controller excite it or leave it "
+            "out of the filter"
+        )
     mean, spread = float(finite.mean()), float(finite.std())
     if spread <= RESOLUTION.get(precision, 0.0) * abs(mean):
         return NotIdentifiable(

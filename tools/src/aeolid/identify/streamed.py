@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from aeolid.display import token, without_quotes
 from aeolid.errors import DataError
+from aeolid.filters.scales import ChannelSums, find_problems
 from aeolid.formats.archive import Archive
 from aeolid.formats.table import listed
 from aeolid.identify.markov import MarkovEstimate, regressor_columns, with_theta
@@ -182,6 +183,7 @@ class StreamedMarkov:
         theta = self.scaled(scaling, factor.past, through)
         plain = with_theta(estimate, theta, factor)
         memory, why = self._memory_of(records)
+        hidden = self._hidden_channels(records, scaling)
         if memory is not None:
             found = measure(records, scaling, factor, theta, regressor_columns(factor, through), memory)
             if found.share >= LEAST_SHARE:
@@ -189,13 +191,25 @@ class StreamedMarkov:
                     plain, spread=found.spread, direct=found.direct, bias=found.bias,
                     residual_covariance=found.residual_covariance,
                 )  # fmt: skip
-                return known, ()
+                return known, hidden
             why = (
                 f"the recording holds {found.share:.0%} of what the filter had learnt from, {LEAST_SHARE:.0%} are"
                 " needed; record from the filter's start"
             )
         note = f"standard deviations are not known: {why}"
-        return replace(plain, spread=np.full_like(plain.spread, np.nan)), (note,)
+        return replace(plain, spread=np.full_like(plain.spread, np.nan)), (note, *hidden)
+
+    def _hidden_channels(self, records: Sequence[Record], scaling: Scaling) -> tuple[str, ...]:
+        """Say which channels of these recordings the filter hardly saw with its offsets and scales."""
+        names = (*scaling.inputs, *scaling.outputs)
+        if self.origin is None or self.origin.memory is None or len(self.origin.memory.offset) != len(names):
+            return ()
+        sums = ChannelSums.empty(len(names))
+        for record in records:
+            sums.add(record.columns(names))
+        units = tuple(records[0].unit(name) for name in names)
+        found = find_problems(names, units, self.origin.memory.offset, self.origin.memory.scale, sums)
+        return tuple(f"the filter that streamed: {problem}" for problem in found)
 
     def _memory_of(self, records: Sequence[Record]) -> tuple[FilterMemory | None, str]:
         """Return how the filter weighed the samples of these recordings, or None and why that cannot be said."""
