@@ -16,6 +16,9 @@
  *   Built on Linux; not offered on Windows. The legacy interface only: neither CONTROLLER(turbine_id) of Bladed 4.8 nor
  *   a supercontroller's DISCON_SC.
  *
+ *   The first call says on standard output what is tapped, how fast, and where the frames go, the last what was sent
+ *   (announce.h); channels whose offset and scale hide them from the filter are named on standard error (scale_watch.h).
+ *
  * WHAT IS FORWARDED
  *   Every call, whatever its status (-8 and -9 of OpenFAST too), with the very arguments: the controller works on the
  *   simulator's array and strings. Nothing in them is changed but demands while excitation is on (demands.h).
@@ -45,7 +48,7 @@
  *   starts filter and excitation afresh and leaves the controller loaded, as it would be without the wrapper.
  *
  * CONTRACT
- *   Memory: at the first call of a turbine one block (52 kB), the filter's words and the snapshot (observer.h), for tcp
+ *   Memory: at the first call of a turbine one block (55 kB), the filter's words and the snapshot (observer.h), for tcp
  *   and pty 1 MB; released with the last call. No heap in between. 64 turbines a process.
  *   Time added to a call, 2 inputs, 3 outputs, p = 20, every tenth call filtered (bench.c of the tests, AMD EPYC):
  *   median 0.5 us, with a filtered sample 2 us, 99.9 % point 6 ... 10 us; 6,200 instructions on average.

@@ -1,7 +1,7 @@
 /* turbine.h: one simulator's turbine: its controller, what is added to its demands, what is observed of it.
  *
  * CONTRACT
- *   Memory: the structure (52 kB), and what controller, observer and bus take at the first call. One context at a time.
+ *   Memory: the structure (55 kB), and what controller, observer and bus take at the first call. One context at a time.
  *   Every call leaves floating-point environment (flags, rounding, traps), locale and errno as the controller and its
  *   simulator set them: a NaN in a record must not end a simulator that traps invalid operations, and flush-to-zero of
  *   the simulator must not reach the filter.

@@ -35,6 +35,7 @@ VCAN = "needs a kernel with virtual CAN and the right to configure it; tests/sil
 NOT_RUN = {
     "docs/index.md": ["the demonstration and the whole suite have tests of their own"],
     "docs/howto/controller_ci.md": [VCAN],
+    "docs/howto/openfast_controller.md": 3 * ["needs OpenFAST and a controller; tests/ports/test_openfast.py runs it"],
     "docs/tutorials/sil.md": [VCAN],
 }
 
