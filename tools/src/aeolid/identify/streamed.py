@@ -84,7 +84,7 @@ class Origin:
         if (self.inputs, len(self.channels)) != (len(inputs), len(inputs + outputs)):
             return (
                 f"the filter had {self.inputs} inputs and {len(self.channels) - self.inputs} outputs, the recording has"
-                f" {len(inputs)} and {len(outputs)}; use the roles file of the filter"
+                f" {len(inputs)} and {len(outputs)}; use the roles file of the filter, or identify without --markov"
             )
         conflict = self._compare_channels(record, inputs + outputs)
         if conflict:
