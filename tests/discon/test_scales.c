@@ -110,6 +110,20 @@ static void test_good_scales_are_passed_over(void)
     }
 }
 
+/* The bounds that scale_watch.h gives: a factor of 30 for the deviation, 10 scales for the mean. */
+static void test_poor_scales_are_told_from_their_bounds_on(void)
+{
+    static const float deviations[] = {1.05F / 30.0F, 0.95F / 30.0F, 0.95F * 30.0F, 1.05F * 30.0F, 1.0F, 1.0F};
+    static const float means[] = {0.0F, 0.0F, 0.0F, 0.0F, 9.9F, -10.1F};
+    static const char *const words[] = {NULL, "hardly sees", NULL, "drowns the others", NULL, "end of the range"};
+    for (unsigned i = 0; i < 6u; i++) {
+        begin(FILE_OF(""), 0.1);
+        run(0, 600, 4e4F, 2e3F, 122.0F + 5.0F * means[i], 5.0F * deviations[i]);
+        TEST_ASSERT_EQUAL_INT(words[i] != NULL, scale_watch_judge(&watch, 1, 1, text));
+        TEST_ASSERT_TRUE_MESSAGE(words[i] == NULL || strstr(text, words[i]) != NULL, text);
+    }
+}
+
 static void test_a_constant_channel_is_told_after_the_first_minute(void)
 {
     begin(FILE_OF(""), 0.1);
@@ -240,6 +254,7 @@ int main(void)
     RUN_TEST(test_a_direct_drive_speed_is_told_with_what_fits);
     RUN_TEST(test_what_is_told_can_be_pasted);
     RUN_TEST(test_good_scales_are_passed_over);
+    RUN_TEST(test_poor_scales_are_told_from_their_bounds_on);
     RUN_TEST(test_a_constant_channel_is_told_after_the_first_minute);
     RUN_TEST(test_a_channel_without_numbers_is_told);
     RUN_TEST(test_nothing_is_judged_without_the_excitation);

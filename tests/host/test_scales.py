@@ -119,7 +119,8 @@ def test_the_channels_are_those_of_the_wrapper():
 def test_units_are_brought_to_those_of_the_wrapper():
     assert factor_to("generator_speed", "rpm") == pytest.approx(2 * np.pi / 60)
     assert factor_to("torque_command", "kN-m") == factor_to("torque_command", "kN·m") == 1000.0
-    assert factor_to("pitch_command", "rad") == 1.0
+    assert factor_to("pitch_command", "rad") == 1.0 and factor_to("nacelle_nod", "deg/s^2") == np.pi / 180
+    assert factor_to("tower_fore_aft", "m/s²") == factor_to("tower_fore_aft", "m/s^2") == 1.0
     assert factor_to("pitch_command", "m") is None and factor_to("speed", "rpm") is None
     found = find_tapped({"Time": "s", "GenSpeed": "rpm", "BldPitch1": "deg", "BlPitchC1": "deg", "GenTq": "rad"})
     assert [(t.name, t.heading) for t in found] == [("pitch_command", "BlPitchC1"), ("generator_speed", "GenSpeed")]

@@ -45,6 +45,7 @@ def rightly(unit: str) -> str | None:
 _SIZES: tuple[dict[str, float], ...] = (  # units of one quantity, by their size
     {"deg": 3.141592653589793 / 180, "rad": 1.0, "rev": 2 * 3.141592653589793},
     {"rpm": 3.141592653589793 / 30, "rad/s": 1.0, "deg/s": 3.141592653589793 / 180},
+    {"rad/s^2": 1.0, "deg/s^2": 3.141592653589793 / 180},
     {"N m": 1.0, "Nm": 1.0, "kN m": 1e3, "kNm": 1e3, "MN m": 1e6, "MNm": 1e6},
     {"N": 1.0, "kN": 1e3, "MN": 1e6},
     {"W": 1.0, "kW": 1e3, "MW": 1e6},

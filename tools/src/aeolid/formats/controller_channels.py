@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
+import re
 from dataclasses import dataclass
 
-from aeolid.formats.headings import plain_unit
+from aeolid.units import factor, rightly
 
 # `port/discon/records.c`: what the wrapper taps, in its units.
 CHANNELS = {
@@ -28,12 +28,6 @@ OPENFAST = {
     "blade_root_out_2": ("RootMyc2",), "blade_root_out_3": ("RootMyc3",), "nacelle_nod": ("NcIMURAys",),
 }  # fmt: skip
 
-_FACTORS = {
-    "rad": {"deg": math.pi / 180}, "rad/s": {"rpm": math.pi / 30, "deg/s": math.pi / 180},
-    "rad/s^2": {"deg/s^2": math.pi / 180}, "N m": {"kN m": 1e3, "MN m": 1e6}, "N": {"kN": 1e3, "MN": 1e6},
-    "W": {"kW": 1e3, "MW": 1e6},
-}  # fmt: skip
-
 
 @dataclass(frozen=True)
 class Tapped:
@@ -49,8 +43,8 @@ def factor_to(name: str, unit: str) -> float | None:
     wanted = CHANNELS.get(name)
     if wanted is None:
         return None
-    known = {plain_unit(wanted): 1.0} | {plain_unit(u): f for u, f in _FACTORS.get(wanted, {}).items()}
-    return known.get(plain_unit(unit))
+    plain = re.sub(r"[-·*\s]+", " ", unit.replace("²", "^2")).strip()
+    return factor(rightly(plain) or plain, wanted)
 
 
 def role_of(name: str) -> str:
@@ -70,8 +64,8 @@ def find_tapped(headings: dict[str, str]) -> list[Tapped]:
     found = []
     for name in (n for n in CHANNELS if not n.startswith("excitation")):
         for heading in (name, *OPENFAST.get(name, ())):
-            factor = factor_to(name, headings[heading]) if heading in headings else None
-            if factor is not None:
-                found.append(Tapped(name, heading, factor))
+            ratio = factor_to(name, headings[heading]) if heading in headings else None
+            if ratio is not None:
+                found.append(Tapped(name, heading, ratio))
                 break
     return found
