@@ -238,9 +238,9 @@ def test_text_deep_in_a_large_file_is_named(tmp_path: Path) -> None:
 
 
 def test_missing_files_folders_and_suffixes(tmp_path: Path) -> None:
-    (tmp_path / "rec.xlsx").write_text("x")
+    (tmp_path / "rec.xyz").write_text("x")
     (tmp_path / "cut.csv.gz").write_bytes(gzip.compress((HEAD + GOOD * 2000).encode())[:-9])
-    for name, part in {"no.csv": "no such file", ".": "a folder", "rec.xlsx": "suffix", "cut.csv.gz": "gzip"}.items():
+    for name, part in {"no.csv": "no such file", ".": "a folder", "rec.xyz": "suffix", "cut.csv.gz": "gzip"}.items():
         with pytest.raises(DataError, match=part):
             read_record(tmp_path / name, ROLES)
 

@@ -124,6 +124,9 @@ def meaning_of(heading: str) -> Meaning | None:
     if lss is not None:
         return Meaning("azimuth" if lss[2] == "p" else "rotor_speed")
     words = words_of(name)
+    if "mbdy" in words:  # in HAWC2 the x axis of a blade's body points along the chord: Mx bends it flapwise
+        swapped = {"mx": "my", "my": "mx"}
+        words = tuple(swapped.get(w, w) for w in words)
     kind_found = next((kind for kind, fits in _RULES if fits(set(words))), None)
     if kind_found is None:
         return None

@@ -6,6 +6,7 @@ about half a second more for a file.
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from aeolid.confined import Failure, Reply, start
 from aeolid.errors import DataError
 from aeolid.formats.arrays import table_of_arrays
 from aeolid.formats.bounds import MOST_CHANNELS, reading_limits
+from aeolid.formats.extras import read_hdf5
 from aeolid.formats.sent import NONSENSE, shapes_of
 from aeolid.formats.table import Choose, Table, unreadable
 from aeolid.inputs import open_regular
@@ -25,8 +27,11 @@ from aeolid.inputs import open_regular
 def read_mat(path: Path, choose: Choose) -> Table:
     """Read a MATLAB file up to version 7: vectors, matrices, or one structure that holds them."""
     with open_regular(path) as handle:
-        if handle.read(10) == b"MATLAB 7.3":
-            raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
+        newer = handle.read(10) == b"MATLAB 7.3"
+    if newer:
+        if importlib.util.find_spec("h5py") is not None:
+            return read_hdf5(path, choose)
+        raise DataError(f"{path}: MATLAB version 7.3; save it with save(..., '-v7')")
     asked = {"path": str(path.absolute()), "source": str(path)}
     try:
         with start("aeolid.formats.matlab:send_arrays", asked, reading_limits(path)) as running:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -9,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from aeolid.errors import DataError
+from aeolid.formats import extras
+from aeolid.formats.bladed import companions, is_bladed, read_bladed
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import check_unit, fault_of_name, find_heading, split_heading
 from aeolid.formats.table import Array, Choose, Table, to_numbers, want_all
@@ -16,7 +19,10 @@ from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
 from aeolid.record import Channel, Record, Roles, file_sha256
 
-SUFFIXES = (".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log")
+SUFFIXES = (
+    ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".xlsx", ".h5",
+    ".hdf5", ".tdms", ".sel", ".dat", ".%xx", ".$xx", ".$pj",
+)  # fmt: skip
 _RATES = (".mf4", ".tdms")  # formats in which each group of channels has a clock
 _CAN_LOGS = (".blf", ".asc", ".log")
 
@@ -52,7 +58,7 @@ def read_record(path: str | Path, roles: Roles) -> Record:
         if heading in table.begins:
             raise DataError(f"{source}: channel {channel.name!r} holds dates; only the time may")
     grid, values, begins = _on_one_clock(table, roles, channels, headings)
-    return Record(grid.times(), values, channels, grid.sample_time_s, source, file_sha256(path), begins)
+    return Record(grid.times(), values, channels, grid.sample_time_s, source, _hash(Path(path)), begins)
 
 
 def _on_one_clock(
@@ -114,9 +120,9 @@ def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
     empty = regular_size(path) == 0
     name = path.name.lower()
     suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in SUFFIXES and not is_bladed(path):
         raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {', '.join(SUFFIXES)}; export it as CSV")
-    if empty:
+    if empty and not is_bladed(path):  # of a project only the name counts
         raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")
     reader = _reader(suffix, path)
     return reader(path, choose, own_clocks=True) if own_clocks and suffix in _RATES else reader(path, choose)
@@ -144,9 +150,28 @@ def _reader(suffix: str, path: Path) -> Callable[..., Table]:
         from aeolid.formats import archive
 
         return archive.read_npz
+    if suffix in extras.LIBRARIES:
+        return extras.READERS[suffix]
+    if suffix in (".sel", ".dat"):
+        from aeolid.formats import hawc2
+
+        return hawc2.read_hawc2
+    if is_bladed(path):
+        return read_bladed
     from aeolid.formats import binary
 
     return binary.read_outb
+
+
+def _hash(path: Path) -> str:
+    """Return the SHA-256 of a recording's file; where it consists of several, that of their sums in hexadecimal."""
+    if path.suffix.lower() in (".sel", ".dat"):
+        from aeolid.formats.hawc2 import companions as parts
+    elif is_bladed(path):
+        parts = companions
+    else:
+        return file_sha256(path)
+    return hashlib.sha256("".join(file_sha256(p) for p in parts(path)).encode()).hexdigest()
 
 
 def _read_parquet(path: Path, choose: Choose) -> Table:
