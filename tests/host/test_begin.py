@@ -12,13 +12,13 @@ from study_modules import load_study
 
 from aeolid.begin.guess import guess
 from aeolid.begin.make import begin
-from aeolid.begin.names import KINDS, meaning_of
 from aeolid.begin.survey import survey
 from aeolid.begin.understood import holes_of, sparkline
 from aeolid.cli.main import main
 from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError
 from aeolid.formats import read_record, write_table
+from aeolid.formats.meanings import KINDS, meaning_of
 from aeolid.plants import hawt
 from aeolid.record import Record, Roles
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from aeolid.api.table import Table
 from aeolid.models.modes import Mode
-from aeolid.text_files import is_number
+from aeolid.text_files import is_number, is_short
 
 Facts = Mapping[str, Any]
 
@@ -19,6 +19,7 @@ def modes_table(modes: Sequence[Mode]) -> Table[Mode]:
 
 def _mode_row(mode: Mode) -> dict[str, Any]:
     return {
+        "name": mode.name,
         "frequency_hz": mode.frequency_hz, "frequency_std_hz": mode.frequency_std_hz, "damping": mode.damping,
         "damping_std": mode.damping_std, "mostly_in": max(mode.shares, key=lambda n: mode.shares[n], default=""),
         "share": max(mode.shares.values(), default=None), "rotor_order": mode.rotor_order,
@@ -41,9 +42,10 @@ def _stated(row: dict[str, Any]) -> Mode:
     if not all(map(is_number, numbers)) or not all(v is None or is_number(v) for v in spread):
         raise ValueError("a mode holds what is no number")
     order = row["rotor_order"] if isinstance(row.get("rotor_order"), int) else None
-    return Mode(
-        row["frequency_hz"], row["damping"], complex(real, imaginary), spread[0], spread[1], dict(row["outputs"]), order
-    )  # fmt: skip
+    name = row["name"] if is_short(row.get("name")) else ""
+    shares = dict(row["outputs"])
+    eigenvalue = complex(real, imaginary)
+    return Mode(row["frequency_hz"], row["damping"], eigenvalue, spread[0], spread[1], shares, order, name=name)
 
 
 def fit_table(facts: Facts | None, outputs: Sequence[str]) -> Table[dict[str, Any]]:

@@ -122,9 +122,13 @@ class LinearModel:
 
     def summary(self) -> str:
         """Return a few lines of text."""
-        from aeolid.identify.outcome import mode_lines
+        from aeolid.identify.mode_names import mode_lines
 
-        return "\n".join([repr(self), *mode_lines(self.modes)]) if self.result is None else self.result.summary()
+        return (
+            "\n".join([repr(self), *mode_lines(self.modes, self.state_space.sample_time_s)])
+            if self.result is None
+            else self.result.summary()
+        )
 
     def to_frame(self) -> pd.DataFrame:
         """Return the modes as a pandas.DataFrame."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from aeolid.begin.guess import Guesses, by_size
-from aeolid.begin.names import BLADED
 from aeolid.begin.survey import Survey
+from aeolid.formats.meanings import BLADED
 from aeolid.units import factor
 
 _PITCHING_DEG = 2.0  # median pitch from which a turbine is taken to run at its rated speed

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from aeolid.begin.names import KINDS, Meaning
 from aeolid.begin.survey import Survey
+from aeolid.formats.meanings import KINDS, Meaning
 from aeolid.formats.table import Array
 from aeolid.units import alike, factor
 

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from aeolid.begin.names import Meaning, meaning_of
 from aeolid.errors import DataError
 from aeolid.formats import Table, read_chosen
 from aeolid.formats.clock import clock_of, is_time_heading
 from aeolid.formats.headings import plain_unit, split_heading
+from aeolid.formats.meanings import Meaning, meaning_of
 from aeolid.formats.table import Array
 from aeolid.formats.timebase import uniform_grid
 from aeolid.units import alike, rightly

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from aeolid.begin.context import Fact
 from aeolid.begin.guess import Guess, Guesses
-from aeolid.begin.names import KINDS
 from aeolid.begin.survey import Survey
 from aeolid.display import visible
+from aeolid.formats.meanings import KINDS
 
 _MOST_LISTED = 60  # headings that are not used, in a comment
 _MOST_IGNORED = 30  # entries of the role ignore, where nothing was recognised

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.begin.names import meaning_of
 from aeolid.diagnose.data.intersample import traits_of
+from aeolid.formats.meanings import meaning_of
 from aeolid.formats.table import Array
 from aeolid.record import Record
 

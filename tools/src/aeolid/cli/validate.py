@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,6 +21,11 @@ from aeolid.cli.common import (
 )
 from aeolid.errors import UsageError
 from aeolid.output import declare
+
+if TYPE_CHECKING:
+    from aeolid.models.load import Model
+    from aeolid.models.modes import Mode
+    from aeolid.record import Record
 
 EXAMPLES = (
     "aeolid validate model.json tuesday.csv --roles roles.toml",
@@ -63,6 +68,7 @@ def validate(
     horizons = _horizons(steps)
     declare("validate", force=force, inputs=[model_file, recording, roles], files={"--json": json_target})
     from aeolid.formats import read_record
+    from aeolid.identify.mode_names import mode_lines
     from aeolid.identify.stated import stated_doubt
     from aeolid.identify.validation import validate_model
     from aeolid.models.load import load_model
@@ -74,18 +80,17 @@ def validate(
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
     worst = result.worst_nrmse(metric)
     bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too
-    facts["fail_above"] = {
-        "metric": metric,
-        "threshold": fail_above,
-        "worst": worst if worst < 1e300 else None,
-        "bad": bad,
-    }
+    told = worst if worst < 1e300 else None
+    facts["fail_above"] = {"metric": metric, "threshold": fail_above, "worst": told, "bad": bad}
     if json_target == "-" and result.divergence is not None:
         progress_console.print(f"WARNING: {result.divergence.text()}", markup=False, soft_wrap=True)
+    modes = _modes(model_file, model, record)
+    facts["modes"] = [m.to_json() for m in modes]
     facts["bands_hold"] = None if doubt is None else not doubt
     if json_target != "-":
         console.print(extent(record), markup=False, soft_wrap=True)
         console.print(result.summary(), markup=False)
+        console.print("\n".join(mode_lines(modes, record.sample_time_s)), markup=False)
         if doubt:
             console.print(f"WARNING: the model's own deviations do not hold: {doubt}", markup=False)
         if bad:
@@ -93,6 +98,26 @@ def validate(
     emit_json(facts, json_target)
     if bad:
         raise typer.Exit(1)
+
+
+def _modes(path: Path, model: Model, record: Record) -> tuple[Mode, ...]:
+    """Return the modes that a model file states with their deviations, else those of its poles."""
+    from aeolid.api.facts import stated_modes
+    from aeolid.identify.assemble import rotor_frequency
+    from aeolid.identify.mode_names import named
+    from aeolid.models.load import LinearModel
+    from aeolid.models.modes import mark_harmonics, modes_of
+    from aeolid.text_files import load_json
+
+    if not isinstance(model, LinearModel):
+        return ()
+    told = load_json(path) if path.suffix.lower() == ".json" else {}
+    found = stated_modes(told.get("identification") if isinstance(told, dict) else None)
+    if found is not None and any(m.name for m in found):
+        return found
+    rotor_hz = rotor_frequency(record)
+    modes = modes_of(model.state_space) if found is None else found
+    return named(modes if rotor_hz is None else mark_harmonics(modes, rotor_hz), rotor_hz)
 
 
 def _horizons(text: str) -> tuple[int, ...]:

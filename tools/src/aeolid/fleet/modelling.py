@@ -13,6 +13,7 @@ from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER, model_in_units
 from aeolid.identify.markov import estimate_markov, require_excitation
+from aeolid.identify.mode_names import named
 from aeolid.identify.order import smallest_sufficient
 from aeolid.identify.subspace import StateBasis, equilibrium, find_states, largest_useful_order, system_matrices
 from aeolid.identify.uncertainty import matrix_spread, pole_covariance
@@ -48,7 +49,7 @@ def model_summary(summary: Summary, plan: Plan, order: int, what: str) -> dict[s
     model = model_in_units(scaled, equilibrium(factor, T, scaled), scaling, record)
     outputs = summary.scale[summary.inputs :]
     modes = modes_of(model, output_scale=outputs, pole_covariance=spread)
-    modes = modes if summary.rotor_hz is None else mark_harmonics(modes, summary.rotor_hz)
+    modes = named(modes if summary.rotor_hz is None else mark_harmonics(modes, summary.rotor_hz), summary.rotor_hz)
     return {
         "recordings": summary.recordings, "windows": factor.windows, "windows_skipped": factor.skipped, "order": order,
         "sample_time_s": summary.sample_time_s, "vaf_percent": _vaf(factor, T, through), "rotor_hz": summary.rotor_hz,

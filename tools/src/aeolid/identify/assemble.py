@@ -16,6 +16,7 @@ from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.missing import Completed
+from aeolid.identify.mode_names import named
 from aeolid.identify.order import (
     FIT_PART,
     OrderChoice,
@@ -279,7 +280,7 @@ def find_modes(
     """List the modes; where the rotor's azimuth is recorded, those on its harmonics are marked."""
     modes = modes_of(model, output_scale=output_scale, pole_covariance=spread)
     rotor_hz = rotor_frequency(records[0])
-    return modes if rotor_hz is None else mark_harmonics(modes, rotor_hz)
+    return named(modes if rotor_hz is None else mark_harmonics(modes, rotor_hz), rotor_hz)
 
 
 def rotor_frequency(record: Record) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Protocol
 
 import numpy as np
@@ -131,26 +131,6 @@ def model_facts(result: Outcome) -> dict[str, Any]:
     """Return the content of model.json: the model, how its inputs go on within a sample, how it came about."""
     held = "mean" if result.settings.to_json()["decimation"] > 1 else "held"
     return result.model.to_json() | {"intersample": held, "identification": result.to_json()}
-
-
-def mode_lines(modes: Sequence[Mode]) -> list[str]:
-    """Return a table of the modes under its heading, ± one standard deviation where that is known."""
-    lines = ["  frequency Hz     damping           mostly in"]
-    for mode in modes:
-        where = max(mode.shares, key=lambda n: mode.shares[n])
-        harmonic = f", {mode.rotor_order} x rotor speed" if mode.rotor_order else ""
-        if mode.folded_from_hz is not None:
-            harmonic += f", perhaps the image of {mode.folded_from_hz:.4g} Hz"
-        frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
-        lines.append(
-            f"  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}"
-            f"  {where} ({mode.shares[where]:.0%}){harmonic}"
-        )
-    return lines
-
-
-def _deviation(value: float | None) -> str:
-    return " " * 9 if value is None else f" ± {value:.4f}"
 
 
 def fit_lines(fit: Fit) -> list[str]:

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from aeolid.identify.bands import Band
 from aeolid.identify.fit import Fit
+from aeolid.identify.free_run_reason import free_run_reason
 from aeolid.identify.markov import MarkovEstimate
+from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.order import OrderChoice
-from aeolid.identify.outcome import common_facts, fit_lines, mode_lines, model_facts, poles_of
+from aeolid.identify.outcome import common_facts, fit_lines, model_facts, poles_of
 from aeolid.identify.windows import Scaling
 from aeolid.models.modes import Mode
 from aeolid.models.state_space import StateSpace
@@ -120,5 +122,15 @@ class Identification:
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
+        why = free_run_reason(self.model, self.fit, tuple(s.name for s in self.model.inputs))
         used = f"{self.windows} windows used, {self.skipped} left out for missing samples"
-        return "\n".join([self.order_choice.reason, used, *mode_lines(self.modes), *fit_lines(self.fit), *self.notes])
+        return "\n".join(
+            [
+                self.order_choice.reason,
+                used,
+                *mode_lines(self.modes, self.model.sample_time_s),
+                *fit_lines(self.fit),
+                *why,
+                *self.notes,
+            ]
+        )

@@ -24,7 +24,8 @@ class Mode:
     in the z-plane with Im ≥ 0; shares maps each output to its part of the mode's motion, in units of the outputs'
     scales, sum 1.
     rotor_order is k where the mode sits on k times the rotor speed and is more likely its harmonic than a mode.
-    folded_from_hz is a peak beyond Nyquist whose image the mode may be, in a decimated recording.
+    folded_from_hz is a peak beyond Nyquist whose image the mode may be, in a decimated recording. name says what an
+    engineer would call it (tower fore-aft, 3P), empty where that is not known.
     """
 
     frequency_hz: float
@@ -35,6 +36,16 @@ class Mode:
     shares: dict[str, float]
     rotor_order: int | None = None
     folded_from_hz: float | None = None
+    name: str = ""
+
+    @property
+    def is_real(self) -> bool:
+        """Tell whether it is a single pole on the positive real axis: a decay or a growth, which swings at no rate."""
+        return abs(self.damping) >= 1 or self.frequency_hz == 0 or (self.eigenvalue.imag == 0 <= self.eigenvalue.real)
+
+    def is_beyond(self, sample_time_s: float) -> bool:
+        """Tell whether it is faster than half the sample rate, or changes sign from sample to sample."""
+        return self.frequency_hz >= 0.5 / sample_time_s * (1 - 1e-9)
 
     def to_json(self) -> dict[str, Any]:
         """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
@@ -47,6 +58,7 @@ class Mode:
             "outputs": self.shares,
             "rotor_order": self.rotor_order,
             "folded_from_hz": self.folded_from_hz,
+            "name": self.name,
         }
 
 

@@ -104,13 +104,34 @@ def paired(modes: list[Facts], true: list[Facts]) -> list[tuple[Facts, Facts | N
 
 
 def _modes(facts: Facts) -> Html:
+    """Show what swings, the rotor's harmonics apart, real poles as time constants; nothing beyond Nyquist."""
     modes, true = facts.get("modes") or [], facts.get("true_modes") or []
     if not modes:
         return Html("")
-    shares = any(m.get("outputs") for m in modes)
+    step = float((facts.get("model") or {}).get("sample_time_s") or 0.0)
+    beyond = [m for m in modes if step and (m.get("frequency_hz") or 0.0) >= 0.5 / step * (1 - 1e-9)]
+    pairs = [(m, t) for m, t in paired(modes, true) if m not in beyond]
+    apart = [(m, t) for m, t in pairs if m.get("rotor_order")]
+    swinging = [(m, t) for m, t in pairs if _oscillates(m) and not m.get("rotor_order")]
+    real = [(m, t) for m, t in pairs if not _oscillates(m) and not m.get("rotor_order")]
+    notes = [_real_poles(real)] if real else []
+    if beyond:
+        many = "one pole" if len(beyond) == 1 else f"{len(beyond)} poles"
+        notes.append(f"Left out: {many} beyond the Nyquist frequency of {number(0.5 / step, 3)} Hz.")
+    if _has_std(modes):
+        notes.append("± is one standard deviation.")
+    parts: list[Html] = [_mode_table(swinging, bool(true))] if swinging else []
+    if apart:
+        words = "On multiples of the rotor's speed, more likely its harmonics than modes:"
+        parts += [tag("p", words), _mode_table(apart, bool(true))]
+    return section("Modes", *parts, *(tag("p", note, class_="soft") for note in notes))
+
+
+def _mode_table(pairs: list[tuple[Facts, Facts | None]], true: bool) -> Html:
+    shares = any(m.get("outputs") for m, _ in pairs)
     rows = []
-    for mode, real in paired(modes, true):
-        row = [mode.get("name") or (real or {}).get("name") or ("" if _oscillates(mode) else "real pole")]
+    for mode, real in pairs:
+        row = [mode.get("name") or (real or {}).get("name") or ""]
         row += [_mostly(mode.get("outputs") or {})] if shares else []
         row += [with_std(mode.get("frequency_hz"), mode.get("frequency_std_hz"), 4), _damping(mode)]
         if true:
@@ -118,8 +139,19 @@ def _modes(facts: Facts) -> Html:
         rows.append(row)
     head = ["mode", *(["mostly in"] if shares else []), "#frequency (Hz)", "#damping (%)"]
     head += ["#true frequency (Hz)", "#true damping (%)", "#frequency error"] if true else []
-    note = tag("p", "± is one standard deviation.", class_="soft") if _has_std(modes) else None
-    return section("Modes", table(head, rows), note)
+    return table(head, rows)
+
+
+def _real_poles(pairs: list[tuple[Facts, Facts | None]]) -> str:
+    """Say the time constants of real poles."""
+    told = []
+    for mode, true in pairs:
+        rate = 2 * np.pi * float(mode.get("frequency_hz") or 0.0)
+        shares = mode.get("outputs") or {}
+        place = f" in {max(shares, key=lambda key: float(shares[key]))}" if shares else ""
+        place += f" ({true['name']})" if true and true.get("name") else ""
+        told.append((f"{number(1 / rate, 3)} s" if rate else "an integrator") + place)
+    return f"Real poles, by their time constants: {'; '.join(told)}."
 
 
 def _mostly(shares: Facts) -> str:

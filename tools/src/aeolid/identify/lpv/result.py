@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.refine import Refinement
 from aeolid.identify.lpv.states import Estimate
+from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.order import OrderChoice
-from aeolid.identify.outcome import common_facts, fit_lines, mode_lines, model_facts, pole_facts, poles_of
+from aeolid.identify.outcome import common_facts, fit_lines, model_facts, pole_facts, poles_of
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.modes import Mode, modes_of
 
@@ -137,7 +138,7 @@ class LpvIdentification:
             lines.append(f"refined in {done.steps} steps: prediction error power {done.gain:.1%} lower")
         for point in self.points:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in point.scheduling.items())
-            lines += [f"at the {point.where} ({values})", *mode_lines(point.modes)]
+            lines += [f"at the {point.where} ({values})", *mode_lines(point.modes, self.model.sample_time_s)]
         return "\n".join([*lines, *fit_lines(self.fit), *self.notes])
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.fit import Fit
+from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.order import OrderChoice
 from aeolid.identify.ort.feedback import FeedbackTest
-from aeolid.identify.outcome import common_facts, fit_lines, mode_lines, model_facts, poles_of
+from aeolid.identify.outcome import common_facts, fit_lines, model_facts, poles_of
 from aeolid.models.modes import Mode
 from aeolid.models.state_space import StateSpace
 
@@ -98,4 +99,6 @@ class OrtIdentification:
     def summary(self) -> str:
         """Return the result as a few lines of text."""
         reasons = [self.joint_choice.reason, self.order_choice.reason]
-        return "\n".join([*reasons, *mode_lines(self.modes), *fit_lines(self.fit), *self.notes])
+        return "\n".join(
+            [*reasons, *mode_lines(self.modes, self.model.sample_time_s), *fit_lines(self.fit), *self.notes]
+        )

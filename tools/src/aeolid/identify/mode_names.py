@@ -1,0 +1,114 @@
+"""Name modes as engineers do: tower fore-aft, drive train, 3P; by the outputs they show in and the rotor's speed.
+
+A name is a reading of the channels' names, not a result of the data: a mode is called after the kind of output that it
+moves most, in units of the outputs' deviations, and only where it swings (damping below a half). The modes of a tower
+and of blades that shake each other share outputs; then the larger share decides.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from aeolid.formats.meanings import meaning_of
+from aeolid.models.modes import Mode
+
+_SWINGS = 0.5  # damping below which a pair of poles is called a mode of something
+_STRUCTURES = {
+    "tower_acc_fore_aft": "tower fore-aft", "tower_fore_aft": "tower fore-aft",
+    "tower_moment_fore_aft": "tower fore-aft", "tower_acc_side_side": "tower side-side",
+    "tower_side_side": "tower side-side", "tower_moment_side_side": "tower side-side",
+    "flap_moment": "blade flapwise", "edge_moment": "blade edgewise",
+}  # fmt: skip
+_TURNING = ("generator_speed", "rotor_speed", "shaft_torque")
+_DRIVE_TRAIN_HZ, _DRIVE_TRAIN_P = 0.6, 2.5  # below, a swing of the speed is one of the rotor as a whole
+_COUNTED = {*_STRUCTURES.values(), "drive train"}
+
+
+def named(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:
+    """Return the modes with names: the slowest of those that would bear one, and the second where there are two.
+
+    Of more, which one is the structure's second cannot be told by outputs alone, and those above the first stay without
+    a name. rotor_hz: the rotor's mean speed, None where it is not known: then no mode is called after it.
+    """
+    names = [_name(m, rotor_hz) for m in modes]
+    count, met = Counter(names), Counter[str]()
+    found = []
+    for mode, name in zip(modes, names, strict=True):
+        met[name] += 1
+        if name in _COUNTED and met[name] > 1:
+            name = f"2nd {name}" if count[name] == 2 else ""
+        found.append(replace(mode, name=name))
+    return tuple(found)
+
+
+def _name(mode: Mode, rotor_hz: float | None) -> str:
+    if mode.is_real or abs(mode.damping) >= _SWINGS:
+        return ""
+    if mode.rotor_order:
+        return f"{mode.rotor_order}P"
+    weights: dict[str, float] = {}
+    for output, share in mode.shares.items():
+        meaning = meaning_of(output)
+        kind = "" if meaning is None else meaning.kind
+        word = _STRUCTURES.get(kind, "turning" if kind in _TURNING else "")
+        weights[word] = max(weights.get(word, 0.0), share)
+    best = max(weights, key=lambda w: weights[w], default="")
+    if best != "turning":
+        return best
+    slow = mode.frequency_hz < (_DRIVE_TRAIN_HZ if rotor_hz is None else _DRIVE_TRAIN_P * rotor_hz)
+    return "rotor speed" if slow else "drive train"
+
+
+def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
+    """Return the modes as text: those that swing, the real poles as time constants, the rotor's harmonics apart.
+
+    ± is one standard deviation where that is known. sample_time_s: of the model; poles beyond its Nyquist frequency
+    are counted, not listed: no recording of that rate can show them. 0 for a model in continuous time.
+    """
+    beyond = [m for m in modes if sample_time_s > 0 and m.is_beyond(sample_time_s)]
+    kept = [m for m in modes if m not in beyond]
+    swinging = [m for m in kept if not m.is_real and not m.rotor_order]
+    real = [m for m in kept if m.is_real]
+    turning = [m for m in kept if m.rotor_order and not m.is_real]
+    width = max([len("mode"), *(len(m.name) for m in [*swinging, *turning])])
+    lines = [f"  {'mode':{width}s}  frequency Hz         damping           mostly in"] if swinging or turning else []
+    lines += [_line(m, width) for m in swinging]
+    if turning:
+        lines.append("  on multiples of the rotor's speed, more likely its harmonics than modes:")
+        lines += [_line(m, width) for m in turning]
+    if real:
+        lines.append(f"  real poles: {'; '.join(_constant(m) for m in real)}")
+    if beyond:
+        plural = "poles lie" if len(beyond) > 1 else "pole lies"
+        lines.append(f"  {len(beyond)} {plural} beyond the Nyquist frequency ({0.5 / sample_time_s:.4g} Hz): no modes")
+    return lines
+
+
+def _line(mode: Mode, width: int) -> str:
+    where = max(mode.shares, key=lambda n: mode.shares[n], default="")
+    share = f"{where} ({mode.shares[where]:.0%})" if where else ""
+    if mode.folded_from_hz is not None:
+        share += f", perhaps the image of {mode.folded_from_hz:.4g} Hz"
+    frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
+    return f"  {mode.name:{width}s}  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}  {share}"
+
+
+def _constant(mode: Mode) -> str:
+    """Return a real pole as a time constant, ± its deviation."""
+    rate = 2 * np.pi * mode.frequency_hz
+    where = max(mode.shares, key=lambda n: mode.shares[n], default="")
+    place = f" in {where}" if where else ""
+    if rate == 0:
+        return f"an integrator{place}"
+    relative = None if mode.frequency_std_hz is None else mode.frequency_std_hz / mode.frequency_hz
+    spread = f" ± {relative / rate:.2g}" if relative is not None and relative < 1 else ""
+    growing = "grows with " if mode.damping < 0 else ""
+    return f"{growing}{1 / rate:.3g}{spread} s{place}"
+
+
+def _deviation(value: float | None) -> str:
+    return " " * 9 if value is None else f" ± {value:.4f}"
