@@ -44,6 +44,9 @@ class Source(Protocol):
         """Let go of bus or file."""
 
 
+_TABLES = (".csv", ".out", ".outb", ".mat", ".npz", ".xlsx", ".h5", ".tdms", ".sel")
+
+
 def open_source(text: str, *, reconnect: bool = False) -> Source:
     """Open `interface:channel[?key=value&…]` of python-can, or a CAN log by its path.
 
@@ -51,6 +54,11 @@ def open_source(text: str, *, reconnect: bool = False) -> Source:
     reconnect: a bus that breaks off is opened again until it works; the first time it must.
     Raises UsageError for a text that names no interface, DataError when bus or file cannot be opened.
     """
+    if Path(text).suffix.lower() in _TABLES or text.lower().endswith(".csv.gz"):
+        raise UsageError(
+            f"--bus {text}: a table of samples, which no bus can send; read it with aeolid identify, or give a bus"
+            " (interface:channel) or a log of raw frames (.blf, .asc, .log, .mf4, .parquet)"
+        )
     if is_log(text) or Path(text).is_file():
         return open_log(text)
     found = re.fullmatch(r"([A-Za-z_]\w*):([^?]*)(?:\?(.*))?", text)

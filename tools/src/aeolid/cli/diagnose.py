@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -18,10 +19,11 @@ from aeolid.cli.common import (
     progress_console,
     read_resample,
 )
-from aeolid.output import declare, discard
+from aeolid.output import declare, discard, make_folder
 
 EXAMPLES = (
     "aeolid diagnose my_case --out my_case/diagnosis",
+    "aeolid diagnose turbines/* --out diagnoses",
     "aeolid diagnose my_case --out checked --sham 5 --fail-on-mismatch --json -",
 )
 
@@ -33,10 +35,26 @@ def register(app: typer.Typer) -> None:
     app.command("diagnose")(run)
 
 
+@dataclass(frozen=True)
+class Asked:
+    """Hold the options that an answer depends on, as `run` names them."""
+
+    sham: int
+    seed: int
+    time_limit: float
+    allow_outside: bool
+    allow_fmu: bool
+    resample: float | str | None
+    report: bool
+
+
 def run(
-    case: Annotated[
-        Path,
-        typer.Argument(metavar="CASE_DIR", help="Directory with case.toml, the recordings and the baseline model."),
+    cases: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="CASE_DIR...",
+            help="Directory with case.toml, the recordings and the baseline model; of several each gets a folder.",
+        ),
     ],
     out: Annotated[
         Path, typer.Option("--out", help="Directory for the diagnosis, the report and the corrected model.")
@@ -65,49 +83,87 @@ def run(
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
 
     Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
-    verdict.
+    verdict. Several cases give one table, cases.csv; what an earlier run did from the same files is not done again.
     """
-    from aeolid.errors import DataError, UsageError
+    from aeolid.errors import UsageError
 
     if not 0 < time_limit < float("inf"):
         raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
+    asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report)
+    if len(cases) > 1:
+        verdicts = _many(cases, out, asked, json_target, force)
+    else:
+        verdicts = [_one(cases[0], out, asked, json_target, force)]
+    if fail_on_mismatch and any(v not in ("no_mismatch", "immaterial", "not_testable") for v in verdicts):
+        raise typer.Exit(1)
+
+
+def _one(case: Path, out: Path, asked: Asked, json_target: str | None, force: bool) -> str:
+    """Diagnose one case and say all of it; returns the verdict."""
+    _require_case(case)
+    declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
+    diagnosis, evidence = _written(case, out, asked)
+    if json_target != "-":
+        _print_verdict(diagnosis)
+        _print_free_run(evidence, out)
+        _print_next(diagnosis)
+        if asked.report:
+            console.print(f"  report: {out / 'report.html'}", soft_wrap=True, markup=False)
+    for warning in diagnosis.get("warnings", []):
+        (progress_console if json_target == "-" else console).print(f"WARNING: {warning}", soft_wrap=True, markup=False)
+    emit_json(diagnosis, json_target)
+    return str(diagnosis["verdict"])
+
+
+def _many(cases: list[Path], out: Path, asked: Asked, json_target: str | None, force: bool) -> list[str]:
+    """Diagnose several cases into one table; returns the verdicts of those that could be read."""
+    from aeolid import __version__
+    from aeolid.cli.diagnose_many import FACTS, TABLE, diagnose_many, names_of, show
+    from aeolid.errors import DataError
+
+    named = names_of(cases)
+    inside = [TABLE, FACTS, *(f"{name}/{file}" for name in named for file in FILES)]
+    files = {"--json": json_target}
+    declare("diagnose", force=force, inputs=cases, folders={"--out": out}, files=files, inside=inside)
+
+    def diagnose(case: Path, folder: Path) -> dict[str, Any]:
+        _require_case(case)
+        make_folder(folder)
+        return _written(case, folder, asked)[0]
+
+    rows = diagnose_many(named, out, asdict(asked) | {"version": __version__}, diagnose)
+    if json_target != "-":
+        show(rows, out)
+    emit_json({"cases": rows}, json_target)
+    read = [str(row["verdict"]) for row in rows if row["fault"] is None]
+    if not read:
+        raise DataError(f"none of {len(rows)} cases could be read; the first: {rows[0]['fault']}")
+    return read
+
+
+def _require_case(case: Path) -> None:
+    from aeolid.errors import DataError
+
     if not (case / "case.toml").is_file():
         raise DataError(
             f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
             " model: aeolid init RECORDING writes one, aeolid example . two"
         )
-    declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
-    wanted = read_resample(resample)
-    diagnosis, evidence = _diagnosed(case, out, sham, seed, time_limit, allow_outside, allow_fmu, wanted)
+
+
+def _written(case: Path, out: Path, asked: Asked) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Diagnose and draw the report; returns the diagnosis and the evidence behind it."""
+    diagnosis, evidence = _diagnosed(case, out, asked)
     page = out / "report.html"
     discard(page)  # of an earlier run
-    if report:
+    if asked.report:
         from aeolid.report.diagnosis import render_diagnosis
 
         render_diagnosis(diagnosis, evidence, page)
-    if json_target != "-":
-        _print_verdict(diagnosis)
-        _print_free_run(evidence, out)
-        _print_next(diagnosis)
-        if report:
-            console.print(f"  report: {page}", soft_wrap=True, markup=False)
-    for warning in diagnosis.get("warnings", []):
-        (progress_console if json_target == "-" else console).print(f"WARNING: {warning}", soft_wrap=True, markup=False)
-    emit_json(diagnosis, json_target)
-    if fail_on_mismatch and diagnosis["verdict"] not in ("no_mismatch", "immaterial", "not_testable"):
-        raise typer.Exit(1)
+    return diagnosis, evidence
 
 
-def _diagnosed(
-    case: Path,
-    out: Path,
-    sham: int,
-    seed: int,
-    time_limit: float,
-    allow_outside: bool,
-    allow_fmu: bool,
-    resample: float | str | None,
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def _diagnosed(case: Path, out: Path, asked: Asked) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose with a bar and the time left; returns the diagnosis and the evidence behind it."""
     from rich.markup import escape
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -131,15 +187,17 @@ def _diagnosed(
             bar.update(task, description=escape(f"fitting {what}"[:60]))
             plain.at = f"fitting {what}"
 
-        late = Deadline(time_limit, notice=doing)
+        late = Deadline(asked.time_limit, notice=doing)
         try:
-            loaded = load_case(case, allow_outside=allow_outside, allow_fmu=allow_fmu, resample=resample)
+            loaded = load_case(
+                case, allow_outside=asked.allow_outside, allow_fmu=asked.allow_fmu, resample=asked.resample
+            )
             for record in loaded.records:
                 progress_console.print(extent(record), markup=False, soft_wrap=True)
             if loaded.kind == "fmu":
                 unit = f"running {loaded.baseline_file}, SHA-256 {loaded.baseline_sha256}, in a confined process"
                 progress_console.print(unit, markup=False, soft_wrap=True)
-            return conclude(loaded, out, sham=sham, seed=seed, progress=tell, deadline=late)
+            return conclude(loaded, out, sham=asked.sham, seed=asked.seed, progress=tell, deadline=late)
         except Contradiction as error:  # the files themselves disagree about the recording
             return ended("data_fault", case.name, str(error), out)
 

@@ -46,7 +46,7 @@ def run(
     poles: PolesOption = None,
     poles_every: PolesEveryOption = 1.0,
     order: OrderOption = None,
-    seconds: Annotated[float | None, typer.Option("--seconds", help="Stop after so long.")] = None,
+    seconds: Annotated[float | None, typer.Option("--for", "--seconds", help="Stop after so many seconds.")] = None,
     until_end: UntilEndOption = False,
     reconnect: ReconnectOption = None,
     node_id: Annotated[int | None, typer.Option("--node-id", help="Write this node only.")] = None,

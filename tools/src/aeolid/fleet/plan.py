@@ -54,7 +54,9 @@ class Plan:
     def cache_key(self, sha256: str) -> str:
         """Return the name of a recording's factor: content of the file, and all settings that change the factor."""
         channels = [(c.name, c.unit, c.role, c.heading) for c in self.roles.channels]
+        clock = [self.roles.time_unit, self.roles.resample]
         facts = [FORMAT, sha256, self.past, channels, self.roles.sample_time_s, self.roles.time]
+        facts += clock if clock != [None, None] else []  # keys of before these were known stay as they were
         return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
 
     def place(self, path: Path) -> tuple[str, str | None, float | None]:

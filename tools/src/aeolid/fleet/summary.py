@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from aeolid import output
 from aeolid.errors import DataError
+from aeolid.fleet.plan import EPOCH
 from aeolid.identify.assemble import rotor_frequency
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.windows import CONSTANT, Scaling, WindowFactor, factorise
@@ -123,7 +125,7 @@ def summarise(record: Record, past: int) -> Summary:
     empty = np.zeros((0, 0))
     own = Summary(
         len(inputs), past, count, mean, square, mean, mean, empty, empty, (0, 0), (0, 0),
-        float(record.time_s[0]), record.sample_time_s, rotor,
+        began_at(record), record.sample_time_s, rotor,
     )  # fmt: skip
     offset, scale = own.own_scaling()
     scaling = Scaling(inputs, ordered[len(inputs) :], offset, scale)
@@ -188,3 +190,12 @@ def _changed(full: Array, ratio: Array, shift: Array) -> Array:
     out[:, 1:] *= ratio
     out[0, 1:] += full[0, 0] * shift
     return out
+
+
+def began_at(record: Record) -> float:
+    """Return when a recording begins: seconds since 1970 where the file says a date, else its own first time."""
+    first = float(record.time_s[0])
+    if record.begins is None or abs(first) >= EPOCH:
+        return first
+    stamp = datetime.fromisoformat(record.begins)
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp() + first

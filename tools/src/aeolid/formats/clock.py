@@ -114,9 +114,9 @@ def clock_of(table: Table, heading: str, unit: str | None, stated: str | None, d
 
 
 def _since_1970(values: Array, first: float, scale: float) -> Clock:
-    return Clock(
-        (values - first) * scale, datetime.fromtimestamp(first * scale, UTC).isoformat().replace("+00:00", "Z")
-    )
+    """Return a count since 1970 in seconds, still since 1970: periods of a fleet go by it."""
+    begins = datetime.fromtimestamp(first * scale, UTC).isoformat().replace("+00:00", "Z")
+    return Clock(values * scale if scale != 1.0 else values, begins)
 
 
 def _step(known: Array) -> float:

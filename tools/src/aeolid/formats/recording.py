@@ -19,10 +19,10 @@ from aeolid.formats.timebase import Grid, uniform_grid
 from aeolid.inputs import regular_size
 from aeolid.record import Channel, Record, Roles, file_sha256
 
-SUFFIXES = (
-    ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".xlsx", ".h5",
-    ".hdf5", ".tdms", ".sel", ".dat", ".%xx", ".$xx", ".$pj",
+SUFFIXES = (  # of what is taken for a recording in a folder: others are read by name
+    ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".sel", ".tdms",
 )  # fmt: skip
+_NAMED = (".xlsx", ".h5", ".hdf5", ".dat")
 _RATES = (".mf4", ".tdms")  # formats in which each group of channels has a clock
 _CAN_LOGS = (".blf", ".asc", ".log")
 
@@ -120,8 +120,9 @@ def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
     empty = regular_size(path) == 0
     name = path.name.lower()
     suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
-    if suffix not in SUFFIXES and not is_bladed(path):
-        raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {', '.join(SUFFIXES)}; export it as CSV")
+    if suffix not in (*SUFFIXES, *_NAMED) and not is_bladed(path):
+        told = ", ".join([*SUFFIXES, *_NAMED, ".%04", ".$04", ".$PJ"])
+        raise DataError(f"{path}: the suffix {suffix or '(none)'} is none of {told}; export it as CSV")
     if empty and not is_bladed(path):  # of a project only the name counts
         raise DataError(f"{path}: the file is empty (0 bytes); copy or export it again")
     reader = _reader(suffix, path)

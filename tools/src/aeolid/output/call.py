@@ -134,7 +134,7 @@ def declare(
     link, on what is no regular file, on a folder that is missing or not writable, and on a file that must not be
     replaced.
     """
-    from aeolid.output.writing import check_file, make_folder
+    from aeolid.output.writing import check_file, make_folder, require_room
 
     call = Call(command, force)
     for path in inputs:
@@ -156,6 +156,7 @@ def declare(
                 check_file(target)
     for output in (o for o in call.outputs if not o.folder):
         check_file(output.path)
+        require_room(output.path)
         for other in sorted(output.path.parent.iterdir()) if output.several else ():
             if other.name != output.path.name and output.is_of(other.name) and not call.completes(other):
                 check_file(other)

@@ -167,6 +167,19 @@ def record_written(path: Path) -> None:
         _list(path, handle)
 
 
+def require_room(path: Path) -> None:
+    """Try whether a file can be made beside a target, so that a place that takes none is told before the work.
+
+    Raises UsageError.
+    """
+    if path.is_char_device():
+        return
+    with _told(path), _opened(path.parent) as folder:
+        name = f".aeolid.{os.urandom(8).hex()}.part"
+        os.close(os.open(name, _NEW, 0o666, dir_fd=folder))
+        os.unlink(name, dir_fd=folder)
+
+
 def discard(path: Path) -> None:
     """Remove a file that an earlier run of the same command wrote. Raises UsageError where it is another's."""
     if check_file(path) is not None:
