@@ -21,8 +21,8 @@ from aeolid.cli.main import main
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "howto" / "mistakes.md"
 HEAD = """# Mistakes and what is said of them
 
-Every command ends in one sentence that names the file, the channel and the remedy; the exit code is 2 for wrong usage and
-3 for data. This page is written by a test, which makes each mistake.
+Every command ends in one sentence that names the file, the channel and the remedy; the exit code is 2 for wrong
+usage and 3 for data. This page is written by a test, which makes each mistake.
 
 | mistake | command | what is said |
 |---|---|---|

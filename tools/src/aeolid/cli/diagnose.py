@@ -206,6 +206,8 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     """Say verdict, parameters and sealed proof in a few lines; names come from files, so nothing in them is markup."""
     from rich.markup import escape
 
+    from aeolid.cli.wording import odds
+
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
     for effect in diagnosis["effects"]:
         for name, value in effect["parameters"].items():
@@ -220,7 +222,9 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
         low, high = sealed["interval"]
         console.print(f"  sealed data: {sealed['data']}", markup=False)
         console.print(
-            f"  log-likelihood gain {sealed['log_likelihood_gain']:.1f} (90 % interval {low:.1f} … {high:.1f})"
+            f"  log-likelihood gain {sealed['log_likelihood_gain']:.1f} (90 % interval {low:.1f} … {high:.1f}),"
+            f" {odds(sealed['log_likelihood_gain'])} for the corrected model",
+            soft_wrap=True,
         )
         for name, before in sealed["nrmse_before"].items():
             console.print(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.cli.common import console, progress_console
+from aeolid.cli.wording import place
 from aeolid.errors import AeolidError, DataError, UsageError
 from aeolid.inputs import open_regular
 from aeolid.output import write_json, write_text
@@ -130,7 +131,9 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
     for row in rows:
         spread = "" if row["std"] is None else f" ± {row['std']:.2g}"
         value = "" if row["value"] is None else f"{row['value']:.4g}{spread} {row['unit'] or ''}".rstrip()
-        effect = " at ".join(str(part) for part in (row["effect"], row["where"]) if part)
+        effect = " ".join(
+            part for part in (str(row["effect"] or "").replace("_", " "), place(str(row["where"] or ""))) if part
+        )
         cells = (row["case"], row["verdict"], effect or row["fault"] or "", value)
         table.add_row(*(Text(str(c)) for c in cells))
     console.print(table)
