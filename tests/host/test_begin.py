@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -231,3 +233,16 @@ def test_odd_levels_and_impossible_contexts_are_said(
     case.write_text(right[1].replace("rated_speed_rad_s = 1.2", "rated_speed_rad_s = 12.2"))
     assert main(["check", str(field.parent)]) == 3
     assert "rad/s are wanted, not rpm" in capsys.readouterr().err
+
+
+@pytest.mark.nightly
+def test_the_newcomer_gets_from_two_files_to_a_named_effect(tmp_path: Path) -> None:
+    """Three commands: init, check, diagnose; a minute of both files is enough for a lag of 0.3 s."""
+    study = load_study("newcomer")
+    if not study.CASE.is_dir():
+        pytest.skip(f"{study.CASE.name}: the known cases are not beside the repository")
+    done = subprocess.run(
+        [sys.executable, study.__file__, str(tmp_path), "--seconds", "60"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "3 commands" in done.stdout and "named, pitch acts through a first-order lag" in done.stdout
