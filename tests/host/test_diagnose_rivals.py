@@ -299,6 +299,13 @@ def test_only_a_sensor_that_is_a_third_off_gives_way_to_a_form_that_fits_as_well
     assert not stands_for(factor, candidate(60.0, 20.0, name="sensor_bias")) and not stands_for(WINNER, form)
 
 
+@pytest.mark.parametrize(("form", "stands"), [(61.3, True), (59.5, True), (55.0, False)])
+def test_a_bias_is_no_finding_beside_a_form_that_fits_as_well(form: float, stands: bool) -> None:
+    bias = candidate(60.0, 20.0, name="sensor_bias")
+    assert stands_for(bias, candidate(form, 20.0, name="unlisted")) is stands
+    assert not stands_for(bias, candidate(form, 20.0, name="structural_mode"))
+
+
 def test_a_factor_that_leaves_values_wrong_gives_way_to_a_form_that_makes_them_right() -> None:
     """Heat that is radiated: beside a sensor's factor of 1.12 a loss is 27 % off, beside a loss all are as declared."""
     values = {"shell": {"factor": (1.12, 0.02)}}

@@ -272,6 +272,8 @@ def test_what_free_parameters_absorb_is_always_among_the_finalists(world: tuple[
     found = replace(bank, threshold=bank.rows[0].z - 1e-9)
     entries = {r.attachment.entry for r in finalists(found)}
     assert {"transport_delay", "actuator_lag", "actuator_second_order", "data_time_offset"} <= entries
+    zones = [r.attachment.key for r in bank.rows if r.attachment.key.endswith("around zero") and r.testable]
+    assert len({r.attachment.key for r in finalists(found)} & set(zones)) == min(2, len(zones)) > 0
     assert not [r for r in finalists(replace(bank, threshold=np.inf)) if r.attachment.stepped]
 
 

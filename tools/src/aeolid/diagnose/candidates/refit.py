@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _FAMILIES = 10  # of which one is fitted, where so many speak
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
+_ZONES = 2  # dead zones beside these
 _LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
@@ -59,7 +60,8 @@ def finalists(bank: Bank) -> list[Row]:
     stepped.sort(
         key=lambda r: entry(r.attachment.entry).family != "input_lag"
     )  # inputs are what free parameters absorb
-    return chosen + stepped[:_STEPPED]
+    zones = [r for r in stepped if entry(r.attachment.entry).family == "input_nonlinearity"]
+    return chosen + [r for r in stepped if r not in zones][:_STEPPED] + zones[:_ZONES]
 
 
 def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared) -> Free:

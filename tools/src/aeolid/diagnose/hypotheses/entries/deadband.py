@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -45,14 +46,14 @@ def _on(site: Site, i: int) -> list[Attachment]:
     for kind, statement, equation, form in forms:
         width = f"{kind}_width_{i + 1}"
         slot = Slot(width, "width", unit, 0.0, 0.0, 4 * spread, 0.01 * spread, local=False)
-        result.append(
-            blended_filter(
-                site, i, kind, (slot,), entry="deadband", form=form,
-                grid=[{width: share * spread} for share in _GRID],
-                starts=({}, *({width: float(w)} for w in spread * np.geomspace(0.04, 2.0, _STARTS))),
-                equation=equation, statement=partial(statement, name, unit),
-            )
+        hypothesis = blended_filter(
+            site, i, kind, (slot,), entry="deadband", form=form,
+            grid=[{width: share * spread} for share in _GRID],
+            starts=({}, *({width: float(w)} for w in spread * np.geomspace(0.04, 2.0, _STARTS))),
+            equation=equation, statement=partial(statement, name, unit),
         )  # fmt: skip
+        # a narrow zone takes a constant from large commands: a free friction or rest absorbs it, and with it the score
+        result.append(replace(hypothesis, stepped=kind == "dead_zone"))
     return result
 
 
