@@ -2,7 +2,9 @@
 
 import json
 
+import numpy as np
 import pytest
+from scipy.signal import lfilter
 from study_modules import load_study
 
 
@@ -159,3 +161,28 @@ def test_hostile_devices_on_a_full_bus_cost_an_honest_one_nothing(tmp_path):
     study = load_study("hostile_bus")
     found = study.run(tmp_path, 0.2, study.hostile.BUS_RATE, 0.1)
     assert found["honest_samples"] > 100 and all(found["honest_complete"].values())
+
+
+def test_noise_like_a_residual_has_its_colour_and_follows_no_input():
+    """Spread and correlation of neighbours stay; what the residual had of an input goes: four deviations of 400."""
+    study, rng = load_study("real_nulls"), np.random.default_rng(3)
+    u = np.repeat(rng.standard_normal(400), 10)
+    errors = lfilter([1.0], [1.0, -0.8], rng.standard_normal(4000)) + u
+    drawn = study.like(errors, rng)
+    assert drawn.std() == pytest.approx(errors.std(), rel=0.1)
+    assert np.corrcoef(drawn[1:], drawn[:-1])[0, 1] == pytest.approx(
+        np.corrcoef(errors[1:], errors[:-1])[0, 1], abs=0.05
+    )
+    assert abs(np.corrcoef(drawn, u)[0, 1]) < 4 * np.sqrt(10 / 4000) < abs(np.corrcoef(errors, u)[0, 1])
+
+
+def test_nulls_of_a_case_are_judged_by_their_names():
+    study = load_study("real_nulls")
+    assert study.nulls_of("real_car_steering", study.KINDS, 2) == [("recorded", 1), ("simulated", 1), ("simulated", 2)]
+    assert ("linear", 1) in study.nulls_of("real_robot_arm", study.KINDS, 1)
+    said = answer("named", ("sensor_bias", "output:y", {})) | {
+        "sealed": {"log_likelihood_gain": 7, "interval": [3, 12]}
+    }
+    row = study.row_of("a", "recorded", 1, said)
+    assert row["effects"] == ["sensor_bias at output:y"]
+    assert study.line_of(row) == "| a | recorded 1 | named | sensor_bias at output:y | 7 [3, 12] |"
