@@ -1,6 +1,6 @@
 """Diagnose rigs whose model is a law without states, each with one effect or none, noise coloured in four ways.
 
-    python tests/studies/static_laws.py [--only NAME …] [--out FOLDER]
+    python tests/studies/static_laws.py [--only NAME …] [--seed 20] [--out FOLDER]
 
 Dampers and springs recorded as displacement and force, a brake recorded as speed and torque, play between two angles, a
 bearing between two positions, a shaft from torque to acceleration; motions and sizes are drawn, nothing is made by the
@@ -203,13 +203,14 @@ def main() -> int:
     """Run the study."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="*", default=list(RIGS), choices=list(RIGS), metavar="NAME")
+    parser.add_argument("--seed", type=int, default=20, help="of motions and noise")
     parser.add_argument("--out", type=Path, default=Path("static_laws"))
     options = parser.parse_args()
     found = {}
     for number, (name, (make, size, colour, missing)) in enumerate(RIGS.items()):
         if name not in options.only:
             continue
-        rig = make(np.random.default_rng((20, number)), size, colour, **missing)
+        rig = make(np.random.default_rng((options.seed, number)), size, colour, **missing)
         case, out = options.out / name, options.out / f"{name}_told"
         write(rig, case)
         command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", str(case), "--out", str(out), "--sham", "0"]

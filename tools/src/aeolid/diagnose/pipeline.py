@@ -15,7 +15,7 @@ from aeolid.diagnose.baseline.recorded_wind import wind_findings
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import fit_finalists, fit_whispering, is_accepted
-from aeolid.diagnose.candidates.reestimate import baseline_of_all
+from aeolid.diagnose.candidates.reestimate import baseline_of_all, estimated_on_all
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding, examine
 from aeolid.diagnose.data.intersample import sampling_findings
@@ -35,8 +35,8 @@ from aeolid.diagnose.selection.plain_noise import looked_at_plainly
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
-from aeolid.diagnose.validation.proof import PROVEN, Proof, imitate
-from aeolid.diagnose.validation.rotation import Rotation, rotate
+from aeolid.diagnose.validation.proof import PROVEN, Proof, imitate, prove
+from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
 from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against
 
 Array = NDArray[np.float64]
@@ -113,6 +113,7 @@ def study(
     held, forms = _proven(prepared, unsealed, candidates, chain, seed)
     declared, heard = _accused(prepared, unsealed, bank, candidates, seed)
     turned = None if held.single is None else rotate(prepared, bank, candidates, held.single, seed)
+    held = _with_more(prepared, unsealed, held, chain, turned, seed)
     done()
     done = step("evidence", 0.68)
     bands, cells, equations = _evidence(prepared, case, seed)
@@ -151,8 +152,8 @@ def _proven(
 ) -> tuple[Held, list[Candidate]]:
     """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted.
 
-    A set that the sealed data do not bear out falls back on its first effect: what the folds bear out where the sealed
-    part is silent is one effect, and a further one was not among their choices.
+    A set that the sealed data do not bear out falls back on its first effect: where the sealed part is silent the folds
+    choose one effect, and are asked about further ones apart.
     """
     held = hold_against(prepared, unsealed, chain, seed)
     if held.several is not None and held.proof is not None and held.proof.interval[0] <= PROVEN:
@@ -161,6 +162,20 @@ def _proven(
         return held, []
     form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
+
+
+def _with_more(
+    prepared: Prepared, unsealed: Prepared, held: Held, chain: Sequence[Candidate], turned: Rotation | None, seed: int
+) -> Held:
+    """Return what is held with the largest set, where the folds decide and bear that out, too."""
+    if turned is None or not turned.proves or held.proof is None or not is_silent(held.proof.interval):
+        return held
+    if len(chain) < 2 or held.several is not None or not adds_in_turn(prepared, chain[0], chain[-1], seed):
+        return held
+    larger = estimated_on_all(prepared, chain[-1])
+    before = unsealed.predictor, unsealed.fit
+    proof = prove(before, (larger.predictor, larger.fit), prepared.split.sealed, prepared.settle_s, seed)
+    return Held((held.sets[0], larger), 1, None, proof) if proof.interval[1] > 0 else held
 
 
 def _accused(

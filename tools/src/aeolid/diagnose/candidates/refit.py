@@ -60,8 +60,13 @@ def finalists(bank: Bank) -> list[Row]:
     stepped.sort(
         key=lambda r: entry(r.attachment.entry).family != "input_lag"
     )  # inputs are what free parameters absorb
-    zones = [r for r in stepped if entry(r.attachment.entry).family == "input_nonlinearity"]
+    zones = [r for r in zones_of(bank) if r in stepped]
     return chosen + [r for r in stepped if r not in zones][:_STEPPED] + zones[:_ZONES]
+
+
+def zones_of(bank: Bank) -> list[Row]:
+    """List the dead zones: a narrow one takes a constant from large commands, which free values absorb."""
+    return [r for r in bank.rows if r.attachment.stepped and entry(r.attachment.entry).family == "input_nonlinearity"]
 
 
 def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared) -> Free:

@@ -12,7 +12,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import select_density
-from aeolid.diagnose.candidates.refit import as_rows, refit
+from aeolid.diagnose.candidates.refit import as_rows, refit, zones_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
@@ -20,6 +20,7 @@ from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.rivals import leading
 
 _MOST = 3  # effects in one model
+_TRIED = 2  # effects that are fitted beside those found
 _SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
 _BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
 _CLEAR = 20.0  # nats on the fit data that it must gain where the selection data speak for it, if only softly
@@ -71,7 +72,7 @@ def form_beside(prepared: Prepared, chosen: Candidate, seed: int) -> Candidate |
     As nothing is named, less is asked of it than of a further effect.
     """
     bank = _scored(prepared, chosen, [a for a in prepared.hypotheses if a.entry == unlisted.ID], seed)
-    return _grown(prepared, chosen, bank.loud, corrects)
+    return _grown(prepared, chosen, bank.loud[:_TRIED], corrects)
 
 
 def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], seed: int) -> Bank:
@@ -83,18 +84,23 @@ def _scored(prepared: Prepared, winner: Candidate, rest: Sequence[Attachment], s
 
 
 def one_more(prepared: Prepared, winner: Candidate, seed: int) -> tuple[Candidate | None, Bank]:
-    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says."""
+    """Look for one more effect with those found in the model; returns the larger set, and what the bank then says.
+
+    A dead zone at half the threshold is tried, too: free values absorb most of its score (a car's throttle, 0.14 wide).
+    """
     bank = what_is_left(prepared, winner, seed)
-    return _grown(prepared, winner, bank.loud, adds), bank
+    rows = bank.loud[:_TRIED]
+    rows += [r for r in zones_of(bank) if r not in rows and r.testable and r.z > 0.5 * bank.limit(r)][:1]
+    return _grown(prepared, winner, rows, adds), bank
 
 
 def _grown(
     prepared: Prepared, winner: Candidate, rows: Sequence[Row], helps: Callable[[Candidate, Candidate], bool]
 ) -> Candidate | None:
-    """Fit each of the first two beside the set; returns the best larger set that helps, counted from the bare model."""
+    """Fit each beside the set; returns the best larger set that helps, counted from the bare model."""
     base_select, small = select_density(prepared), winner.predictor.compiled.model
     found: list[Candidate] = []
-    for row in rows[:2]:
+    for row in rows:
         if prepared.deadline.skips(f"{row.attachment.key} beside {winner.key}"):
             break
         prepared.deadline.doing(f"{row.attachment.key} beside {winner.key}")
