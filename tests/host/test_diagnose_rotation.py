@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from aeolid.diagnose.conclusion.correction import correct
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.pipeline import study
@@ -100,6 +102,15 @@ def test_rotation_decides_where_the_sealed_part_is_silent(tmp_path: Path) -> Non
     assert turned["decides"] and turned["proves"] and turned["nats"] > 50
     assert [f["held_out"] for f in turned["folds"]] == [f"{k}.csv" for k in range(6)]
     assert found["verdict"] in ("named", "ambiguous") and "input_lag" in {e["family"] for e in found["effects"]}
+
+
+def test_the_corrected_model_has_its_sensors_zero(tmp_path: Path) -> None:
+    """A constant is no finding where a force may be the same; the file that is run free has it."""
+    case = lagging(tmp_path, 0.0)
+    shifted = tuple(replace(r, values=r.values + np.array([0.0, 0.5])) for r in case.records)
+    found = correct(study(replace(case, records=shifted), sham=0, seed=1, progress=lambda *_: None))
+    zero = next(p.value for p in found.model.parameters if p.name == "sensor_zero_1")
+    assert zero == pytest.approx(0.5, abs=5 * 0.25 / np.sqrt(600))  # five deviations of the mean of the noise
 
 
 def test_nothing_is_rotated_where_nothing_was_found(tmp_path: Path) -> None:

@@ -46,7 +46,8 @@ def correct(study: Study) -> Correction:
         (study.unsealed.predictor, study.unsealed.fit) if chosen is None else (chosen.predictor, chosen.fit)
     )
     free, zeros = _running_free(study, () if chosen is None else chosen.attachments, predictor, fit)
-    model = corrected_model(study.unsealed, fit if free is None else free.fit, chosen)
+    own = fit if free is None else carry_fit(free.fit, free.model, predictor.compiled.model)  # without the zeros
+    model = corrected_model(study.unsealed, own, chosen)
     if free is not None:
         model = _with_zeros(model, zeros, free)
     model = model if free is None else replace(model, name=f"{model.name} to run free")
