@@ -99,6 +99,8 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
     part = predictor.with_order(0)
     places = [predictor.compiled.model.index(z) for z in zeros]
     point = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
+    if part.noise_of(part.innovations(point)) is None:  # it runs away with the values that predict one step ahead
+        return []
     own = [i for i in fit.free.theta if i not in places]
     columns = part.at(point, Free((*own, *places), (), (), fit.free.x0)).jacobian
     rest = np.delete(columns, range(len(own), len(own) + len(places)), axis=1)
