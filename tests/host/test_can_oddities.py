@@ -165,7 +165,8 @@ def test_a_configuration_that_is_over_costs_nothing_more(monkeypatch: pytest.Mon
 
 def test_a_silence_of_months_is_filled_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     """Missing rows are made as they are written: memory does not grow with the hole."""
-    run = Run(SimpleNamespace(description=SimpleNamespace(sample_every=2, sample_time_s=0.1)), 0, 0)
+    description = SimpleNamespace(sample_every=2, sample_time_s=0.1, inputs=1, outputs=0)
+    run = Run(SimpleNamespace(description=description), 0, 0)
     run.append(SampleTable(np.array([0, 2]), np.zeros((2, 1)), 0))
     tracemalloc.start()
     run.append(SampleTable(np.array([2_000_004]), np.zeros((1, 1)), 0))

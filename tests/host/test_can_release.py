@@ -123,7 +123,7 @@ def test_undated_samples_wait(keep: int) -> None:
 
 def test_rows_missing_between_two_releases_are_rows_without_a_value(tmp_path: Path) -> None:
     """What is written in pieces has the rows, the hash and the losses of one table; double rows are left out."""
-    description = SimpleNamespace(sample_every=2, sample_time_s=0.1)
+    description = SimpleNamespace(sample_every=2, sample_time_s=0.1, inputs=1, outputs=0)
     run, target = Run(SimpleNamespace(description=description), 0, 0), tmp_path / "r.csv"
     run._table = open_growing(target, ".csv", ("time_s", "a", "b"), ("s", "", ""))
     values = np.arange(40.0).reshape(20, 2)

@@ -237,7 +237,8 @@ def test_a_named_effect_keeps_its_name_and_a_wrong_value_must_be_outdone(monkeyp
 
 def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.MonkeyPatch) -> None:
     """A damping that drifted beside a wrong stiffness, which the sealed data did not bear out, kept a form away."""
-    one, two, seen = object(), object(), []
+    one, two = (SimpleNamespace(attachments=[name]) for name in ("drift", "value"))
+    seen: list[list[Any]] = []
     stage: Any = SimpleNamespace(deadline=unlimited())
     chain: Any = [one, two]
 

@@ -24,6 +24,7 @@ ALLOWED = {
     ("formats/growing.py", "self._mdf.save"): "into a private folder",
     ("can/raw_mf4.py", "self._mdf.save"): "into a private folder",
     ("formats/archive.py", "self._zip.open"): "reads",
+    ("formats/tdms.py", "TdmsFile.open"): "reads",
     ("compiled.py", "path.mkdir"): "the cache of machine code, a private folder",
     ("confined/probe.py", "open"): "what a confined process must not be able to do",
     ("confined/probe.py", "os.rename"): "the same",
