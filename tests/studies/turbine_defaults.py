@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from reference import GAINS, POLES, REFERENCE, TURBINE, TURBINE_HZ, gain_errors, with_data
 
-from aeolid.models.load import load_model
+from aeolid.models.load import LinearModel, load_model
 from aeolid.models.prediction import predict, vaf
 from aeolid.models.state_space import StateSpace
 from aeolid.plants.hawt import Excitation, build_turbine, simulate_closed_loop
@@ -63,8 +63,8 @@ def identify(record: Record, given: Sequence[str]) -> tuple[StateSpace, dict[str
             raise SystemExit(f"{record.source}: code {code}: {said.getvalue()}")
         facts = json.loads((folder / "model.json").read_text(encoding="utf-8"))["identification"]
         model = load_model(folder / "model.json")
-    assert isinstance(model, StateSpace)
-    return model, facts
+    assert isinstance(model, LinearModel)
+    return model.state_space, facts
 
 
 def judge(model: StateSpace, following: Record) -> Errors:
