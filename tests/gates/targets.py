@@ -50,7 +50,7 @@ def clang(triple: str, *flags: str) -> list[str]:
 
 TARGETS = {
     "pc": Target(["gcc"], "pc.c", [], ("float", "double"), ("-lm",)),
-    # the same processor in other forms: no vectors, wider ones, another compiler, and other levels (the last one counts)
+    # the same processor in other forms: no vectors, wider ones, another compiler, other levels (the last one counts)
     "pc-scalar": Target(["gcc", "-DAEO_NO_VECTORS"], "pc.c", [], ("float", "double"), ("-lm", "-O0")),
     "pc-wide": Target(["gcc", WIDE], "pc.c", [], ("float", "double"), ("-lm", "-O3")),
     "pc-clang": Target(["clang"], "pc.c", [], ("float", "double"), ("-lm", "-Os")),
