@@ -42,11 +42,13 @@ static void fail(const char *what)
 
 static aeo_real_t *allocate(size_t count)
 {
-    void *x = NULL; /* where Eigen puts its own, too */
-    if (posix_memalign(&x, 64, count * sizeof(aeo_real_t)) != 0) {
+    void *x = NULL; /* on a line of the cache, as Eigen puts its own */
+    if (posix_memalign(&x, 64, count * sizeof(aeo_real_t)) != 0 || x == NULL) {
         fail("no memory");
+        return NULL;
     }
-    return memset(x, 0, count * sizeof(aeo_real_t));
+    memset(x, 0, count * sizeof(aeo_real_t));
+    return x;
 }
 
 static void start_filter(const family_filter_t *filter, family_size_t size)

@@ -150,8 +150,8 @@ TEST_DEFECTS = [
     Defect(
         "rls",
         "src/strips.c",
-        "            sums[j] = root / root_new * scale;",
-        "            sums[j] = last / (root * root_new) * scale;",
+        "(next > last) {\n            root_new = AEO_SQRT(next);\n            sums[j] = root / root_new * scale;",
+        "(1) {\n            root_new = AEO_SQRT(next);\n            sums[j] = last / (root * root_new) * scale;",
         "inflate",
         ("-O2", "-DAEO_NO_VECTORS"),
     ),
@@ -163,7 +163,7 @@ TEST_DEFECTS = [
         "inflate",
         ("-O2", '-DAEO_CONFIG_HEADER="coarse_config.h"'),
     ),
-    Defect("contract_rls", "src/strips.c", "c * old - k * (part)", "c * old + k * (part)", "law_equals_batch"),
+    Defect("contract_rls", "src/strips.c", "c *old - k * (part)", "c *old + k * (part)", "law_equals_batch"),
     Defect(
         "contract_rls",
         "src/rls.c",
