@@ -419,6 +419,17 @@ def test_a_predictor_that_forgets_is_scored_as_it_predicts() -> None:
     assert density == pytest.approx(levelled_density(white, fit.noise, [180]), abs=1e-6)
 
 
+def test_a_start_that_no_fit_moved_pays_nothing() -> None:
+    """With no state's start settled, each row's density is that of its whitened residual alone."""
+    p, fit, segment = undamped(4)
+    found = foretold(p.on((segment,)), fit.point, fit.noise, ())
+    assert found is not None
+    white, paid = found
+    whole = p.on((replace(segment, burn=0),))
+    np.testing.assert_array_equal(white, whole.whitened(whole.innovations(fit.point), fit.noise)[2 * segment.burn :])
+    assert len(paid) == 296 and not paid.any()
+
+
 @pytest.mark.parametrize("order", [0, 2])
 def test_a_model_that_runs_away_on_other_data_is_worth_nothing(order: int) -> None:
     """Its rows once counted as gaps, predicted without error: 33,000 nats for a spring that had lost its tower."""

@@ -51,7 +51,8 @@ def _of_segment(
     size = _WIDE * predictor.scales.x0[list(free.x0)]
     # in sizes of the states, which differ by many powers of ten
     information = np.eye(count) + (settling * size).T @ (settling * size)
-    r, J = base.reshape(-1, outputs)[segment.burn :], (slopes * size).reshape(-1, outputs, count)[segment.burn :]
+    rows = len(base) // outputs
+    r, J = base.reshape(rows, outputs)[segment.burn :], (slopes * size).reshape(rows, outputs, count)[segment.burn :]
     P: Array = np.linalg.inv(information).astype(np.float64)
     white, paid = np.empty_like(r), np.empty(len(r))
     _update(np.ascontiguousarray(r), np.ascontiguousarray(J), P, white, paid)
