@@ -321,7 +321,7 @@ def test_a_full_disk_is_told_and_costs_only_what_comes_after(
     name: str, adapter: Adapter, start: Start, tmp_path: Path
 ) -> None:
     """On a small disk: code 3, one sentence, and a whole file of what had arrived until then."""
-    # MB; what is written from a spool at the end keeps the room of that and twice 4 MB, beside the 4 MB every file keeps
+    # MB; what is written from a spool at the end keeps the room of that and three times 4 MB
     size = 6 if name in ("r.csv", "b.blf") else 14
     disk = tmp_path / "disk"
     disk.mkdir()

@@ -138,9 +138,14 @@ def _scaled(base: Wiring, kind: str, role: str, number: int, factor: float, word
 def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hypothesis]] | None:
     """Return the change that a wiring asks for, its nats, and what the data do not tell from it; None mostly."""
     asked = list(_hypotheses(judge, base))
-    if judge.worth(base, _COARSE)[0] == -np.inf:
+    declared = judge.worth(base, _COARSE)[0]
+    if declared == -np.inf:
         return None
-    ranked = sorted(asked, key=lambda h: -judge.worth(h.wiring, _COARSE)[0])[:_AGAIN]
+    coarse = [(judge.worth(h.wiring, _COARSE)[0], h) for h in asked]
+    # whatever whitens: of a disturbance that a loop's command holds, too, order 4 said 1 and order 15 said -1
+    ranked = [h for worth, h in sorted(coarse, key=lambda c: -c[0])[:_AGAIN] if worth > declared]
+    if not ranked:
+        return None
     before, parts, _ = judge.worth(base, _FINE)
     answers = sorted(((judge.worth(h.wiring, _FINE), h) for h in ranked), key=lambda a: -a[0][0])
     (after, of_best, _), best = answers[0]
