@@ -55,12 +55,17 @@ def is_right(row: Facts) -> bool:
 
 
 def diagnose(case: Path, out: Path, sham: int) -> Facts:
-    """Run one diagnosis as a user would; returns diagnosis.json and the seconds it took."""
+    """Run one diagnosis as a user would; returns diagnosis.json and the seconds it took.
+
+    Where it ends without an answer, the verdict is `crash`, which is never the right one, and the table goes on.
+    """
     begun = time.perf_counter()
     command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", str(case), "--out", str(out), "--sham", str(sham)]
     done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if done.returncode:
-        raise RuntimeError(f"{case.name}: exit code {done.returncode}: {done.stderr.strip()[-300:]}")
+        print(f"{case.name}: exit code {done.returncode}: {done.stderr.strip()[-300:]}", file=sys.stderr, flush=True)
+        none = {"log_likelihood_gain": 0.0, "interval": [0.0, 0.0]}
+        return {"verdict": "crash", "effects": [], "sealed": none, "seconds": time.perf_counter() - begun}
     facts: Facts = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
     return facts | {"seconds": time.perf_counter() - begun}
 
@@ -106,10 +111,9 @@ def main(arguments: list[str] | None = None) -> int:
             {"case": case.name, **judge(truth, said), "seconds": said["seconds"],
              "gain": sealed["log_likelihood_gain"], "interval": sealed["interval"]}
         )  # fmt: skip
-    text = table(rows)
-    print(text)
-    (args.out / "known.md").write_text(text + "\n", encoding="utf-8")
-    (args.out / "known.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        (args.out / "known.md").write_text(table(rows) + "\n", encoding="utf-8")
+        (args.out / "known.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+    print(table(rows))
     return 0 if all(is_right(r) for r in rows) else 1
 
 
