@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import theilslopes
 
 from aeolid.can.clock import BINS, PAIRS_MAX, ClockKeeper, ClockPairs, first_channels, fit_clock
+from aeolid.can.theil_sen import fit_line
 from aeolid.can.wire import PARAMETER, SAMPLE, Frames, encode, join_frames, pack_frames
 
 H, START = 0.1, 1.79e9
@@ -210,3 +212,14 @@ def test_the_anchor_is_in_the_files(tmp_path: Path) -> None:
     begun = float(lines[0][0][1:-1]) + START
     assert abs(anchor.timestamp() - begun) < 2.0 and anchor.tzinfo == UTC
     assert anchor.isoformat()[:19] in (tmp_path / "r.roles.toml").read_text()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_line_is_that_of_scipy(seed: int) -> None:
+    """Slope, intercept and interval, with and without ties, from two points on."""
+    rng = np.random.default_rng(seed)
+    n = [2, 3, 5, 20, 48, 48][seed]
+    x = np.cumsum(rng.uniform(0.1, 2.0, n))
+    y = np.round(0.3 * x + rng.standard_t(2, n), 1 if seed % 2 else 9)
+    for confidence in (0.5, 0.95):
+        np.testing.assert_allclose(fit_line(x, y, confidence), theilslopes(y, x, confidence), rtol=1e-12, atol=1e-12)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.can.limits import PART_BYTES, PIECES_MAX
 from aeolid.can.messages import DATED_MAX_S
+from aeolid.can.theil_sen import fit_line
 from aeolid.can.wire import BASE, SAMPLE, SAMPLE_FD, Frames, choose_layout, decode
 
 Array = NDArray[np.float64]
@@ -134,10 +135,8 @@ def fit_clock(index: Index, time_s: Array, sample_time_s: float, count: int | No
     """Fit host time over sample index (n,) by the earliest arrivals of 48 stretches and the Theil–Sen line.
 
     The median of all slopes stands up to a quarter of wrong pairs, and to delays that come and go. Its interval is that
-    of Theil (1950) and Sen (1968), distribution-free, of scipy.
+    of Theil (1950) and Sen (1968), distribution-free.
     """
-    from scipy.stats import theilslopes
-
     h = sample_time_s
     pairs = len(index) if count is None else count
     first, x0 = float(time_s[0] - h * index[0]), index - index[0]
@@ -152,7 +151,7 @@ def fit_clock(index: Index, time_s: Array, sample_time_s: float, count: int | No
         x, y = earliest(x0, late, group, rate)
         if len(x) < LEAST:
             return lone
-        slope, intercept, low, high = theilslopes(y, x * h, CONFIDENCE)
+        slope, intercept, low, high = fit_line((x * h).astype(np.float64), y, CONFIDENCE)
         rate = float(slope) * h
     rest = y - slope * h * x - intercept
     scatter = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))

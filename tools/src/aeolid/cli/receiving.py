@@ -98,6 +98,9 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     the modes are followed from. Raises UsageError before anything is opened, DataError when nothing usable
     came, the bus broke off or something could not be written.
     """
+    from aeolid.can.library import import_without_mdf4
+
+    import_without_mdf4()
     from aeolid.can import RunRecorder, leftover, open_source
     from aeolid.can.raw_log import open_raw_log
     from aeolid.can.reception import Reception
@@ -187,7 +190,7 @@ def _check_modes(w: Wanted) -> None:
         raise UsageError(f"--poles-every {w.poles_every}: a time above 0 is needed")
     if w.order is not None and w.order < 1:
         raise UsageError(f"--order {w.order}: at least one state is needed")
-    if w.modes:
+    if w.modes and not Path(w.bus).is_file():  # a log waits
         import aeolid.identify.live  # noqa: F401
 
 

@@ -20,6 +20,7 @@ from aeolid.formats.table import Array
 PART_SUFFIX = ".part.csv"  # of a table under way
 _BLOCK = 1 << 22  # bytes read at a time
 _FEW = 400  # values up to which Arrow's own time is longer than that of the interpreter
+_AT_FIRST = 200_000  # values of a file before Arrow is worth its loading: 0.5 s, pandas with it
 
 
 class TextSpool:
@@ -31,6 +32,7 @@ class TextSpool:
         self._raw = SpareFile(path)
         self._final = 0  # bytes that stay
         self._rest = b""  # what follows them on the disk
+        self._values = 0  # that became text
         self._put(heading, True)
 
     @property
@@ -46,11 +48,15 @@ class TextSpool:
     def append(self, rows: Array) -> None:
         """Add rows (n, columns) that stay. Raises OSError."""
         if len(rows):
-            self._put(to_text(rows), True)
+            self._put(self._to_text(rows), True)
 
     def show(self, rows: Array) -> None:
         """Put rows (n, columns) behind those that stay, instead of those shown before. Raises OSError."""
-        self._put(to_text(rows) if len(rows) else b"", False)
+        self._put(self._to_text(rows) if len(rows) else b"", False)
+
+    def _to_text(self, rows: Array) -> bytes:
+        self._values += rows.size
+        return to_text(rows, _FEW if self._values > _AT_FIRST else _AT_FIRST)
 
     def _put(self, text: bytes, final: bool) -> None:
         same = _common(self._rest, text)
@@ -84,10 +90,13 @@ def _common(a: bytes, b: bytes) -> int:
     return int(np.argmax(np.frombuffer(a, np.uint8, n) != np.frombuffer(b, np.uint8, n)))
 
 
-def to_text(rows: Array) -> bytes:
-    """Write rows (n, columns) as lines of CSV; a missing number is an empty cell, others come back bit for bit."""
+def to_text(rows: Array, few: int = _FEW) -> bytes:
+    """Write rows (n, columns) as lines of CSV; a missing number is an empty cell, others come back bit for bit.
+
+    few: values up to which the interpreter writes them, more are written by Arrow.
+    """
     empty_cells = rows.shape[1] > 1  # alone in its row an empty cell would be an empty line, which readers skip
-    if rows.size <= _FEW:
+    if rows.size <= few:
         missing = "" if empty_cells else "nan"
         lines = (",".join(missing if x != x else repr(x).removesuffix(".0") for x in row) for row in rows.tolist())
         return "".join(line + "\n" for line in lines).encode()

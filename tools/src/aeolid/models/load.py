@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import cont2discrete
 
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
@@ -141,6 +140,8 @@ def discretise(model: StateSpace, sample_time_s: float, holds: Sequence[str] = (
     """
     if model.sample_time_s > 0:
         return model
+    from scipy.signal import cont2discrete
+
     continuous = (model.A, model.B, model.C, model.D)
     A, B, C, D, _ = cont2discrete(continuous, sample_time_s, method="zoh")
     moving = [i for i, h in enumerate(holds) if h != "zoh"]
