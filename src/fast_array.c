@@ -2,6 +2,7 @@
 #include "fast_array.h"
 
 #include "linalg.h"
+#include "triangle.h"
 
 #include <string.h>
 
@@ -63,7 +64,7 @@ void aeo_fast_array_start(const aeo_fast_rls_t *self, aeo_fast_rls_array_t *arra
 
 aeo_real_t aeo_fast_array_variance(const aeo_fast_rls_t *self, const aeo_fast_rls_array_t *array, size_t c)
 {
-    return aeo_linalg_row_norm2(array->factor, self->config.block, c, NULL);
+    return aeo_triangle_norm2(array->factor, self->config.block, c);
 }
 
 int aeo_fast_array_is_late(const aeo_fast_rls_array_t *array)
@@ -129,9 +130,9 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     if (!aeo_linalg_find_error(array->forward, self->window, n, self->window + n, self->error, m)) {
         return 0;
     }
-    aeo_linalg_project(array->factor, e, f + m, m);
-    aeo_linalg_rotate(array->factor, f + m, m, f, m, lambda * array->scalar[INVERSE_GAMMA],
-                      self->inverse_root_forgetting);
+    aeo_triangle_project(array->factor, e, f + m, m);
+    aeo_triangle_rotate(array->factor, f + m, f, m, lambda * array->scalar[INVERSE_GAMMA],
+                        self->inverse_root_forgetting);
     aeo_linalg_scale(gamma, array->gain, self->step, n);
     const aeo_real_t inverse = AEO_REAL(1) / lambda; /* lambda >= 1/2 */
     for (size_t c = 0; c < m; c++) {

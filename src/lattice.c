@@ -4,6 +4,7 @@
 #include "lattice_state.h"
 #include "linalg.h"
 #include "settings.h"
+#include "triangle.h"
 
 #include <string.h>
 
@@ -133,11 +134,11 @@ static void reset_factors(aeo_lattice_t *self)
     const aeo_real_t newest = AEO_REAL(1) / self->config.regularisation; /* regularisation >= 1e-8 */
     aeo_real_t diagonal = newest, *factor = self->factor;
     for (size_t j = 0; j + 1 < 2 * p; j++) {
-        factor = aeo_linalg_start_triangle(factor, self->config.block, diagonal);
+        factor = aeo_triangle_start(factor, self->config.block, diagonal);
         /* the last backward one is at least FADED_MIN newest > 0 */
         diagonal = j + 1 < p ? diagonal * self->config.forgetting : newest;
     }
-    aeo_linalg_start_triangle(factor, self->config.present, newest);
+    aeo_triangle_start(factor, self->config.present, newest);
     aeo_watch_forget(&self->watch, self->watched, AEO_REAL(0));
 }
 

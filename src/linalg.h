@@ -1,7 +1,5 @@
 /* linalg.h: kernels shared by the filters; internal, not installed.
- *
- * A triangular factor S (n x n, lower) is packed by columns: column j holds rows j ... n-1 and starts at
- * j n - j (j - 1) / 2. Arrays of one call never overlap.
+ * Arrays of one call never overlap.
  */
 #ifndef AEOLID_LINALG_H
 #define AEOLID_LINALG_H
@@ -9,20 +7,19 @@
 #include "aeolid/config.h"
 #include "aeolid/status.h"
 
+#include "lanes.h"
+
 #ifdef AEO_REAL_DOUBLE
-#define aeo_linalg_all_finite     aeo_linalg_all_finite_f64
-#define aeo_linalg_all_within     aeo_linalg_all_within_f64
-#define aeo_linalg_judge          aeo_linalg_judge_f64
-#define aeo_linalg_judge_sample   aeo_linalg_judge_sample_f64
-#define aeo_linalg_copy_out       aeo_linalg_copy_out_f64
-#define aeo_linalg_find_error     aeo_linalg_find_error_f64
-#define aeo_linalg_dot            aeo_linalg_dot_f64
-#define aeo_linalg_axpy           aeo_linalg_axpy_f64
-#define aeo_linalg_scale          aeo_linalg_scale_f64
-#define aeo_linalg_project        aeo_linalg_project_f64
-#define aeo_linalg_rotate         aeo_linalg_rotate_f64
-#define aeo_linalg_start_triangle aeo_linalg_start_triangle_f64
-#define aeo_linalg_row_norm2      aeo_linalg_row_norm2_f64
+#define aeo_linalg_all_finite   aeo_linalg_all_finite_f64
+#define aeo_linalg_all_within   aeo_linalg_all_within_f64
+#define aeo_linalg_judge        aeo_linalg_judge_f64
+#define aeo_linalg_judge_sample aeo_linalg_judge_sample_f64
+#define aeo_linalg_copy_out     aeo_linalg_copy_out_f64
+#define aeo_linalg_find_error   aeo_linalg_find_error_f64
+#define aeo_linalg_dot          aeo_linalg_dot_f64
+#define aeo_linalg_dot_strips   aeo_linalg_dot_strips_f64
+#define aeo_linalg_axpy         aeo_linalg_axpy_f64
+#define aeo_linalg_scale        aeo_linalg_scale_f64
 #endif
 
 /* Return 1 when none of x[0 ... count-1] is NaN or infinite, judged on their bits: a compiler told that there
@@ -46,6 +43,12 @@ aeo_status_t aeo_linalg_copy_out(const aeo_real_t *from, size_t count, aeo_real_
 /* Return the sum of x[i] y[i] over count terms. */
 aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count);
 
+#if AEO_SMALL
+/* The same where eight terms of x stand together, each eight `step` behind the last, and the step grows; what a
+ * multiple of eight leaves over comes after another step. */
+aeo_real_t aeo_linalg_dot_strips(const aeo_real_t *x, size_t step, size_t growth, const aeo_real_t *y, size_t count);
+#endif
+
 /* error (count values, written) = y - rows z, with rows of n values one after the other; returns 1 when all are below
  * AEO_LINALG_ERROR_MAX: what is larger is a runaway. */
 #define AEO_LINALG_ERROR_MAX AEO_REAL(1e12)
@@ -57,21 +60,6 @@ void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t co
 
 /* y = a x over count terms. */
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);
-
-/* projection = S'z (n values, written); returns |S'z|^2 = z'Pz. */
-aeo_real_t aeo_linalg_project(const aeo_real_t *factor, const aeo_real_t *z, aeo_real_t *projection, size_t n);
-
-/* Absorb one measurement whose projection is a = S'z, with a[j] = 0 for j >= count: n plane rotations turn
- * [alpha^(1/2), a'; 0, S] into [alpha_new^(1/2), 0; g alpha_new^(1/2), S_new] and S becomes scale S_new.
- * gain (n values, written) = S a, which is g alpha_new; returns alpha_new = alpha + |a|^2. Needs alpha > 0. */
-aeo_real_t aeo_linalg_rotate(aeo_real_t *factor, const aeo_real_t *projection, size_t count, aeo_real_t *gain, size_t n,
-                             aeo_real_t alpha, aeo_real_t scale);
-
-/* Let the triangle at factor be diagonal times the unit one; returns the place behind it. */
-aeo_real_t *aeo_linalg_start_triangle(aeo_real_t *factor, size_t n, aeo_real_t diagonal);
-
-/* Return P_ii, the squared norm of row i of S; when row is not null it receives the row (i + 1 values). */
-aeo_real_t aeo_linalg_row_norm2(const aeo_real_t *factor, size_t n, size_t i, aeo_real_t *row);
 
 /* One up, staying at the top: counters never decrease. */
 static inline void aeo_count_up(uint32_t *counter)

@@ -4,6 +4,7 @@
 #include "linalg.h"
 #include "saved.h"
 #include "settings.h"
+#include "strips.h"
 
 #include <string.h>
 
@@ -50,12 +51,11 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     self->health = 0;
     memset(&self->count, 0, sizeof self->count);
     self->factor = memory;
-    self->theta = self->factor + n * (n + 1) / 2;
+    self->theta = self->factor + AEO_RLS_FACTOR_WORDS(n);
     self->innovation = self->theta + n * l;
     self->residual = self->innovation + l;
     self->watched = self->residual + l;
-    self->gain = self->watched + AEO_WATCH_WORDS(l);
-    self->projection = self->gain + n;
+    self->work = self->watched + AEO_WATCH_WORDS(l);
     self->variance_max = config->growth_max / config->regularisation; /* regularisation >= 1e-8 */
     derive_from_forgetting(self);
     aeo_rls_reset(self);
@@ -66,7 +66,7 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
 static void start_factor(aeo_rls_t *self)
 {
     const aeo_real_t diagonal = AEO_REAL(1) / AEO_SQRT(self->config.regularisation); /* regularisation >= 1e-8 */
-    aeo_linalg_start_triangle(self->factor, self->config.regressors, diagonal);
+    aeo_strips_start(self->factor, self->config.regressors, diagonal);
     self->scan_row = 0;
     aeo_watch_forget(&self->watch, self->watched, AEO_REAL(0));
 }
@@ -119,14 +119,14 @@ static int find_innovation(aeo_rls_t *self, const aeo_real_t *z, const aeo_real_
     return aeo_linalg_find_error(self->theta, z, self->config.regressors, y, self->innovation, self->config.outputs);
 }
 
-/* Absorb z with the weight lambda, theta included. The gain comes unnormalised: gain = alpha g. */
-static void absorb(aeo_rls_t *self, aeo_real_t lambda, aeo_real_t scale)
+/* Absorb z with the weight lambda and news = z'Pz, theta included. The gain comes unnormalised: gain = alpha g. */
+static void absorb(aeo_rls_t *self, aeo_real_t news, aeo_real_t lambda, aeo_real_t scale)
 {
     const size_t n = self->config.regressors, l = self->config.outputs;
-    const aeo_real_t alpha = aeo_linalg_rotate(self->factor, self->projection, n, self->gain, n, lambda, scale);
-    const aeo_real_t inverse = AEO_REAL(1) / alpha; /* alpha >= lambda >= 1/2 */
+    const aeo_real_t *const gain = aeo_strips_rotate(self->factor, n, n, self->work, lambda, scale);
+    const aeo_real_t inverse = AEO_REAL(1) / (lambda + news); /* alpha >= lambda >= 1/2 */
     for (size_t i = 0; i < l; i++) {
-        aeo_linalg_axpy(self->innovation[i] * inverse, self->gain, self->theta + i * n, n);
+        aeo_linalg_axpy(self->innovation[i] * inverse, gain, self->theta + i * n, n);
         self->residual[i] = self->innovation[i] * (lambda * inverse);
     }
 }
@@ -141,16 +141,13 @@ static void bound_variances(aeo_rls_t *self)
     for (unsigned s = 0; s < self->scan_step; s++) {
         const size_t i = self->scan_row;
         self->scan_row = i + 1u < n ? (uint32_t)i + 1u : 0u;
-        const aeo_real_t variance = aeo_linalg_row_norm2(self->factor, n, i, NULL);
+        const aeo_real_t variance = aeo_strips_norm2(self->factor, n, i);
         if (variance <= self->variance_max) {
             continue;
         }
-        aeo_linalg_row_norm2(self->factor, n, i, self->projection);
-        const aeo_real_t weight = AEO_SQRT(AEO_REAL(3) / variance); /* variance > variance_max > 0 */
-        for (size_t j = 0; j <= i; j++) {
-            self->projection[j] *= weight;
-        }
-        aeo_linalg_rotate(self->factor, self->projection, i + 1, self->gain, n, AEO_REAL(1), AEO_REAL(1));
+        /* variance > variance_max > 0 */
+        aeo_strips_take_row(self->factor, n, i, AEO_SQRT(AEO_REAL(3) / variance), self->work);
+        (void)aeo_strips_rotate(self->factor, n, i + 1, self->work, AEO_REAL(1), AEO_REAL(1));
         aeo_count_up(&self->count.bounded);
         self->health |= AEO_RLS_BOUNDED;
     }
@@ -185,15 +182,14 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_RLS_REINITIALISED;
     }
-    const aeo_real_t news = aeo_linalg_project(self->factor, z, self->projection, self->config.regressors);
+    const aeo_real_t news = aeo_strips_project(self->factor, z, self->config.regressors, self->work);
     const int quiet = news < self->gate;
     if (quiet) {
-        absorb(self, AEO_REAL(1), AEO_REAL(1));
         aeo_count_up(&self->count.withheld);
         self->health |= AEO_RLS_WITHHELD;
-    } else {
-        absorb(self, self->config.forgetting, self->inverse_root_forgetting);
     }
+    absorb(self, news, quiet ? AEO_REAL(1) : self->config.forgetting,
+           quiet ? AEO_REAL(1) : self->inverse_root_forgetting);
     if (self->config.forgetting < AEO_REAL(1)) {
         bound_variances(self);
         watch(self, z, y, quiet);
@@ -237,21 +233,15 @@ void aeo_rls_clear_health(aeo_rls_t *self)
     }
 }
 
-/* A factor that the proofs above admit: finite, its diagonal above 0, no variance beyond four times the bound. */
+/* A factor that the proofs above admit: finite, its diagonal above 0, no variance beyond four times the bound, which is
+ * below 1024 FACTOR_MAX^2. */
 static int factor_holds(const aeo_real_t *factor, size_t n, aeo_real_t variance_max)
 {
-    if (!aeo_linalg_all_within(factor, n * (n + 1) / 2, FACTOR_MAX)) {
-        return 0;
+    int holds = aeo_linalg_all_within(factor, AEO_RLS_FACTOR_WORDS(n), FACTOR_MAX) && aeo_strips_hold(factor, n);
+    for (size_t i = 0; i < n && holds; i++) {
+        holds = aeo_strips_norm2(factor, n, i) <= AEO_REAL(4) * variance_max;
     }
-    const aeo_real_t *entry = factor;
-    for (size_t j = 0; j < n; j++) {
-        if (!(*entry > AEO_REAL(0)) ||
-            aeo_linalg_row_norm2(factor, n, j, NULL) > AEO_REAL(4) * variance_max) { /* below 1024 FACTOR_MAX^2 */
-            return 0;
-        }
-        entry += n - j;
-    }
-    return 1;
+    return holds;
 }
 
 int aeo_rls_invariants_hold(const aeo_rls_t *self)
@@ -260,9 +250,9 @@ int aeo_rls_invariants_hold(const aeo_rls_t *self)
         return 0;
     }
     const size_t n = self->config.regressors, l = self->config.outputs;
-    return self->theta == self->factor + n * (n + 1) / 2 && self->watched == self->theta + n * l + 2 * l &&
-           self->projection == self->watched + AEO_WATCH_WORDS(l) + n && self->scan_row < n &&
-           aeo_linalg_all_finite(self->theta, n * l + 2 * n + 2 * l + AEO_WATCH_WORDS(l)) &&
+    return self->theta == self->factor + AEO_RLS_FACTOR_WORDS(n) && self->watched == self->theta + n * l + 2 * l &&
+           self->work == self->watched + AEO_WATCH_WORDS(l) && self->scan_row < n &&
+           aeo_linalg_all_finite(self->theta, n * l + 2 * l + AEO_WATCH_WORDS(l) + AEO_RLS_WORK_WORDS(n)) &&
            aeo_watch_holds(&self->watch, self->watched, l) && factor_holds(self->factor, n, self->variance_max);
 }
 
@@ -307,7 +297,7 @@ static int body_holds(const aeo_rls_t *self, const uint32_t *numbers, const aeo_
     aeo_watch_t watch;
     memcpy(&watch, numbers + WATCH, sizeof watch);
     const size_t n = self->config.regressors, l = self->config.outputs;
-    const aeo_real_t *const theta = body + n * (n + 1) / 2;
+    const aeo_real_t *const theta = body + AEO_RLS_FACTOR_WORDS(n);
     return numbers[SCAN_ROW] < n && factor_holds(body, n, self->variance_max) &&
            aeo_linalg_all_within(theta, n * l, THETA_MAX) &&
            aeo_linalg_all_within(theta + n * l, 2 * l, INNOVATION_MAX) &&

@@ -17,6 +17,8 @@
  *   AEO_REAL_DOUBLE    defined (to anything): aeo_real_t is double. Default: not defined, aeo_real_t is float.
  *   AEO_SQRT(x)        square root of an aeo_real_t that is finite and not negative, correctly rounded; sqrtf or sqrt.
  *                      Define it to an intrinsic where the C library's one is slow; never to an estimate.
+ *   AEO_NO_VECTORS     defined: no vectors of the compiler's, whatever the processor has; the bits are the same. Default:
+ *                      not defined; gcc and clang use SSE2 or AVX on x86 and Advanced SIMD on 64-bit Arm.
  *   AEO_ASSERT(c)      checks a bound that a comment in a source proves; default: nothing. A debug build may define it
  *                      to assert(c). It is never the only guard against a wrong argument or a bad sample.
  */
@@ -55,6 +57,7 @@ typedef float aeo_real_t;
 #define AEO_SAVED_SEAL 2u
 
 #ifndef AEO_SQRT
+#define AEO_SQRT_PLAIN /* several roots at once are as good */
 #include <math.h>
 #ifdef AEO_REAL_DOUBLE
 #define AEO_SQRT(x) sqrt(x)

@@ -26,7 +26,7 @@
  *
  * CONTRACT
  *   Memory: AEO_ELS_WORDS(n, l) words of aeo_real_t from the caller: AEO_RLS_WORDS(n, l) + 5 l.
- *   r=2, l=3, p=10 (n=80): 3,669 words (14.7 kB in float); p=30 (n=240): 30,149 words (120.6 kB).
+ *   r=2, l=3, p=10 (n=80): 4,030 words (16.1 kB in float); p=30 (n=240): 31,230 words (124.9 kB).
  *   Operations: those of rls.h, p l^2 + 20 l more; n more while lambda moves, n (n + l) more at a fall-back. Worst
  *   stack: 248 bytes (restore; a step 232). Determinism, threads, interrupts: as rls.h.
  *   Feedback: aeo_els_step does all there is to a sample. Callers of aeo_els_update hand aeo_els_feedback to

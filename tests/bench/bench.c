@@ -1,11 +1,12 @@
 /* bench.c: times one update of every filter, of the textbook RLS with Eigen in several forms and in plain C, over the
  * same samples.
  *
- * bench REPETITIONS prints a line a contestant and size: name, r, l, p, n, nanoseconds an update. The regressors of a run
- * are recorded first and replayed from a fresh start each time, so that the regressor's own work is outside and a
- * filter that feeds its residuals back meets what it fed. The smallest of all repetitions counts. Under callgrind the
- * same replay is dumped as "name r l p n" instead. */
-#define _POSIX_C_SOURCE 199309L
+ * bench REPETITIONS [SIZES] prints a line a contestant and size: name, r, l, p, n, nanoseconds an update. The regressors
+ * of a run are recorded first and replayed from a fresh start each time, so that the regressor's own work is outside and
+ * a filter that feeds its residuals back meets what it fed. All contestants of a size take turns, one replay each, and
+ * the median of each one's repetitions counts: a machine that others use slows all of them alike. Under callgrind the
+ * replay is dumped as "name r l p n" instead. */
+#define _POSIX_C_SOURCE 200112L
 #include "family.h"
 #include "rivals.h"
 
@@ -18,7 +19,7 @@
 #include <valgrind/callgrind.h>
 #endif
 
-enum { WARM = 60, TIMED = 100, SAMPLES = WARM + TIMED, RIVALS = EIGEN_FORMS + 1 };
+enum { WARM = 60, TIMED = 100, SAMPLES = WARM + TIMED, RIVALS = EIGEN_FORMS + 1, CONTESTANTS_MAX = 16 };
 
 static const family_size_t SIZES[] = {{4, 4, 5, 4},  {4, 4, 15, 4}, {2, 3, 5, 0},  {2, 3, 10, 0},
                                       {2, 3, 20, 0}, {2, 3, 50, 0}, {2, 3, 100, 0}};
@@ -41,10 +42,12 @@ static void fail(const char *what)
 
 static aeo_real_t *allocate(size_t count)
 {
-    aeo_real_t *x = calloc(count, sizeof *x);
-    if (x == NULL) {
+    void *x = NULL; /* on a line of the cache, as Eigen puts its own */
+    if (posix_memalign(&x, 64, count * sizeof(aeo_real_t)) != 0 || x == NULL) {
         fail("no memory");
+        return NULL;
     }
+    memset(x, 0, count * sizeof(aeo_real_t));
     return x;
 }
 
@@ -166,24 +169,56 @@ static const char *name_of(unsigned contestant)
     return contestant < FAMILY_COUNT ? FAMILY[contestant].name : RIVAL[contestant - FAMILY_COUNT];
 }
 
-static void run(unsigned contestant, size_t s, unsigned repetitions)
-{
-    const family_filter_t *filter = &FAMILY[contestant < FAMILY_COUNT ? contestant : 0];
-    const family_size_t size = (filter->feedback != NULL ? VARMAX_SIZES : SIZES)[s];
+/* What differs from one contestant to the next: its size, its samples, its times. */
+typedef struct {
+    family_size_t size;
+    aeo_real_t *z, *y;
+    double *times;
     char label[80];
-    double least = 1e300;
-    n = family_regressors(filter, size);
-    l = size.outputs;
-    snprintf(label, sizeof label, "%s %u %u %u %zu", name_of(contestant), (unsigned)size.inputs, (unsigned)l,
-             (unsigned)size.past, n);
-    record_samples(filter, size);
-    for (unsigned t = 0; t < repetitions; t++) {
-        const double took = replay(contestant, size, label);
-        least = took < least ? took : least;
+} lane_t;
+
+static void enter_lane(const lane_t *lane, const family_filter_t *filter)
+{
+    z = lane->z;
+    y = lane->y;
+    n = family_regressors(filter, lane->size);
+    l = lane->size.outputs;
+}
+
+static const family_filter_t *filter_of(unsigned contestant)
+{
+    return &FAMILY[contestant < FAMILY_COUNT ? contestant : 0];
+}
+
+static int compare_times(const void *a, const void *b)
+{
+    const double x = *(const double *)a, w = *(const double *)b;
+    return (x > w) - (x < w);
+}
+
+static void run_size(size_t s, lane_t *lanes, unsigned contestants, unsigned repetitions)
+{
+    for (unsigned c = 0; c < contestants; c++) {
+        const family_filter_t *filter = filter_of(c);
+        lane_t *lane = &lanes[c];
+        lane->size = (filter->feedback != NULL ? VARMAX_SIZES : SIZES)[s];
+        enter_lane(lane, filter);
+        snprintf(lane->label, sizeof lane->label, "%s %u %u %u %zu", name_of(c), (unsigned)lane->size.inputs,
+                 (unsigned)l, (unsigned)lane->size.past, n);
+        record_samples(filter, lane->size);
     }
-    printf("%s %.1f\n", label, least);
-    if (contestant >= FAMILY_COUNT && contestant < FAMILY_COUNT + EIGEN_FORMS) {
-        compare_rivals(label);
+    for (unsigned t = 0; t < repetitions; t++) {
+        for (unsigned c = 0; c < contestants; c++) {
+            enter_lane(&lanes[c], filter_of(c));
+            lanes[c].times[t] = replay(c, lanes[c].size, lanes[c].label);
+            if (t == 0 && c >= FAMILY_COUNT && c < FAMILY_COUNT + EIGEN_FORMS) {
+                compare_rivals(lanes[c].label);
+            }
+        }
+    }
+    for (unsigned c = 0; c < contestants; c++) {
+        qsort(lanes[c].times, repetitions, sizeof *lanes[c].times, compare_times);
+        printf("%s %.1f\n", lanes[c].label, lanes[c].times[repetitions / 2]);
     }
 }
 
@@ -192,14 +227,23 @@ int main(int count, char **arguments)
     const unsigned repetitions = count > 1 ? (unsigned)strtoul(arguments[1], NULL, 10) : 1u;
     const size_t sizes = count > 2 ? (size_t)strtoul(arguments[2], NULL, 10) : SIZE_COUNT;
     const size_t most = AEO_REGRESSOR_LENGTH_MAX;
+    const unsigned contestants = FAMILY_COUNT + RIVALS;
+    static lane_t lanes[CONTESTANTS_MAX];
+    if (contestants > CONTESTANTS_MAX || repetitions == 0u) {
+        fail("too many contestants, or no repetition");
+    }
     memory = allocate(most * most + most * 16);
-    z = allocate(SAMPLES * most);
-    y = allocate(SAMPLES * FAMILY_CHANNELS_MAX);
     window = allocate(4096);
-    for (size_t s = 0; s < sizes && s < SIZE_COUNT; s++) {
-        for (unsigned contestant = 0; contestant < FAMILY_COUNT + RIVALS; contestant++) {
-            run(contestant, s, repetitions);
+    for (unsigned c = 0; c < contestants; c++) {
+        lanes[c].z = allocate(SAMPLES * most);
+        lanes[c].y = allocate(SAMPLES * FAMILY_CHANNELS_MAX);
+        lanes[c].times = calloc(repetitions, sizeof *lanes[c].times);
+        if (lanes[c].times == NULL) {
+            fail("no memory");
         }
+    }
+    for (size_t s = 0; s < sizes && s < SIZE_COUNT; s++) {
+        run_size(s, lanes, contestants, repetitions);
     }
     return 0;
 }

@@ -10,8 +10,8 @@ import gate
 # Filters as firmware would hold them: words as the manuals promise, in numbers, so that a macro that grew is found, and
 # named there, so that the manual is; and settings. rls has n = 44, l = 4, the others r = 2, l = 3, p = 10.
 FILTERS = {
-    "rls": (44 * 45 // 2 + 44 * 4 + 2 * 44 + 4 * 4 + 2, "{44, 4, 1, 1, 0, 4}"),
-    "els": (80 * 81 // 2 + 80 * 3 + 2 * 80 + 4 * 3 + 2 + 5 * 3, "{80, 3, 10, 0, 500, 1, 1, 0, 1, 0, 4, 4}"),
+    "rls": (48 * (44 + 4 - 24) + 44 * 4 + 24 * 6 + 4 * 4 + 3, "{44, 4, 1, 1, 0, 4}"),
+    "els": (80 * (80 + 4 - 40) + 80 * 3 + 24 * 10 + 4 * 3 + 3 + 5 * 3, "{80, 3, 10, 0, 500, 1, 1, 0, 1, 0, 4, 4}"),
     "fast_rls": (50 * (4 * 5 + 3 + 5) + 3 * 25 + 7 * 5 + 4 * 3 + 8, "{10, 5, 3, 0, 0.999, 1, 10}"),
     "lattice": (1637, "{10, 5, 0, 3, 1, 1, 0, 4}"),
 }

@@ -57,7 +57,7 @@ GATE_DEFECTS = [
         "unused",
     ),
     Defect(
-        "compilers", "src/linalg.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
+        "compilers", "src/triangle.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
     ),
     Defect(
         "stack",
@@ -78,8 +78,8 @@ GATE_DEFECTS = [
     Defect(
         "memory",
         "include/aeolid/rls.h",
-        "(AEO_RLS_KEPT_WORDS(n, l) + 2u * (size_t)(n))",
-        "(AEO_RLS_KEPT_WORDS(n, l) + 3u * (size_t)(n))",
+        "(AEO_RLS_KEPT_WORDS(n, l) + AEO_RLS_WORK_WORDS(n))",
+        "(AEO_RLS_KEPT_WORDS(n, l) + AEO_RLS_WORK_WORDS(n) + 1u)",
         "refused",
     ),
     Defect(
@@ -105,7 +105,7 @@ GATE_DEFECTS = [
         'const char aeo_text[] = "' + "sixteen letters." * 60 + '";\n#define INNOVATION_MAX',
         "as linked",
     ),
-    Defect("memory", "include/aeolid/els.h", "3,669 words", "3,696 words", "does not say"),
+    Defect("memory", "include/aeolid/els.h", "4,030 words", "4,300 words", "does not say"),
     Defect("memory", "include/aeolid/fast_rls.h", "+ 3u * (size_t)(m))", "+ 4u * (size_t)(m))", "refused"),
     Defect(
         "targets powerpc",
@@ -121,7 +121,7 @@ GATE_DEFECTS = [
         "    find_innovation(self, z, y);\n    aeo_count_up(&self->count.updates);",
         "cortex_m4f is",
     ),
-    Defect("costs", "docs/results/costs.md", "1,272 words", "1,172 words", "costs.md is not"),
+    Defect("costs", "docs/results/costs.md", "1,491 words", "1,191 words", "costs.md is not"),
     Defect(
         "fuzz",
         "src/rls.c",
@@ -149,10 +149,11 @@ GATE_DEFECTS = [
 TEST_DEFECTS = [
     Defect(
         "rls",
-        "src/linalg.c",
-        "(alpha_new > *alpha) {\n        root_new = AEO_SQRT(alpha_new);\n        turn.c = *root / root_new * scale;",
-        "(1) {\n        root_new = AEO_SQRT(alpha_new);\n        turn.c = *alpha / (*root * root_new) * scale;",
+        "src/strips.c",
+        "(next > last) {\n            root_new = AEO_SQRT(next);\n            sums[j] = root / root_new * scale;",
+        "(1) {\n            root_new = AEO_SQRT(next);\n            sums[j] = last / (root * root_new) * scale;",
         "inflate",
+        ("-O2", "-DAEO_NO_VECTORS"),
     ),
     Defect(
         "rls",
@@ -162,12 +163,12 @@ TEST_DEFECTS = [
         "inflate",
         ("-O2", '-DAEO_CONFIG_HEADER="coarse_config.h"'),
     ),
-    Defect("contract_rls", "src/linalg.c", "c * s0 - k * b0", "c * s0 + k * b0", "law_equals_batch"),
+    Defect("contract_rls", "src/strips.c", "c *old - k * (part)", "c *old + k * (part)", "law_equals_batch"),
     Defect(
         "contract_rls",
         "src/rls.c",
-        "absorb(self, self->config.forgetting, self->inverse_root_forgetting)",
-        "absorb(self, self->config.forgetting, AEO_REAL(1))",
+        "quiet ? AEO_REAL(1) : self->inverse_root_forgetting);",
+        "AEO_REAL(1));",
         "law_equals_batch",
     ),
     Defect(

@@ -5,6 +5,7 @@ with its name. Every target is built with -ffp-contract=off, by two compilers, f
 a CRC-32 over theta and innovations of every filter at several sizes (tests/firmware/digest.c).
 """
 
+import platform
 import shutil
 import subprocess
 import sys
@@ -20,6 +21,7 @@ COMMON = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
 BARE = ["-ffreestanding", "-nostdlib", "-static", "-fuse-ld=lld", "-fno-pic", f"-I{FIRMWARE / 'bare'}"]
 MPS2 = ["-mthumb", "-mfloat-abi=hard", "-ffunction-sections", "-Wl,--gc-sections", "-nostartfiles"]
 MPS2 += [f"-T{FIRMWARE / 'mps2.ld'}"]
+WIDE = "-mavx" if platform.machine() in ("x86_64", "AMD64") else "-DNDEBUG"  # vectors of 32 bytes, where there are any
 SYSTEM = ["-display", "none", "-serial", "none", "-monitor", "none", "-semihosting-config", "enable=on,target=native"]
 COUNTING = ["-icount", "shift=6"]  # every instruction takes 64 ns, so that SysTick counts instructions
 
@@ -48,6 +50,12 @@ def clang(triple: str, *flags: str) -> list[str]:
 
 TARGETS = {
     "pc": Target(["gcc"], "pc.c", [], ("float", "double"), ("-lm",)),
+    # the same processor in other forms: no vectors, wider ones, another compiler, other levels (the last one counts)
+    "pc-scalar": Target(["gcc", "-DAEO_NO_VECTORS"], "pc.c", [], ("float", "double"), ("-lm", "-O0")),
+    "pc-small": Target(["gcc", "-DAEO_NO_VECTORS"], "pc.c", [], ("float", "double"), ("-lm", "-Os")),
+    "pc-wide": Target(["gcc", WIDE], "pc.c", [], ("float", "double"), ("-lm", "-O3")),
+    "pc-clang": Target(["clang"], "pc.c", [], ("float", "double"), ("-lm", "-Os")),
+    "pc-clang-wide": Target(["clang", WIDE], "pc.c", [], ("float", "double"), ("-lm", "-O3")),
     "cortex-m4f": Target(
         ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", *MPS2],
         "mps2.c",

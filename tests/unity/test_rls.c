@@ -3,6 +3,7 @@
 #include "linalg.h"
 #include "samples.h"
 #include "saved.h"
+#include "strips.h"
 #include "unity.h"
 
 #include <math.h>
@@ -51,13 +52,13 @@ static void feed(double amplitude)
 
 static double variance(size_t i)
 {
-    return (double)aeo_linalg_row_norm2(rls.factor, N, i, NULL);
+    return (double)aeo_strips_norm2(rls.factor, N, i);
 }
 
 static void words_are_known_at_compile_time(void)
 {
-    TEST_ASSERT_EQUAL_UINT(1272, AEO_RLS_WORDS(44, 4));
-    TEST_ASSERT_EQUAL_UINT(8512, AEO_RLS_WORDS(124, 4));
+    TEST_ASSERT_EQUAL_UINT(1491, AEO_RLS_WORDS(44, 4));
+    TEST_ASSERT_EQUAL_UINT(9091, AEO_RLS_WORDS(124, 4));
 }
 
 static void covariance_matches_the_conventional_recursion(void)
@@ -356,8 +357,16 @@ static void restore_names_what_is_wrong(void)
     saved[23] = N; /* scan row at n */
     TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
     saved[23] = 0;
-    saved[AEO_RLS_SAVED_HEAD] = AEO_REAL(0); /* first diagonal entry of the factor */
-    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
+    /* before the first diagonal entry of the factor, which stands in row 2 of its strip, are zeros */
+    const aeo_real_t good[3] = {saved[AEO_RLS_SAVED_HEAD], saved[AEO_RLS_SAVED_HEAD + 1],
+                                saved[AEO_RLS_SAVED_HEAD + 2]};
+    const aeo_real_t wrong[3] = {AEO_REAL(1e-3), AEO_REAL(-1e-3), AEO_REAL(0)};
+    for (size_t i = 0; i < 3; i++) {
+        saved[AEO_RLS_SAVED_HEAD + i] = wrong[i];
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, restore_sealed(saved));
+        saved[AEO_RLS_SAVED_HEAD + i] = good[i];
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, restore_sealed(saved));
 }
 
 static void saved_head_is_counted_right(void)
@@ -366,7 +375,7 @@ static void saved_head_is_counted_right(void)
     static aeo_real_t saved[SAVED];
     start(1, 0, 4);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(&rls, saved, SAVED));
-    TEST_ASSERT_EQUAL_MEMORY(rls.factor, saved + AEO_RLS_SAVED_HEAD, sizeof *saved * N * (N + 1) / 2);
+    TEST_ASSERT_EQUAL_MEMORY(rls.factor, saved + AEO_RLS_SAVED_HEAD, sizeof *saved * AEO_RLS_FACTOR_WORDS(N));
 }
 
 static void health_is_sticky_until_cleared(void)
@@ -393,14 +402,20 @@ static void invariants_notice_damage(void)
 {
     start(0.99, 0, 100);
     feed(1.0);
-    const aeo_real_t good = rls.factor[0];
-    rls.factor[0] = AEO_REAL(0);
+    aeo_real_t *const diagonal = rls.factor + aeo_strips_pad(N);
+    const aeo_real_t good = *diagonal;
+    *diagonal = AEO_REAL(0);
     TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
-    rls.factor[0] = make_not_finite(0);
+    *diagonal = make_not_finite(0);
     TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
-    rls.factor[0] = AEO_REAL(21); /* variance 441 > 4 * 100 */
+    *diagonal = AEO_REAL(21); /* variance 441 > 4 * 100 */
     TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
-    rls.factor[0] = good;
+    *diagonal = good;
+    for (size_t above = 1; above <= aeo_strips_pad(N); above++) { /* zeros of the strip, not S */
+        diagonal[-(int)above] = AEO_REAL(1e-3);
+        TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+        diagonal[-(int)above] = AEO_REAL(0);
+    }
     TEST_ASSERT_TRUE(aeo_rls_invariants_hold(&rls));
     rls.theta[3] = make_not_finite(2);
     TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
