@@ -44,7 +44,13 @@ def prepared_of(folder: Path) -> Prepared:
 @pytest.mark.parametrize(
     ("hidden", "size", "says", "number"),
     [
-        ("bend", -0.15, "what acts like push that follows push along a curve, bent most at ([-0-9.]+) N", None),
+        pytest.param(
+            "bend",
+            -0.15,
+            "what acts like push that follows push along a curve, bent most at ([-0-9.]+) N",
+            None,
+            marks=pytest.mark.nightly,  # fifty seconds, three times as long as the next one
+        ),
         ("shake", 0.03, "a force at state:v that swings at ([0-9.]+) Hz times the position", 0.37),
         ("teeth", 2.5, "a force at state:v that repeats every ([0-9.]+) of the position", 0.05),
         (

@@ -15,9 +15,11 @@ from small_cases import write_case
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.hypotheses.parts.base import Site
 from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
 from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.selection.first_effect import _settled
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.signals import balances_forces, motions_of_signals, static_outputs
 from aeolid.models import equations_file
@@ -212,3 +214,33 @@ def test_friction_that_a_recorded_force_shows_is_named(tmp_path: Path) -> None:
         (effect,) = said["effects"]
         assert effect["id"] == "coulomb_friction"
         assert effect["parameters"]["force_N"]["value"] == pytest.approx(friction, rel=0.1)
+
+
+@pytest.mark.parametrize("late", [0.6, pytest.param(1.0, marks=pytest.mark.nightly)])
+def test_rows_that_are_late_by_up_to_a_sample_are_no_finding(late: float, tmp_path: Path) -> None:
+    """A law without states says nothing of instants, but what a habit of the logger does has no name either."""
+    model = LAW.format(inputs='[[input]]\nname = "shaft_speed"\nunit = "deg/s"\n', equation="-k*shaft_speed")
+    rng, t = np.random.default_rng(11), STEP * np.arange(ROWS)
+    w, phase = 2 * np.pi * rng.uniform(0.1, 2.0, 7), rng.uniform(0, 6, 7)
+    now, then = (np.cos(np.outer(t - d * STEP, w) + phase).sum(axis=1) for d in (0.0, late))
+    channels = (("shaft_speed", "deg/s", "input"), ("load", "N", "output"))
+    rows = np.column_stack([now, -2.0 * then + 0.01 * rng.standard_normal(ROWS)])
+    case = load_case(write_case(tmp_path, model, STEP, channels, rows))
+    assert not diagnose(study(case, sham=0, seed=1, progress=lambda text, share: None))["effects"]
+
+
+def test_a_habit_of_the_logger_is_one_in_the_selection_data_too(tmp_path: Path) -> None:
+    """Rows that are late in the data of the fit alone: a damper's hysteresis was taken for that, and was gone."""
+    model = LAW.format(inputs='[[input]]\nname = "shaft_speed"\nunit = "deg/s"\n', equation="-k*shaft_speed")
+    rng, t = np.random.default_rng(11), STEP * np.arange(ROWS)
+    w, phase = 2 * np.pi * rng.uniform(0.1, 2.0, 7), rng.uniform(0, 6, 7)
+    channels = (("shaft_speed", "deg/s", "input"), ("load", "N", "output"))
+    noise, plain = 0.01 * rng.standard_normal(ROWS), []
+    for until in (0.0, 0.5, 1.0):  # share of the rows that are late
+        late = 0.6 * STEP * (np.arange(ROWS) < until * ROWS)
+        now, then = (np.cos(np.outer(t - d, w) + phase).sum(axis=1) for d in (0.0 * t, late))
+        folder = tmp_path / f"{until:g}"
+        folder.mkdir()
+        case = load_case(write_case(folder, model, STEP, channels, np.column_stack([now, -2.0 * then + noise])))
+        plain.append(_settled(case, None, unlimited()).sampling.is_plain)
+    assert plain == [True, True, False]

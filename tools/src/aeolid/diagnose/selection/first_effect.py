@@ -32,6 +32,7 @@ from aeolid.errors import NotIdentifiable
 Array = NDArray[np.float64]
 _SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
 _TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
+_LOST = 2.0  # nats, two deviations: what a reading of the inputs may lose on the selection data
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
 _FITTING = 1  # more of them, which gain more than the last of these on the fit data
@@ -75,17 +76,33 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
     short = max(-sampling.gain, 0.0)  # nats that a plainer reading was allowed to be less likely
     if again.winner is None or again.winner.fit.log_posterior < found.winner.fit.log_posterior - short:
         return found
-    return again
+    lost = float(
+        _select_density(found.winner, found.prepared).sum() - _select_density(again.winner, again.prepared).sum()
+    )
+    return found if lost > short + _LOST else again
+
+
+def _select_density(candidate: Candidate, prepared: Prepared) -> Array:
+    """Return the log-density of each sample of the selection data with an effect."""
+    density: Array = select_density(prepared) + candidate.select_difference
+    return density
 
 
 def _settled(case: Case, most: int | None, deadline: Deadline) -> Prepared:
-    """Return the stage, its inputs read as the likelihood of the baseline has it."""
+    """Return the stage, its inputs read as the likelihood of the baseline has it.
+
+    A habit of the logger is one in the selection data, too. A damper's hysteresis, whose force leads the motion, made
+    rows 0.72 samples late, 1,352 nats on the fit data, 777 worse on the selection data, and behind that it was gone.
+    """
     prepared = prepare(case, most, deadline)
     sampling = None if deadline.skips("how inputs go on between samples") else settle(case, prepared)
     if sampling is None:
         return prepared
     again = prepare(case, most, deadline, sampling)
-    return again if again.fit.log_posterior > prepared.fit.log_posterior else prepared
+    if again.fit.log_posterior <= prepared.fit.log_posterior:
+        return prepared
+    lost = float(select_density(prepared).sum() - select_density(again).sum())
+    return prepared if lost > _LOST else again
 
 
 def _look(
