@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,11 +14,12 @@ import can
 import numpy as np
 import pytest
 
+from aeolid.can import source
 from aeolid.can.logs import open_log
 from aeolid.can.reception import Reception, time_on_bus
 from aeolid.can.reconnect import PAUSE_FIRST_S, PAUSE_MAX_S, ReconnectingSource
 from aeolid.can.runs import RunRecorder
-from aeolid.can.source import BusSource
+from aeolid.can.source import BusSource, open_source
 from aeolid.can.wire import (
     BASE,
     DESCRIPTION,
@@ -268,3 +271,26 @@ def test_watchers_hear_of_the_end_before_files_are_closed(tmp_path: Path, monkey
     monkeypatch.setattr(receiving, "_close_all", lambda *a: (told.append("bus and files closed"), close_all(*a)))
     assert main(["listen", "--bus", str(STREAM), "--record", str(tmp_path / "r.csv"), "--no-modes"]) == 0
     assert told == ["over", "bus and files closed", "view closed"]
+
+
+def test_a_node_may_begin_to_serve_its_port_after_its_listener(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both started in one line of a tutorial: whichever is first, they meet; a port that nobody serves is told."""
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+    text, said = f"slcan:socket://127.0.0.1:{port}", []
+
+    def serve() -> None:
+        while not said:
+            time.sleep(0.01)
+        with socket.create_server(("127.0.0.1", port)) as server:
+            server.accept()[0].close()
+
+    node = threading.Thread(target=serve, daemon=True)
+    node.start()
+    open_source(text, notice=said.append).close()
+    node.join(60)
+    assert len(said) == 1 and "nobody serves" in said[0]
+    monkeypatch.setattr(source, "PATIENCE_S", 0.3)
+    with pytest.raises(DataError, match="cannot be opened"):
+        open_source(text)

@@ -14,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import tomllib
 from pathlib import Path
 
@@ -62,16 +63,20 @@ def run(text: str, folder: Path) -> tuple[int, str]:
     own = {"AEOLID": str(ROOT), "PATH": f"{tools}:{os.environ['PATH']}", "COLUMNS": "100", "MPLBACKEND": "Agg"}
     if shutil.which("ninja"):
         own["CMAKE_GENERATOR"] = "Ninja"  # a machine without make is none of the reader's
-    with subprocess.Popen(
-        ["sh", "-c", text], cwd=folder, env=os.environ | own, text=True, start_new_session=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-    ) as process:  # fmt: skip
+    with (
+        tempfile.TemporaryFile("w+") as said,  # no pipe: what a failed page leaves in the background would hold it open
+        subprocess.Popen(
+            ["sh", "-c", text], cwd=folder, env=os.environ | own, text=True, start_new_session=True,
+            stdin=subprocess.DEVNULL, stdout=said, stderr=subprocess.STDOUT,
+        ) as process,
+    ):  # fmt: skip
         try:
-            said, _ = process.communicate(timeout=3600)
+            process.wait(timeout=3600)
         finally:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
-    return process.returncode, said
+        said.seek(0)
+        return process.returncode, said.read()
 
 
 @pytest.mark.slow
@@ -163,3 +168,9 @@ def test_files_shown_are_those_the_example_writes(tmp_path: Path) -> None:
             assert tomllib.loads(block.text) == tomllib.loads(path.read_text()), block.place
             shown += 1
     assert shown >= 5
+
+
+def test_a_page_that_fails_leaves_nothing_behind_and_ends(tmp_path: Path) -> None:
+    """A node in the background that nobody meets any more held the test for an hour."""
+    code, said = run("set -e\nsleep 3000 &\necho before\nfalse\necho after", tmp_path)
+    assert (code, said) == (1, "before\n")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +19,12 @@ from aeolid.can.wire import Frames, no_frames
 from aeolid.errors import DataError, UsageError
 
 BATCH = 4096
+PATIENCE_S = 20.0  # for a port of this machine that nobody serves yet: its program may be starting
 STRANGE_S = 3600.0  # a stamp farther from the host's clock counts from somewhere else: from when the adapter started
+
+
+class _NotServed(DataError):
+    """Say that nobody serves the port of this machine that a bus names."""
 
 
 class Source(Protocol):
@@ -47,11 +53,12 @@ class Source(Protocol):
 _TABLES = (".csv", ".out", ".outb", ".mat", ".npz", ".xlsx", ".h5", ".tdms", ".sel")
 
 
-def open_source(text: str, *, reconnect: bool = False) -> Source:
+def open_source(text: str, *, reconnect: bool = False, notice: Callable[[str], None] | None = None) -> Source:
     """Open `interface:channel[?key=value&…]` of python-can, or a CAN log by its path.
 
     Examples: slcan:socket://127.0.0.1:29536, slcan:/dev/pts/3, socketcan:can0?bitrate=500000, recording.blf.
-    reconnect: a bus that breaks off is opened again until it works; the first time it must.
+    reconnect: a bus that breaks off is opened again until it works; the first time it must. A port of this machine may
+    be served late, by a node that was started just before: it is tried for 20 s, and `notice` told so.
     Raises UsageError for a text that names no interface, DataError when bus or file cannot be opened.
     """
     if Path(text).suffix.lower() in _TABLES or text.lower().endswith(".csv.gz"):
@@ -65,11 +72,15 @@ def open_source(text: str, *, reconnect: bool = False) -> Source:
     if not found:
         raise UsageError(f"--bus {text}: interface:channel or a log file (.blf, .asc, .log, .mf4, .parquet) is needed")
     interface, channel, options = found[1], found[2], _options(text, found[3])
+    first = BusSource(text, _open_patiently(text, interface, channel, options, notice))
     if not reconnect:
-        return BusSource(text, _open_bus(text, interface, channel, options))
+        return first
     from aeolid.can.reconnect import ReconnectingSource
 
-    return ReconnectingSource(text, lambda: BusSource(text, _open_bus(text, interface, channel, options)))
+    ready = [first]
+    return ReconnectingSource(
+        text, lambda: ready.pop() if ready else BusSource(text, _open_bus(text, interface, channel, options))
+    )
 
 
 def _options(text: str, part: str | None) -> dict[str, Any]:
@@ -84,6 +95,30 @@ def _options(text: str, part: str | None) -> dict[str, Any]:
         else:
             options[key] = int(value, 0) if re.fullmatch(r"-?\d+|0x[0-9a-fA-F]+", value) else value
     return options
+
+
+def _open_patiently(
+    text: str, interface: str, channel: str, options: dict[str, Any], notice: Callable[[str], None] | None
+) -> Any:
+    """Open a bus; a port of this machine that nobody serves yet is tried again for a while."""
+    until, told = time.monotonic() + PATIENCE_S, False
+    while True:
+        try:
+            return _open_bus(text, interface, channel, options)
+        except _NotServed:
+            if time.monotonic() > until:
+                raise
+            if notice is not None and not told:
+                notice(f"{text}: nobody serves this port yet; tried again for {PATIENCE_S:g} s")
+            told = True
+            time.sleep(0.1)
+
+
+def _was_refused(error: BaseException | None) -> bool:
+    """Tell whether an error comes of a port that nobody serves."""
+    while error is not None and not isinstance(error, ConnectionRefusedError):
+        error = error.__context__
+    return error is not None
 
 
 def _open_bus(text: str, interface: str, channel: str, options: dict[str, Any]) -> Any:
@@ -103,7 +138,9 @@ def _open_bus(text: str, interface: str, channel: str, options: dict[str, Any]) 
             return BulkSocketcanBus(channel, **options)
         return can.Bus(interface=interface, channel=channel, **options)
     except Exception as error:  # each interface raises its own kinds
-        raise DataError(f"{text}: the bus cannot be opened: {reason_of(error)}") from None
+        ours = re.search(r"//(localhost|127\.[\d.]+|\[::1\])[:/]", channel)
+        kind = _NotServed if ours and _was_refused(error) else DataError
+        raise kind(f"{text}: the bus cannot be opened: {reason_of(error)}") from None
 
 
 class BusSource:

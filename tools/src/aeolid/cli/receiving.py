@@ -109,7 +109,8 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     _check(w)
     _check_modes(w)
     identifiers = read_base(w.base) if w.node_id is None else check_address(w.base, w.node_id)
-    source = open_source(w.bus, reconnect=not w.until_end if w.reconnect is None else w.reconnect)
+    again = not w.until_end if w.reconnect is None else w.reconnect
+    source = open_source(w.bus, reconnect=again, notice=_say)
     try:
         w = _declared(w, source.is_log)
     except UsageError:
@@ -135,6 +136,10 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
                 output.record_written(grown)
         nodes = [n for n in reception.assembly.nodes.values() if w.node_id is None or n.number == w.node_id]
         _finish(reception, nodes, reason, (w.markov, follower, w.poles), w.json, w.until_end)
+
+
+def _say(text: str) -> None:
+    progress_console.print(f"aeolid: {text}", soft_wrap=True, markup=False)
 
 
 def _declared(w: Wanted, is_log: bool) -> Wanted:
