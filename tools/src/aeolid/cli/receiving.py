@@ -139,7 +139,7 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
 
 
 def _say(text: str) -> None:
-    progress_console.print(f"aeolid: {text}", soft_wrap=True, markup=False)
+    progress_console.print(text, soft_wrap=True, markup=False)
 
 
 def _declared(w: Wanted, is_log: bool) -> Wanted:
