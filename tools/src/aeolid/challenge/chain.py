@@ -26,8 +26,8 @@ class Chain:
 
     analogue: inputs are band-limited and sampled; corner: of the filters over the rate, 0: none; bits: of the
     converters, 0: exact; jitter, offset: of the outputs' instants, in samples; colour: size of coloured noise over that
-    of white, of `memory` samples; lost: rows that are missing; still: first and last share of the recording in which the
-    commands rest; rough: size of an unmeasured force over the nominal.
+    of white, of `memory` samples; lost: rows that are missing; still: first and last share of the recording in which
+    the commands rest; rough: size of an unmeasured force over the nominal.
     """
 
     analogue: bool = False
@@ -50,9 +50,10 @@ def draw_chain(rng: np.random.Generator) -> Chain:
     begin = float(rng.uniform(0.1, 0.6))
     still = (begin, begin + float(rng.uniform(0.03, 0.08))) if rng.random() < 0.5 else (0.0, 0.0)
     return Chain(
-        analogue=bool(rng.random() < 0.5), corner=float(rng.uniform(0.3, 0.42)), bits=int(rng.choice([12, 14, 16])),
-        jitter=float(rng.uniform(0.002, 0.01)), offset=float(rng.uniform(-0.3, 0.3)), colour=float(rng.uniform(0.3, 1.0)),
-        memory=float(rng.uniform(5, 40)), lost=int(rng.integers(2, 8)), still=still, rough=float(rng.uniform(0.5, 1.5)),
+        analogue=bool(rng.random() < 0.5), corner=float(rng.uniform(0.38, 0.45)), bits=int(rng.choice([12, 14, 16])),
+        jitter=float(rng.uniform(0.002, 0.01)), offset=float(rng.uniform(-0.3, 0.3)),
+        colour=float(rng.uniform(0.3, 1.0)), memory=float(rng.uniform(5, 40)), lost=int(rng.integers(2, 8)),
+        still=still, rough=float(rng.uniform(0.5, 1.5)),
     )  # fmt: skip
 
 
@@ -72,7 +73,8 @@ def anti_alias(chain: Chain, fine: Array, every: int) -> Array:
     """Return signals at every fine step behind the filter."""
     if not chain.corner:
         return fine
-    return _settled(*butter(2, chain.corner, fs=every), fine)
+    top, bottom = butter(2, chain.corner, fs=every)
+    return _settled(top, bottom, fine)
 
 
 def _settled(top: Array, bottom: Array, x: Array) -> Array:

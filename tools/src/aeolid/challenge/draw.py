@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def draw_all(cases: int, seed: int) -> list[tuple[str, tuple[Item, ...], int]]:
     """Return class, effects and seed of every case; single effects take turns by family and by entry."""
     rng = np.random.default_rng([seed, 0])
     chosen = sorts(cases, rng)
-    singly, foreign, faulty, never = (_turns(f(), rng) for f in (singles, outside, faults, unreachable))
+    singly, foreign, faulty, never = (Turns(f(), rng) for f in (singles, outside, faults, unreachable))
     found: list[tuple[str, tuple[Item, ...], int]] = []
     for number, sort in enumerate(chosen):
         own = seed * 100_003 + number + 1
@@ -78,15 +79,25 @@ def draw_all(cases: int, seed: int) -> list[tuple[str, tuple[Item, ...], int]]:
     return found
 
 
-def _turns(items: Sequence[Item], rng: np.random.Generator) -> _Turns:
-    return _Turns(items, rng)
+class Hidden(Protocol):
+    """Name what any effect has: its plant, the names that are right, and what it is."""
+
+    @property
+    def plant(self) -> str: ...
+    @property
+    def accepted(self) -> tuple[str, ...]: ...
+    @property
+    def what(self) -> str: ...
 
 
-class _Turns:
+T = TypeVar("T", bound=Hidden)
+
+
+class Turns(Generic[T]):
     """Give out items: families by turns, within a family ids by turns, within an id plants by turns."""
 
-    def __init__(self, items: Sequence[Item], rng: np.random.Generator) -> None:
-        groups: dict[str, dict[str, list[Item]]] = defaultdict(lambda: defaultdict(list))
+    def __init__(self, items: Sequence[T], rng: np.random.Generator) -> None:
+        groups: dict[str, dict[str, list[T]]] = defaultdict(lambda: defaultdict(list))
         for i in rng.permutation(len(items)):
             name = items[i].accepted[0] if items[i].accepted else items[i].what
             groups[family_of(name) if items[i].accepted else items[i].plant][name].append(items[i])
@@ -94,7 +105,7 @@ class _Turns:
         self.order = [self.order[i] for i in rng.permutation(len(self.order))]
         self.given = 0
 
-    def __call__(self) -> Item:
+    def __call__(self) -> T:
         group = self.order[self.given % len(self.order)]
         turn = self.given // len(self.order)
         self.given += 1
@@ -102,7 +113,7 @@ class _Turns:
         return same[(turn // len(group)) % len(same)]
 
 
-def _sized(turns: _Turns) -> Item:
+def _sized(turns: Turns[Item]) -> Item:
     return next(i for i in iter(turns, None) if not i.fixed)
 
 

@@ -1,7 +1,7 @@
 """Simulate rigs by a rigid-body engine of another maker (MuJoCo): not our integrator, and not our forms of effects.
 
-Todorov, Erez, Tassa (2012). Frictions and end stops are constraints that its solver fulfils at every step; drives that lag
-or come late, sensors that clip, springs with slack are the engine's own, too.
+Todorov, Erez, Tassa (2012). Frictions and end stops are constraints that its solver fulfils at every step; drives that
+lag or come late, sensors that clip, springs with slack are the engine's own, too.
 """
 
 from __future__ import annotations
@@ -65,11 +65,12 @@ def motor(
     at: str, *, gain: float, gear: float = 1.0, bias: str = "", lag: float = 0.0, late: float = 0.0, most: float = 0.0,
     step_s: float = 0.0,
 ) -> str:  # fmt: skip
-    """Return a drive of force gain × (what is left of its command) + bias; late: the dead time, a whole number of steps."""
+    """Return a drive of force gain × (what is left of its command) + bias; late: the dead time, whole steps."""
     told = f'<general name="{at}_drive" joint="{at}" gear="{gear!r}" gainprm="{gain!r}"'
     told += f' biastype="affine" biasprm="{bias}"' if bias else ""
     told += f' dyntype="filterexact" dynprm="{lag!r}"' if lag else ""
-    told += f' delay="{late!r}" nsample="{round(late / step_s * FINE) + 2}"' if late else ""
+    steps = round(late / step_s * FINE) if late else 0  # half a step less: what was due then is held, whatever rounding
+    told += f' delay="{(steps - 0.5) * step_s / FINE!r}" nsample="{steps + 2}"' if steps else ""
     told += f' ctrllimited="true" ctrlrange="{-most!r} {most!r}"' if most else ' ctrllimited="false"'
     return told + "/>"
 

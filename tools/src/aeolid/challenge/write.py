@@ -8,37 +8,45 @@ import io
 import json
 import re
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aeolid import output
+from aeolid.challenge import engine, foreign, foreign_files
 from aeolid.challenge.draw import DECIDABLE, Draw, build, draw_all, place
 from aeolid.challenge.families import family_of
 from aeolid.challenge.items import WAYS
 from aeolid.challenge.plants import Plant, Setup, simulate
+from aeolid.challenge.tables import write_file, write_roles, write_table
 from aeolid.challenge.worth import core_of, discrete, linearise
 from aeolid.errors import DataError, UsageError
 from aeolid.inputs import read_bounded
 from aeolid.text_files import MOST_JSON, load_json, parse_json
 
 ANSWERS, SEAL = "answers.json.gz", "seal.json"
-VERSION = 4  # of the generator: the same seed makes the same bytes within one version
+VERSION = 5  # of the generator: the same seed makes the same bytes within one version
 Notice = Callable[[int, int], None]
 Facts = dict[str, Any]
+Plan = Iterator[tuple[Callable[[Path], None], Callable[[], Facts]]]  # what writes a case, and what tells its answer
 TITLES = {"spring": "mass on a spring", "shaft": "motor and load", "tanks": "two tanks", "heater": "heated block",
           "turbine": "turbine above rated"}  # fmt: skip
 
 
-def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | None = None) -> Facts:
+def make(
+    folder: Path, *, cases: int, seed: int, samples: int, physics: str = "own", notice: Notice | None = None
+) -> Facts:  # fmt: skip
     """Write case directories, answers and seal; returns the seal.
 
-    The same arguments write the same bytes. Raises UsageError where the folder holds anything already.
+    physics: of our plants ("own") or of rigs that another maker's engine simulates ("foreign"). The same arguments
+    write the same bytes. Raises UsageError where the folder holds anything already, or the engine is not installed.
     """
     tell = notice or (lambda done, of: None)
+    plan = PLANS[physics](cases, seed, samples)
     try:
         output.make_folder(folder)
         if any(folder.iterdir()):
@@ -46,13 +54,12 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
         answers: dict[str, Facts] = {}
         hashes: dict[str, str] = {}
         tell(0, cases)
-        for number, (sort, items, own) in enumerate(draw_all(cases, seed), 1):
+        for number, (put, answer) in enumerate(plan, 1):
             name = f"case-{number:04d}"
-            draw = build(sort, items, own, samples)
-            write_case(folder / name, draw, samples)
-            answers[name], hashes[name] = answer_of(draw, samples), hash_of(folder / name)
+            put(folder / name)
+            answers[name], hashes[name] = answer(), hash_of(folder / name)
             tell(number, cases)
-        settings = {"version": VERSION, "seed": seed, "samples": samples, "cases": cases}
+        settings = {"version": VERSION, "physics": physics, "seed": seed, "samples": samples, "cases": cases}
         text = json.dumps({"settings": settings, "answers": answers}, indent=1, sort_keys=True)
         with output.replacing(folder / ANSWERS, own=True) as handle:
             handle.write(gzip.compress(text.encode(), mtime=0))
@@ -61,6 +68,26 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: cannot be written ({error.strerror or error})") from None
     return seal
+
+
+def _own(cases: int, seed: int, samples: int) -> Plan:
+    for sort, items, own in draw_all(cases, seed):
+        draw = build(sort, items, own, samples)
+        yield partial(write_case, draw=draw, samples=samples), partial(answer_of, draw, samples)
+
+
+def _foreign(cases: int, seed: int, samples: int) -> Plan:
+    engine.require_engine()
+
+    def plan() -> Plan:
+        for case in foreign.draw_cases(cases, seed, samples):
+            yield (partial(foreign_files.write_case, case=case, samples=samples),
+                   partial(foreign_files.answer_of, case, samples))  # fmt: skip
+
+    return plan()
+
+
+PLANS: dict[str, Callable[[int, int, int], Plan]] = {"own": _own, "foreign": _foreign}
 
 
 def sha256(path: Path) -> str:
@@ -116,9 +143,8 @@ def write_case(case: Path, draw: Draw, samples: int) -> None:
     setup = place(draw, draw.strength)
     columns = simulate(setup, samples, draw.seed)
     channels = _channels(setup)
-    _write_table(case / "recording.csv", columns, channels)
-    rows = [f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, _, u, r in channels]
-    _write(case / "roles.toml", '[recording]\ntime = "time_s"\n' + "".join(rows))
+    write_table(case / "recording.csv", columns, channels)
+    write_roles(case / "roles.toml", channels)
     context = dict(setup.plant.context)
     if any(c[0] == "wave" for c in channels):
         context["offshore"] = True
@@ -127,7 +153,7 @@ def write_case(case: Path, draw: Draw, samples: int) -> None:
     lines += ['roles = "roles.toml"', "[baseline]", f'kind = "{draw.kind}"', f'file = "{file}"']
     lines += ["same_inputs = false"] if draw.kind == "run" else []
     lines += ["[context]", *(f"{k} = {json.dumps(v)}" for k, v in context.items())]
-    _write(case / "case.toml", "\n".join(lines) + "\n")
+    write_file(case / "case.toml", "\n".join(lines) + "\n")
 
 
 def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
@@ -142,28 +168,16 @@ def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
     return found + [other[r] for r in setup.roles]
 
 
-def _write_table(path: Path, columns: Mapping[str, Any], channels: list[tuple[str, str, str, str]]) -> None:
-    table = np.column_stack([columns["time_s"], *(columns[c] for _, c, _, _ in channels)])
-    lines = [",".join(["time_s", *(n for n, _, _, _ in channels)])]
-    lines += [",".join(f"{x:.8g}" for x in row) for row in table]
-    _write(path, "\n".join(lines) + "\n")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file of a case: no account is kept beside it, the folder is new and its answers are sealed."""
-    output.write_text(path, text, durable=False, own=True)
-
-
 def _write_baseline(
     case: Path, draw: Draw, setup: Setup, channels: list[tuple[str, str, str, str]], samples: int
 ) -> str:  # fmt: skip
     if draw.kind == "run":  # the same machine without what is hidden, in another wind
-        _write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
+        write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
         return "simulation.csv"
     if draw.kind == "equations":
-        _write(case / "model.toml", setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory))
+        write_file(case / "model.toml", setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory))
         return "model.toml"
-    _write(case / "model.json", json.dumps(state_space(setup), indent=1) + "\n")
+    write_file(case / "model.json", json.dumps(state_space(setup), indent=1) + "\n")
     return "model.json"
 
 
