@@ -20,9 +20,10 @@ from aeolid.challenge.foreign import MATTERS, Case, draw_cases, moves, record, s
 from aeolid.challenge.march import levels
 from aeolid.challenge.rig_menu import effects, outside
 from aeolid.challenge.rigs import RIGS, Rig, Values
+from aeolid.challenge.rigs_static import ALL, STATIC
 from aeolid.challenge.write import ANSWERS, make, open_answers
 from aeolid.cli.main import main
-from aeolid.errors import UsageError
+from aeolid.errors import DataError, UsageError
 
 pytest.importorskip("mujoco", reason="the extra challenge is not installed")
 Array = NDArray[np.float64]
@@ -73,6 +74,34 @@ def test_without_an_effect_the_engine_and_the_written_model_agree(rig: Rig) -> N
     most = 2 * np.max(np.abs(np.diff(fine, axis=0)), axis=0)
     away = np.abs(solve(rig.model(rig.values, {}, {}), u, rig.drive.name, rig.step_s) - fine[::FINE])
     assert np.all(away.max(axis=0) <= most)
+
+
+@pytest.mark.parametrize("rig", STATIC.values(), ids=list(STATIC))
+def test_forces_of_imposed_motions_are_in_balance(rig: Rig) -> None:
+    """What the servo gives is the written law; the damper's law has no inertia, and its rod and piston are 0.3 kg."""
+    case = Case("null", rig, (), (), NONE, 7)
+    seen = record(case, 400)
+    told = tomllib.loads(rig.model(rig.values, {}, {}))
+    law = {k: v["value"] for k, v in told["parameters"].items()} | {"sin": np.sin} | seen
+    output = told["output"][0]
+    rest = seen[output["name"]] - eval(output["equation"], {}, law)
+    inertia = rig.values["mass"] * np.gradient(seen["speed"], rig.step_s) if rig.name == "damper" else 0.0
+    noise = np.std([o.noise for o in rig.outputs if o.role == "output"]) + rig.outputs[2].noise
+    assert not told.get("state") and np.std(rest - inertia) < 0.02 * np.std(seen[output["name"]]) + 3 * noise
+    held = {**rig.values, "dry": 0.1 * float(np.std(seen[output["name"]]))}
+    motion = np.linspace(0.0, 0.5 * rig.swing, 200 * FINE)[:, None]
+    up = engine.simulate(rig.write(held), np.zeros(1), motion) - engine.simulate(
+        rig.write(rig.values), np.zeros(1), motion
+    )
+    assert np.mean(up[100 * FINE :, 2]) == pytest.approx(held["dry"], rel=0.02)
+
+
+def test_a_rig_that_runs_away_is_refused_and_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rig = STATIC["damper"]
+    with pytest.raises(DataError, match="runs away"):
+        engine.simulate(rig.write({**rig.values, "mass": 1e-4}), np.zeros(1), np.full((500, 1), 0.01))
+    assert not list(tmp_path.iterdir())
 
 
 @RIG
@@ -161,7 +190,7 @@ def test_a_dead_time_is_as_long_as_it_says_and_a_lag_has_its_moment() -> None:
 def test_rigs_and_effects_are_as_promised() -> None:
     known = {i for ids in FAMILIES.values() for i in ids}
     listed = effects()
-    assert {e.plant for e in listed} == set(RIGS) and len(RIGS) == 6
+    assert {e.plant for e in listed} == set(ALL) and len(RIGS) == 6
     assert {i for e in listed for i in e.accepted} <= known and all(not e.accepted for e in outside())
     for cases in (12, 20, 60):
         drawn = sorts(cases, np.random.default_rng(0))
@@ -259,4 +288,4 @@ def test_recordings_of_one_case_are_alike_and_yet_not_the_same() -> None:
     case = next(c for c in draw_cases(6, 2, 1000) if c.sort == "null")
     first, second = record(case, 300, 0), record(case, 300, 1)
     assert first.keys() == second.keys() and len(first["time_s"]) < 300
-    assert not np.array_equal(first[case.rig.drive.name][:50], second[case.rig.drive.name][:50])
+    assert not np.array_equal(first[case.rig.outputs[1].name][:50], second[case.rig.outputs[1].name][:50])

@@ -69,6 +69,12 @@ def drive_signal(chain: Chain, levels: Array, every: int) -> Array:
     return _settled(top, bottom, fine)
 
 
+def smooth(fine: Array, every: int) -> Array:
+    """Return a motion as a servo is asked for: nothing above a twentieth of the rate."""
+    top, bottom = butter(2, 0.05, fs=every)
+    return _settled(top, bottom, fine)
+
+
 def anti_alias(chain: Chain, fine: Array, every: int) -> Array:
     """Return signals at every fine step behind the filter."""
     if not chain.corner:

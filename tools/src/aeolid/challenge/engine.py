@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.errors import UsageError
+from aeolid.errors import DataError, UsageError
 
 Array = NDArray[np.float64]
 FINE = 25  # steps of the engine a sample
@@ -26,13 +26,29 @@ def require_engine() -> Any:
         raise UsageError(
             "--physics foreign needs the engine MuJoCo, which is not installed: pip install 'aeolid[challenge]'"
         )
-    return importlib.import_module("mujoco")
+    engine = importlib.import_module("mujoco")
+    engine.set_mju_user_warning(lambda told: None)  # which otherwise writes a file where it was called
+    return engine
 
 
-def page(step_s: float, bodies: str, *, tendons: str = "", actuators: str, sensors: str, gravity: float = 0.0) -> str:
-    """Return a model in the engine's language (MJCF) at FINE steps a sample; no shapes, hence no contacts but stops."""
+def page(
+    step_s: float,
+    bodies: str,
+    *,
+    tendons: str = "",
+    actuators: str,
+    sensors: str,
+    gravity: float = 0.0,
+    rule: str = "implicitfast",
+) -> str:
+    """Return a model in the engine's language (MJCF) at FINE steps a sample; no shapes, hence no contacts but stops.
+
+    rule: of integration; implicitfast adds step × damping to inertias, so that the force of a stiff servo would not be
+    what moves the body; Euler (all of it explicit) keeps the balance at every step.
+    """
     return (
-        f'<mujoco><option timestep="{step_s / FINE!r}" integrator="implicitfast" gravity="0 0 {-gravity!r}"/>'
+        f'<mujoco><option timestep="{step_s / FINE!r}" integrator="{rule}" gravity="0 0 {-gravity!r}">'
+        f'<flag eulerdamp="disable"/></option>'
         f"<worldbody>{bodies}</worldbody><tendon>{tendons}</tendon><actuator>{actuators}</actuator>"
         f"<sensor>{sensors}</sensor></mujoco>"
     )
@@ -96,7 +112,7 @@ def load(text: str) -> tuple[Any, Any]:
 def simulate(text: str, start: Array, commands: Array, acting: Array | None = None) -> Array:
     """Return every sensor at every step of the engine (steps, sensors); commands (steps, drives), start: positions.
 
-    acting: what the drives' own states begin with.
+    acting: what the drives' own states begin with. Raises DataError where the rig runs away.
     """
     engine = require_engine()
     rollout = importlib.import_module("mujoco.rollout")
@@ -109,6 +125,8 @@ def simulate(text: str, start: Array, commands: Array, acting: Array | None = No
     state = np.empty(engine.mj_stateSize(model, kind))
     engine.mj_getState(model, data, state, kind)
     _, shown = rollout.rollout(model, data, state[None], np.ascontiguousarray(commands)[None])
+    if np.any(data.warning.number) or not np.all(np.isfinite(shown)):
+        raise DataError("a rig of the foreign engine runs away; make the challenge with another --seed")
     return np.asarray(shown[0], dtype=float)
 
 

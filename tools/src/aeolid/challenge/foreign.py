@@ -19,13 +19,15 @@ from aeolid.challenge.chain import (
     kept,
     noise,
     sample,
+    smooth,
 )
 from aeolid.challenge.draw import Turns
 from aeolid.challenge.engine import FINE, linearise, simulate
 from aeolid.challenge.families import family_of
 from aeolid.challenge.march import levels, wander
 from aeolid.challenge.rig_menu import Effect, effects, outside
-from aeolid.challenge.rigs import RIGS, Rig, Values
+from aeolid.challenge.rigs import Rig, Values
+from aeolid.challenge.rigs_static import ALL
 
 Facts = dict[str, Any]
 SHARES = {"parameter": 0.08, "double": 0.07, "outside": 0.06}  # and a third hide nothing; each at least once from 12 on
@@ -114,17 +116,17 @@ def draw_cases(cases: int, seed: int, samples: int) -> Iterator[Case]:
     """Return every case; rigs take turns where nothing is hidden, effects by family and by name."""
     rng = np.random.default_rng([seed, 9])
     singly, strange = Turns(effects(), rng), Turns(outside(), rng)
-    names = [list(RIGS)[i] for i in rng.permutation(len(RIGS))]
+    names = [list(ALL)[i] for i in rng.permutation(len(ALL))]
     calm = 0
     for number, sort in enumerate(sorts(cases, rng)):
         own = seed * 100_003 + number + 1
         hidden: tuple[Effect, ...] = ()
         if sort in ("null", "parameter"):
-            rig = RIGS[names[calm % len(names)]]
+            rig = ALL[names[calm % len(names)]]
             calm += 1
         else:
             hidden = _pair(rng) if sort == "double" else (singly() if sort == "single" else strange(),)
-            rig = RIGS[hidden[0].plant]
+            rig = ALL[hidden[0].plant]
         yield settle(sort, rig, hidden, own, samples)
 
 
@@ -141,6 +143,8 @@ def settle(sort: str, rig: Rig, hidden: tuple[Effect, ...], seed: int, samples: 
     """Settle one case: chain, baseline, what is declared a little wrong, number of recordings, strength."""
     rng = np.random.default_rng([seed, 1])
     chain = draw_chain(rng)
+    if rig.servo:  # it moves smoothly, and all that is recorded has gone the same way
+        chain = replace(chain, analogue=True, offset=0.0)
     kind = "state_space" if rig.linear and rng.random() < 0.3 else "equations"
     if sort == "parameter" or any(e.flags for e in hidden):
         kind = "equations"
@@ -175,7 +179,8 @@ def moves(case: Case, samples: int) -> float:
         bare["k"] *= 400.0
     test = _commands(case, samples, np.random.default_rng([case.seed, 2]))
     found = [_run(case.rig, v, test)[::FINE] for v in (case.truth, bare)]
-    return float(np.max(np.std(found[0] - found[1], axis=0) / np.std(found[1], axis=0)))
+    shown = [o.role == "output" for o in case.rig.outputs]
+    return float(np.max((np.std(found[0] - found[1], axis=0) / np.std(found[1], axis=0))[shown]))
 
 
 def _commands(case: Case, samples: int, rng: np.random.Generator) -> Array:
@@ -183,11 +188,18 @@ def _commands(case: Case, samples: int, rng: np.random.Generator) -> Array:
     swell = np.repeat(rng.uniform(0.5, 1.0, samples // 200 + 1), 200)[:samples]  # loud and quiet stretches
     test = case.rig.swing * swell * levels(rng, samples, case.rig.dwell, True)
     fine = drive_signal(case.chain, test[:, None], FINE) + case.rig.rest(case.rig.values)
+    if case.rig.servo:
+        return smooth(fine, FINE)
     return np.column_stack([fine, np.zeros(len(fine))])
 
 
 def _run(rig: Rig, values: Values, commands: Array) -> Array:
-    return simulate(rig.write(values), np.array(rig.start(values)), commands, np.array([rig.rest(values)]))
+    """Return what the rig's sensors would show without a chain; the fourth of a servo's is the acceleration."""
+    shown = simulate(rig.write(values), commands[0] if rig.servo else np.array(rig.start(values)), commands,
+                     np.array([rig.rest(values)]))  # fmt: skip
+    if len(rig.outputs) > shown.shape[1]:
+        shown = np.column_stack([shown, np.gradient(shown[:, 1], rig.step_s / FINE)])
+    return shown
 
 
 def record(case: Case, samples: int, number: int = 0) -> dict[str, Array]:
@@ -195,20 +207,19 @@ def record(case: Case, samples: int, number: int = 0) -> dict[str, Array]:
     rig, chain = case.rig, case.chain
     rng = np.random.default_rng([case.seed, 3, number])
     commands = _commands(case, samples, rng)
-    commands[:, 1] = rig.force * chain.rough * wander(rng, len(commands), _MEMORY_S, rig.step_s / FINE)
+    if not rig.servo:
+        commands[:, 1] = rig.force * chain.rough * wander(rng, len(commands), _MEMORY_S, rig.step_s / FINE)
     truth = case.truth
     seen = anti_alias(chain, _run(rig, truth, commands), FINE)
     spreads = np.array([o.noise for o in rig.outputs])
     shown = sample(seen, instants(chain, samples, rng), FINE) + noise(chain, spreads, samples, rng)
     if truth["clip"]:  # the first sensor's amplifier ends there, too
         shown[:, 0] = np.clip(shown[:, 0], -truth["clip"], truth["clip"])
-    told = commands[:, :1]
-    if chain.analogue:
-        told = convert(chain, anti_alias(chain, told, FINE)[::FINE])
-    else:
-        told = told[::FINE]
     rows = kept(chain, samples, rng)
     shown = convert(chain, shown)
-    columns: dict[str, Array] = {"time_s": rig.step_s * np.arange(samples, dtype=float), rig.drive.name: told[:, 0]}
+    columns: dict[str, Array] = {"time_s": rig.step_s * np.arange(samples, dtype=float)}
+    if not rig.servo:
+        told = convert(chain, anti_alias(chain, commands[:, :1], FINE)[::FINE]) if chain.analogue else commands[::FINE]
+        columns[rig.drive.name] = told[:, 0]
     columns |= {o.name: shown[:, i] for i, o in enumerate(rig.outputs)}
     return {name: values[rows] for name, values in columns.items()}

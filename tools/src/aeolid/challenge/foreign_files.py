@@ -19,7 +19,7 @@ def write_case(folder: Path, case: Case, samples: int) -> None:
     """Write recordings, roles, baseline and case.toml; nothing in them tells what is hidden."""
     output.make_folder(folder)
     rig = case.rig
-    channels = [(c.name, c.name, c.unit, c.role) for c in (rig.drive, *rig.outputs)]
+    channels = [(c.name, c.name, c.unit, c.role) for c in (*(() if rig.servo else (rig.drive,)), *rig.outputs)]
     files = ["recording.csv"] if case.runs == 1 else [f"recording_{i + 1:02d}.csv" for i in range(case.runs)]
     for number, file in enumerate(files):
         write_table(folder / file, record(case, samples // case.runs, number), channels)

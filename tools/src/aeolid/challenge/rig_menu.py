@@ -60,7 +60,7 @@ def effects() -> list[Effect]:
         late = "transport_delay data_time_offset"  # of a single input they are one model
         found.append(_sized(rig, late, "command comes late", "late", lag, "delay_s"))
         found.append(_sized(rig, "input_saturation", "command has a range", "most", most, "high", inverse=True))
-    return found + _springs() + _sensors()
+    return found + _springs() + _sensors() + _forces()
 
 
 def _springs() -> list[Effect]:
@@ -91,6 +91,16 @@ def _sensors() -> list[Effect]:
         _sized("cart", "sensor_saturation", clipped, "clip", 0.25, "high", inverse=True),
         _sized("masses", "sensor_saturation", clipped, "clip", 6.0, "high", inverse=True),
     ]
+
+
+def _forces() -> list[Effect]:
+    """List what hides where a force is the output."""
+    found = []
+    for rig, dry, drag in (("damper", 8.0, 200.0), ("balance", 0.2, 0.04)):
+        found.append(_sized(rig, "coulomb_friction", "joint with dry friction", "dry", dry, "force_N"))
+        found.append(_sized(rig, "quadratic_damping", "joint with drag", "drag", drag, "c2"))
+    found.append(_sized("damper", "end_stop", "end stop in the joint", "stop", 0.022, "high_stop", inverse=True))
+    return [*found, _sized("damper", "cubic_stiffness", "hardening spring", "cubic", 2e5, "k3")]
 
 
 def outside() -> list[Effect]:

@@ -1,4 +1,4 @@
-"""Six rigs of the foreign engine, and what a control engineer would write of each: equations without the effect.
+"""Six rigs of the foreign engine that move freely, and what a control engineer would write of each: no effect in it.
 
 Every rig is a text in the engine's language, made from constants by name. Those of an effect are zero where it is not
 there: dry (friction), drag, cubic (spring), gap (half the play), slack, stop, lag, late, most (command), clip (sensor).
@@ -46,6 +46,7 @@ class Rig:
     start: Callable[[Values], tuple[float, ...]] = lambda v: (0.0,)
     weak: float = 0.0  # dry friction that every such rig has
     wrong: tuple[str, ...] = ("k", "c")  # parameters of the model that may be declared quite wrong
+    servo: bool = False  # a stiff servo imposes the motion: what is recorded of it is the input, the force the output
     project: tuple[tuple[float, ...], ...] = ()  # states of the linear model from the engine's, where they are fewer
 
     @property
@@ -62,7 +63,8 @@ def _drive(rig: Rig, v: Values, at: str, gain: float, gear: float = 1.0, bias: s
     return motor(at, gain=gain, gear=gear, bias=bias, lag=v["lag"], late=v["late"], most=v["most"], step_s=rig.step_s)
 
 
-def _body(joints: str, inertia: float, *, mass: float = 0.001, low: float = 0.0, inner: str = "") -> str:
+def body(joints: str, inertia: float, *, mass: float = 0.001, low: float = 0.0, inner: str = "") -> str:
+    """Return a body `low` below its joints, with what hangs on it."""
     size = f"{inertia!r} {inertia!r} {inertia!r}"
     return f'<body>{joints}<inertial pos="0 0 {-low!r}" mass="{mass!r}" diaginertia="{size}"/>{inner}</body>'
 
@@ -76,9 +78,9 @@ def _gears(rig: Rig, v: Values) -> str:
     if not v["gap"]:
         turning = joint("load", "hinge", "0 0 1", armature=v["motor"] * n**2, **resists)
         drives = _drive(rig, v, "load", stiff / n, gear=n, bias=held) + disturber("load")
-        return page(rig.step_s, _body(turning, v["inertia"]), actuators=drives, sensors=seen)
-    bodies = _body(joint("motor", "hinge", "0 0 1", damping=0.0), v["motor"])
-    bodies += _body(joint("load", "hinge", "0 0 1", **resists), v["inertia"])
+        return page(rig.step_s, body(turning, v["inertia"]), actuators=drives, sensors=seen)
+    bodies = body(joint("motor", "hinge", "0 0 1", damping=0.0), v["motor"])
+    bodies += body(joint("load", "hinge", "0 0 1", **resists), v["inertia"])
     teeth = spring("teeth", {"motor": 1 / n, "load": -1.0}, stiffness=v["teeth"], damping=v["teeth_c"],
                    low=-v["gap"] - 1e-12, high=v["gap"])  # fmt: skip
     drives = _drive(rig, v, "motor", stiff / n, bias=held) + disturber("load")
@@ -96,7 +98,7 @@ def _gears_model(v: Values, declared: Values, flags: Values) -> str:
 def _pendulum(rig: Rig, v: Values) -> str:
     """Pendulum driven at its pivot."""
     turning = joint("q", "hinge", "0 1 0", damping=v["c"], dry=v["dry"], drag=v["drag"], stop=v["stop"])
-    bodies = _body(turning, v["inertia"], mass=v["mass"], low=v["arm"])
+    bodies = body(turning, v["inertia"], mass=v["mass"], low=v["arm"])
     drives, seen = _drive(rig, v, "q", 1.0) + disturber("q"), sensor("jointpos", "q", v["clip"])
     return page(rig.step_s, bodies, actuators=drives, sensors=seen + sensor("jointvel", "q"), gravity=9.81)
 
@@ -114,8 +116,8 @@ def _cart(rig: Rig, v: Values) -> str:
                     cubic=v["cubic"], stop=v["stop"])  # fmt: skip
     inner = ""
     if v["swing"]:  # a share of the mass hangs below
-        inner = _body(joint("load", "hinge", "0 1 0", damping=v["load_c"]), 1e-5, mass=v["swing"], low=v["arm"])
-    bodies = _body(sliding, 0.001, mass=v["mass"] - v["swing"], inner=inner)
+        inner = body(joint("load", "hinge", "0 1 0", damping=v["load_c"]), 1e-5, mass=v["swing"], low=v["arm"])
+    bodies = body(sliding, 0.001, mass=v["mass"] - v["swing"], inner=inner)
     drives, seen = _drive(rig, v, "x", v["gain"]) + disturber("x"), sensor("jointpos", "x", v["clip"])
     return page(rig.step_s, bodies, actuators=drives, sensors=seen + sensor("jointvel", "x"), gravity=9.81)
 
@@ -132,10 +134,10 @@ def _cart_model(v: Values, declared: Values, flags: Values) -> str:
 def _arm(rig: Rig, v: Values) -> str:
     """Arm that hangs from a motor by a flexible joint."""
     bend = joint("joint", "hinge", "0 1 0", damping=v["d"], stiffness=v["k"], cubic=v["cubic"])
-    arm = _body(bend, v["inertia"], mass=v["mass"], low=v["arm"])
+    arm = body(bend, v["inertia"], mass=v["mass"], low=v["arm"])
     turning = joint("motor", "hinge", "0 1 0", damping=v["c"], armature=v["motor"], dry=v["dry"], drag=v["drag"])
     drives, seen = _drive(rig, v, "motor", 1.0) + disturber("motor"), sensor("jointpos", "motor", v["clip"])
-    bodies = _body(turning, 1e-6, inner=arm)
+    bodies = body(turning, 1e-6, inner=arm)
     return page(rig.step_s, bodies, actuators=drives, sensors=seen + sensor("jointvel", "motor"), gravity=9.81)
 
 
@@ -158,7 +160,7 @@ def _cable(rig: Rig, v: Values) -> str:
     r, preload = v["radius"], v["preload"]
     turning = joint("drum", "hinge", "0 1 0", damping=v["b"], armature=v["drum"])
     sliding = joint("x", "slide", "1 0 0", damping=v["c"], stiffness=v["k"], rest=-preload / v["k"], dry=v["dry"])
-    bodies = _body(turning, 1e-6) + _body(sliding, 0.001, mass=v["mass"])
+    bodies = body(turning, 1e-6) + body(sliding, 0.001, mass=v["mass"])
     low, high = (-1e3, 0.0) if v["slack"] else (-v["gap"] - 1e-12, v["gap"])
     rope = spring("cable", {"drum": r, "x": -1.0}, stiffness=v["rope"], damping=v["rope_c"], low=low, high=high)
     seen = sensor("jointpos", "x", v["clip"]) + sensor("jointvel", "drum")
@@ -180,9 +182,9 @@ def _cable_model(v: Values, declared: Values, flags: Values) -> str:
 
 def _masses(rig: Rig, v: Values) -> str:
     """Motor and load with a shaft between them."""
-    bodies = _body(joint("motor", "hinge", "0 0 1", damping=v["b"], armature=v["motor"]), 1e-7)
+    bodies = body(joint("motor", "hinge", "0 0 1", damping=v["b"], armature=v["motor"]), 1e-7)
     turning = joint("load", "hinge", "0 1 0", damping=v["c"], dry=v["dry"], drag=v["drag"])
-    bodies += _body(turning, v["inertia"], mass=0.2 if v["uneven"] else 0.001, low=v["uneven"] / 0.2)
+    bodies += body(turning, v["inertia"], mass=0.2 if v["uneven"] else 0.001, low=v["uneven"] / 0.2)
     shaft = spring("shaft", {"motor": 1.0, "load": -1.0}, stiffness=v["k"], damping=v["d"],
                    low=-v["gap"] - 1e-12, high=v["gap"])  # fmt: skip
     seen = sensor("jointvel", "motor", v["clip"]) + sensor("jointvel", "load")
@@ -208,44 +210,45 @@ def _masses_model(v: Values, declared: Values, flags: Values) -> str:
     return model_text("motor and load", rows, states, outputs, dict(declared))
 
 
-def _values(**own: float) -> Values:
+def no_effects(**own: float) -> Values:
+    """Return a rig's constants beside those of every effect, which are zero."""
     return {**dict.fromkeys(EFFECTS, 0.0), **own}
 
 
 _ANGLE, _POSITION = Column("angle", "rad", "output", 5e-4), Column("position", "m", "output", 2e-4)
 GEARS = Rig(
     "gears", "geared motor", 0.01,
-    _values(ratio=30.0, motor=2e-5, inertia=0.012, k=10.6, kv=0.8, c=0.12, teeth=3000.0, teeth_c=1.0), _gears,
+    no_effects(ratio=30.0, motor=2e-5, inertia=0.012, k=10.6, kv=0.8, c=0.12, teeth=3000.0, teeth_c=1.0), _gears,
     _gears_model, Column("command", "rad", "input"), (_ANGLE, Column("speed", "rad/s", "output", 5e-3)), 0.5, 25, 0.02,
     ("k", "kv"), (("angle", "rad"), ("speed", "rad/s")), weak=0.005,
     wrong=("k", "d"),
 )  # fmt: skip
 PENDULUM = Rig(
-    "pendulum", "pendulum", 0.02, _values(mass=0.8, arm=0.35, inertia=0.004, c=0.06), _pendulum, _pendulum_model,
+    "pendulum", "pendulum", 0.02, no_effects(mass=0.8, arm=0.35, inertia=0.004, c=0.06), _pendulum, _pendulum_model,
     Column("torque", "N m", "input"), (_ANGLE, Column("speed", "rad/s", "output", 4e-3)), 1.0, 20, 0.01, ("c", "mass"),
     weak=0.002, wrong=("h", "c"),
 )  # fmt: skip
 CART = Rig(
-    "cart", "cart between springs", 0.02, _values(mass=1.5, k=60.0, c=2.0, gain=4.0, arm=0.25, load_c=2e-3), _cart,
+    "cart", "cart between springs", 0.02, no_effects(mass=1.5, k=60.0, c=2.0, gain=4.0, arm=0.25, load_c=2e-3), _cart,
     _cart_model, Column("drive", "V", "input"), (_POSITION, Column("speed", "m/s", "output", 2e-3)), 2.0, 16, 0.05,
     ("k", "c", "gain"), (("position", "m"), ("speed", "m/s")), weak=0.02,
 )  # fmt: skip
 ARM = Rig(
     "arm", "robot arm", 0.01,
-    _values(motor=0.02, mass=0.5, arm=0.2, inertia=0.03, c=0.15, d=0.05, k=20.0), _arm, _arm_model,
+    no_effects(motor=0.02, mass=0.5, arm=0.2, inertia=0.03, c=0.15, d=0.05, k=20.0), _arm, _arm_model,
     Column("torque", "N m", "input"), (_ANGLE, Column("speed", "rad/s", "output", 5e-3)), 0.9, 18, 0.01,
     ("c", "k", "d"), start=lambda v: (0.0, 0.0), weak=0.002, wrong=("k", "h"),
 )  # fmt: skip
 CABLE = Rig(
     "cable", "load on a cable", 0.01,
-    _values(drum=0.01, radius=0.1, mass=2.0, rope=1500.0, rope_c=12.0, k=80.0, c=6.0, b=0.05, preload=5.0), _cable,
+    no_effects(drum=0.01, radius=0.1, mass=2.0, rope=1500.0, rope_c=12.0, k=80.0, c=6.0, b=0.05, preload=5.0), _cable,
     _cable_model, Column("torque", "N m", "input"), (_POSITION, Column("drum_speed", "rad/s", "output", 0.01)), 0.8, 25,
     0.1, ("c", "k", "b", "rope"), (("drum_angle", "rad"), ("position", "m"), ("drum_speed", "rad/s"), ("speed", "m/s")),
     lambda v: v["preload"] * v["radius"], lambda v: (v["preload"] / v["rope"] / v["radius"], 0.0), 0.03,
     ("k", "kc"),
 )  # fmt: skip
 MASSES = Rig(
-    "masses", "motor and load", 0.005, _values(motor=0.005, inertia=0.01, k=30.0, d=0.02, b=0.02, c=0.03), _masses,
+    "masses", "motor and load", 0.005, no_effects(motor=0.005, inertia=0.01, k=30.0, d=0.02, b=0.02, c=0.03), _masses,
     _masses_model, Column("torque", "N m", "input"),
     (Column("motor_speed", "rad/s", "output", 0.02), Column("load_speed", "rad/s", "output", 0.02)), 0.8, 30, 0.01,
     ("b", "c", "k", "d"), (("twist", "rad"), ("motor_speed", "rad/s"), ("load_speed", "rad/s")),
