@@ -102,10 +102,16 @@ def sample(fine: Array, rows: Array, every: int) -> Array:
 
 def noise(chain: Chain, spreads: Array, samples: int, rng: np.random.Generator) -> Array:
     """Return what sensors add (N, k)."""
-    white = rng.standard_normal((samples, len(spreads)))
-    if chain.colour:
-        white = white + chain.colour * np.column_stack([wander(rng, samples, chain.memory, 1.0) for _ in spreads])
-    return np.asarray(white * spreads)
+    white = rng.standard_normal((samples, len(spreads))) * spreads
+    return np.asarray(white + coloured(chain, spreads, samples, rng))
+
+
+def coloured(chain: Chain, spreads: Array, samples: int, rng: np.random.Generator) -> Array:
+    """Return the coloured part of it (N, k)."""
+    if not chain.colour:
+        return np.zeros((samples, len(spreads)))
+    slow = np.column_stack([wander(rng, samples, chain.memory, 1.0) for _ in spreads])
+    return np.asarray(chain.colour * slow * spreads)
 
 
 def convert(chain: Chain, x: Array) -> Array:
@@ -117,7 +123,7 @@ def convert(chain: Chain, x: Array) -> Array:
 
 def _steps(x: Array, bits: int) -> Array:
     most = float(np.max(np.abs(x)))
-    if most == 0.0:
+    if not 0.0 < most < math.inf:  # a plant that runs away is drawn anew
         return x
     decade = 10.0 ** math.floor(math.log10(most))
     reach = next(decade * k for k in (1.0, 2.0, 5.0, 10.0) if decade * k >= most)

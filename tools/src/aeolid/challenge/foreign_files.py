@@ -10,7 +10,7 @@ from typing import Any
 from aeolid import output
 from aeolid.challenge.families import family_of
 from aeolid.challenge.foreign import Case, record
-from aeolid.challenge.tables import write_file, write_roles, write_table
+from aeolid.challenge.tables import names_of, write_file, write_roles, write_table
 
 Facts = dict[str, Any]
 
@@ -20,7 +20,7 @@ def write_case(folder: Path, case: Case, samples: int) -> None:
     output.make_folder(folder)
     rig = case.rig
     channels = [(c.name, c.name, c.unit, c.role) for c in (*(() if rig.servo else (rig.drive,)), *rig.outputs)]
-    files = ["recording.csv"] if case.runs == 1 else [f"recording_{i + 1:02d}.csv" for i in range(case.runs)]
+    files = names_of(case.runs)
     for number, file in enumerate(files):
         write_table(folder / file, record(case, samples // case.runs, number), channels)
     write_roles(folder / "roles.toml", channels)

@@ -24,6 +24,11 @@ def write_table(path: Path, columns: Mapping[str, Any], channels: list[tuple[str
     write_file(path, "\n".join(lines) + "\n")
 
 
+def names_of(runs: int) -> list[str]:
+    """Return the names of the recordings of a case."""
+    return ["recording.csv"] if runs == 1 else [f"recording_{i + 1:02d}.csv" for i in range(runs)]
+
+
 def write_roles(path: Path, channels: list[tuple[str, str, str, str]]) -> None:
     """Write the roles file of a recording."""
     rows = [f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, _, u, r in channels]

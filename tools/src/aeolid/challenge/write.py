@@ -9,7 +9,7 @@ import json
 import re
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,11 +18,12 @@ import numpy as np
 
 from aeolid import output
 from aeolid.challenge import engine, foreign, foreign_files
+from aeolid.challenge.chain import NONE, kept
 from aeolid.challenge.draw import DECIDABLE, Draw, build, draw_all, place
 from aeolid.challenge.families import family_of
 from aeolid.challenge.items import WAYS
 from aeolid.challenge.plants import Plant, Setup, simulate
-from aeolid.challenge.tables import write_file, write_roles, write_table
+from aeolid.challenge.tables import names_of, write_file, write_roles, write_table
 from aeolid.challenge.worth import core_of, discrete, linearise
 from aeolid.errors import DataError, UsageError
 from aeolid.inputs import read_bounded
@@ -38,15 +39,17 @@ TITLES = {"spring": "mass on a spring", "shaft": "motor and load", "tanks": "two
 
 
 def make(
-    folder: Path, *, cases: int, seed: int, samples: int, physics: str = "own", notice: Notice | None = None
+    folder: Path, *, cases: int, seed: int, samples: int, physics: str = "own", chained: bool = True,
+    notice: Notice | None = None
 ) -> Facts:  # fmt: skip
     """Write case directories, answers and seal; returns the seal.
 
+    chained: recorded through a measurement chain, with small imperfections (foreign rigs always are);
     physics: of our plants ("own") or of rigs that another maker's engine simulates ("foreign"). The same arguments
     write the same bytes. Raises UsageError where the folder holds anything already, or the engine is not installed.
     """
     tell = notice or (lambda done, of: None)
-    plan = PLANS[physics](cases, seed, samples)
+    plan = PLANS[physics](cases, seed, samples, chained)
     try:
         output.make_folder(folder)
         if any(folder.iterdir()):
@@ -59,7 +62,14 @@ def make(
             put(folder / name)
             answers[name], hashes[name] = answer(), hash_of(folder / name)
             tell(number, cases)
-        settings = {"version": VERSION, "physics": physics, "seed": seed, "samples": samples, "cases": cases}
+        settings = {
+            "version": VERSION,
+            "physics": physics,
+            "chain": chained or physics == "foreign",
+            "seed": seed,
+            "samples": samples,
+            "cases": cases,
+        }
         text = json.dumps({"settings": settings, "answers": answers}, indent=1, sort_keys=True)
         with output.replacing(folder / ANSWERS, own=True) as handle:
             handle.write(gzip.compress(text.encode(), mtime=0))
@@ -70,13 +80,13 @@ def make(
     return seal
 
 
-def _own(cases: int, seed: int, samples: int) -> Plan:
+def _own(cases: int, seed: int, samples: int, chained: bool) -> Plan:
     for sort, items, own in draw_all(cases, seed):
-        draw = build(sort, items, own, samples)
+        draw = build(sort, items, own, samples, chained)
         yield partial(write_case, draw=draw, samples=samples), partial(answer_of, draw, samples)
 
 
-def _foreign(cases: int, seed: int, samples: int) -> Plan:
+def _foreign(cases: int, seed: int, samples: int, chained: bool) -> Plan:
     engine.require_engine()
 
     def plan() -> Plan:
@@ -87,7 +97,7 @@ def _foreign(cases: int, seed: int, samples: int) -> Plan:
     return plan()
 
 
-PLANS: dict[str, Callable[[int, int, int], Plan]] = {"own": _own, "foreign": _foreign}
+PLANS: dict[str, Callable[[int, int, int, bool], Plan]] = {"own": _own, "foreign": _foreign}
 
 
 def sha256(path: Path) -> str:
@@ -141,15 +151,19 @@ def write_case(case: Path, draw: Draw, samples: int) -> None:
     """Write recording, roles, baseline and case.toml; nothing in them tells what is hidden."""
     output.make_folder(case)
     setup = place(draw, draw.strength)
-    columns = simulate(setup, samples, draw.seed)
     channels = _channels(setup)
-    write_table(case / "recording.csv", columns, channels)
+    files = names_of(draw.runs)
+    for number, name in enumerate(files):
+        own = draw.seed + 1_000_003 * number
+        columns = simulate(setup, samples // draw.runs, own)
+        rows = kept(setup.chain, samples // draw.runs, np.random.default_rng([own, 8]))
+        write_table(case / name, {k: v[rows] for k, v in columns.items()}, channels)
     write_roles(case / "roles.toml", channels)
     context = dict(setup.plant.context)
     if any(c[0] == "wave" for c in channels):
         context["offshore"] = True
     file = _write_baseline(case, draw, setup, channels, samples)
-    lines = ["[case]", f'title = "{TITLES[setup.plant.name]}"', "[recordings]", 'files = ["recording.csv"]']
+    lines = ["[case]", f'title = "{TITLES[setup.plant.name]}"', "[recordings]", f"files = {json.dumps(files)}"]
     lines += ['roles = "roles.toml"', "[baseline]", f'kind = "{draw.kind}"', f'file = "{file}"']
     lines += ["same_inputs = false"] if draw.kind == "run" else []
     lines += ["[context]", *(f"{k} = {json.dumps(v)}" for k, v in context.items())]
@@ -172,12 +186,18 @@ def _write_baseline(
     case: Path, draw: Draw, setup: Setup, channels: list[tuple[str, str, str, str]], samples: int
 ) -> str:  # fmt: skip
     if draw.kind == "run":  # the same machine without what is hidden, in another wind
-        write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
+        write_table(
+            case / "simulation.csv",
+            simulate(replace(setup.believed, chain=NONE), samples, draw.seed + 50_000_017),
+            channels,
+        )
         return "simulation.csv"
     if draw.kind == "equations":
-        write_file(case / "model.toml", setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory))
+        write_file(
+            case / "model.toml", setup.plant.model(setup.believed.base, setup.outputs, setup.declared, setup.memory)
+        )
         return "model.toml"
-    write_file(case / "model.json", json.dumps(state_space(setup), indent=1) + "\n")
+    write_file(case / "model.json", json.dumps(state_space(setup.believed), indent=1) + "\n")
     return "model.json"
 
 
@@ -216,6 +236,16 @@ def answer_of(draw: Draw, samples: int) -> Facts:
         "decidable": draw.sort != "impossible" and (worthy is None or worthy >= DECIDABLE),
         "declared": {k: round(v, 6) for k, v in setup.declared.items()}, "closed_loop": setup.closed
         or setup.plant.always_closed, "seconds": samples * setup.plant.step_s,
+        **(_chained(draw, setup) if setup.chain is not NONE else {}),
+    }  # fmt: skip
+
+
+def _chained(draw: Draw, setup: Setup) -> Facts:
+    """Return what matters, and the small imperfections that do not."""
+    return {
+        "matters": [i.what for i in draw.items] or (["declared values"] if draw.sort == "parameter" else []),
+        "chain": asdict(setup.chain), "recordings": draw.runs,
+        "imperfections": {"dry": setup.weak, "declared": {k: round(v, 6) for k, v in setup.off.items()}},
     }  # fmt: skip
 
 
