@@ -86,11 +86,16 @@ class Hidden(Protocol):
     """Name what any effect has: its plant, the names that are right, and what it is."""
 
     @property
-    def plant(self) -> str: ...
+    def plant(self) -> str:
+        """Return the name of its plant."""
+
     @property
-    def accepted(self) -> tuple[str, ...]: ...
+    def accepted(self) -> tuple[str, ...]:
+        """Return the ids that name it rightly, the best first."""
+
     @property
-    def what(self) -> str: ...
+    def what(self) -> str:
+        """Return what it is."""
 
 
 T = TypeVar("T", bound=Hidden)

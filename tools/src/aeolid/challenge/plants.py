@@ -135,9 +135,7 @@ def simulate(setup: Setup, samples: int, seed: int) -> dict[str, Array]:
         physics, setup.drive.packed(), start, rest, test, between, start[plant.held] + aim, w, jitter, plant.every,
         plant.step_s, setup.closed or plant.always_closed,
     )  # fmt: skip
-    if setup.chain.analogue:
-        u = convert(setup.chain, anti_alias(setup.chain, np.repeat(u, plant.every, axis=0) + between, plant.every)
-                    [:: plant.every])  # fmt: skip
+    u = _commanded(setup, u, between)
     logged = _logged(setup, y, jitter, fine, own)
     columns = {"time_s": clock, **extra}
     columns |= {c.name: u[:, i] for i, c in enumerate(plant.inputs)}
@@ -146,6 +144,15 @@ def simulate(setup: Setup, samples: int, seed: int) -> dict[str, Array]:
         columns["azimuth"] = columns["azimuth"] % 360.0
         columns["wind"] = rotor.V0 + w[:: plant.every, 0] + 0.3 * rng.standard_normal(samples)
     return columns
+
+
+def _commanded(setup: Setup, u: Array, between: Array) -> Array:
+    """Return the commands as they are recorded: those of a controller are known, analogue ones are measured."""
+    if not setup.chain.analogue:
+        return u
+    every = setup.plant.every
+    seen = anti_alias(setup.chain, np.repeat(u, every, axis=0) + between, every)
+    return convert(setup.chain, seen[::every])
 
 
 def _logged(setup: Setup, y: Array, jitter: Array, fine: float, rng: np.random.Generator) -> Array:
