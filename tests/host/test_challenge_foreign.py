@@ -23,6 +23,7 @@ from aeolid.challenge.rigs import RIGS, Rig, Values
 from aeolid.challenge.rigs_static import ALL, STATIC
 from aeolid.challenge.write import ANSWERS, make, open_answers
 from aeolid.cli.main import main
+from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.errors import DataError, UsageError
 
 pytest.importorskip("mujoco", reason="the extra challenge is not installed")
@@ -196,6 +197,13 @@ def test_rigs_and_effects_are_as_promised() -> None:
         drawn = sorts(cases, np.random.default_rng(0))
         assert drawn.count("null") * 3 >= cases and {"parameter", "double", "outside"} <= set(drawn)
         assert drawn.count("single") >= 0.3 * cases
+
+
+def test_sizes_bear_the_labels_of_the_catalogue() -> None:
+    """A size under another label would never be compared; of turning joints a friction is told as a torque."""
+    labels = {entry.id: {q.symbol for q in entry.quantities} | {"torque_N_m"} for entry in ENTRIES}
+    for effect in effects():
+        assert not effect.label or effect.label in labels[effect.accepted[0]], (effect.what, effect.plant)
 
 
 def test_every_effect_moves_its_rig() -> None:

@@ -46,6 +46,11 @@ def _sized(
     return Effect(rig, tuple(accepted.split()), what, {name: size}, label, _of(name), inverse)
 
 
+def _dry(rig: str, size: float) -> Effect:
+    label = "force_N" if rig in ("cart", "cable", "damper") else "torque_N_m"
+    return _sized(rig, "coulomb_friction", "joint with dry friction", "dry", size, label)
+
+
 def effects() -> list[Effect]:
     """List every effect of the catalogue that the engine makes of its own."""
     found = []
@@ -53,7 +58,7 @@ def effects() -> list[Effect]:
         ("gears", 0.25, 0.15, 0.03, 0.35), ("pendulum", 0.06, 0.03, 0.08, 0.7), ("cart", 0.8, 2.0, 0.06, 1.3),
         ("arm", 0.06, 0.08, 0.03, 0.6), ("cable", 1.5, 0.0, 0.03, 1.2), ("masses", 0.08, 0.008, 0.015, 0.55),
     ):  # fmt: skip
-        found.append(_sized(rig, "coulomb_friction", "joint with dry friction", "dry", dry, "force_N"))
+        found.append(_dry(rig, dry))
         if drag:
             found.append(_sized(rig, "quadratic_damping", "joint with drag", "drag", drag, "c2"))
         found.append(_sized(rig, "actuator_lag", "drive behind a filter", "lag", lag, "tau_s"))
@@ -97,7 +102,7 @@ def _forces() -> list[Effect]:
     """List what hides where a force is the output."""
     found = []
     for rig, dry, drag in (("damper", 8.0, 200.0), ("balance", 0.2, 0.04)):
-        found.append(_sized(rig, "coulomb_friction", "joint with dry friction", "dry", dry, "force_N"))
+        found.append(_dry(rig, dry))
         found.append(_sized(rig, "quadratic_damping", "joint with drag", "drag", drag, "c2"))
     found.append(_sized("damper", "end_stop", "end stop in the joint", "stop", 0.022, "high_stop", inverse=True))
     return [*found, _sized("damper", "cubic_stiffness", "hardening spring", "cubic", 2e5, "k3")]
