@@ -23,7 +23,18 @@ pytestmark = pytest.mark.diagnosis
 def facts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """Make, run and score the challenge as the command line does."""
     folder, cases = tmp_path_factory.mktemp("proof") / "challenge", request.param
-    made = ["make", str(folder), "--cases", str(cases), "--seed", str(SEED), "--samples", str(SAMPLES)]
+    made = [
+        "make",
+        str(folder),
+        "--chain",
+        "none",
+        "--cases",
+        str(cases),
+        "--seed",
+        str(SEED),
+        "--samples",
+        str(SAMPLES),
+    ]
     assert main(["challenge", *made]) == 0
     assert main(["challenge", "run", str(folder), "--workers", "2"]) == 0
     assert main(["challenge", "score", str(folder), "--fail-below", "0.1"]) == 0

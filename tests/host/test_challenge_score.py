@@ -56,6 +56,14 @@ def test_a_right_name_is_right_in_every_row() -> None:
     assert value(rows, "wrong but confident")["value"] == 0.0
 
 
+def test_a_tolerance_of_the_truth_widens_the_interval() -> None:
+    """Of a rig whose inertia is declared a little wrong: 0.05 away, 1.645 · 0.02 allowed, and a tenth of 0.3 more."""
+    answer, result = hidden("single", LAG, value=0.3), said("named", "actuator_lag", tau=(0.35, 0.02))
+    assert [inside for _, inside in one(answer, result).errors] == [False]
+    answer["effects"][0]["quantity"]["tolerance"] = 0.1
+    assert [inside for _, inside in one(answer, result).errors] == [True]
+
+
 def test_each_failure_counts_in_its_own_row() -> None:
     missed = one(hidden("single", LAG), said("no_mismatch"))
     family = one(hidden("single", LAG), said("named", "transport_delay"))

@@ -72,3 +72,15 @@ def test_one_growing_model_ends_the_predictions_of_both() -> None:
         assert proof.horizon_s == pytest.approx(25 * STEP)
     error = prove(*fits, (sealed,), 100 * STEP, 1).nrmse_after["y"]
     assert error < 0.5  # noise of a tenth through a start that grows by e, on outputs that spread by more than one
+
+
+def test_a_segment_shorter_than_the_horizon_has_no_part_in_it() -> None:
+    """A gap in the recording leaves 40 rows: errors 50 rows ahead come from the long segment alone, as without it."""
+    long = held(0.9)
+    short = Segment(long.u[:40], long.y[:40], STEP, "sealed", ROWS * STEP, 20)
+    alone, beside = (
+        prove(pair(0.9, long), pair(0.9, long), parts, 100 * STEP, 1).profile["y"] for parts in ((long,), (long, short))
+    )
+    assert beside["steps"] == alone["steps"]
+    far = alone["steps"].index(50.0)
+    assert beside["before"][far] == pytest.approx(alone["before"][far], rel=0.01)

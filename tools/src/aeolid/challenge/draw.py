@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.challenge.chain import draw_chain
 from aeolid.challenge.families import family_of
 from aeolid.challenge.items import WRITTEN, Item
 from aeolid.challenge.menu_turbine import faults, outside, plant_outputs, singles, unreachable
@@ -27,6 +29,7 @@ _WRONG = {"spring": ("k", "c", "g", "M"), "shaft": ("k", "bm", "Jl", "g"), "tank
           "heater": ("p", "h1", "h3"), "turbine": ("kf", "Qb", "Tb", "M")}  # fmt: skip
 
 
+_WEAK = {"spring": 0.02, "shaft": 0.008}  # dry friction, N and N m, that every bench has
 _FURTHER = {"warmth": 0.2, "seen": 0.2}
 
 
@@ -42,6 +45,7 @@ class Draw:
     seed: int
     strength: tuple[float, ...]
     value: Worth | None
+    runs: int = 1  # recordings, of equal length
 
 
 def sorts(cases: int, rng: np.random.Generator) -> list[str]:
@@ -59,7 +63,7 @@ def draw_all(cases: int, seed: int) -> list[tuple[str, tuple[Item, ...], int]]:
     """Return class, effects and seed of every case; single effects take turns by family and by entry."""
     rng = np.random.default_rng([seed, 0])
     chosen = sorts(cases, rng)
-    singly, foreign, faulty, never = (_turns(f(), rng) for f in (singles, outside, faults, unreachable))
+    singly, foreign, faulty, never = (Turns(f(), rng) for f in (singles, outside, faults, unreachable))
     found: list[tuple[str, tuple[Item, ...], int]] = []
     for number, sort in enumerate(chosen):
         own = seed * 100_003 + number + 1
@@ -78,15 +82,30 @@ def draw_all(cases: int, seed: int) -> list[tuple[str, tuple[Item, ...], int]]:
     return found
 
 
-def _turns(items: Sequence[Item], rng: np.random.Generator) -> _Turns:
-    return _Turns(items, rng)
+class Hidden(Protocol):
+    """Name what any effect has: its plant, the names that are right, and what it is."""
+
+    @property
+    def plant(self) -> str:
+        """Return the name of its plant."""
+
+    @property
+    def accepted(self) -> tuple[str, ...]:
+        """Return the ids that name it rightly, the best first."""
+
+    @property
+    def what(self) -> str:
+        """Return what it is."""
 
 
-class _Turns:
+T = TypeVar("T", bound=Hidden)
+
+
+class Turns(Generic[T]):
     """Give out items: families by turns, within a family ids by turns, within an id plants by turns."""
 
-    def __init__(self, items: Sequence[Item], rng: np.random.Generator) -> None:
-        groups: dict[str, dict[str, list[Item]]] = defaultdict(lambda: defaultdict(list))
+    def __init__(self, items: Sequence[T], rng: np.random.Generator) -> None:
+        groups: dict[str, dict[str, list[T]]] = defaultdict(lambda: defaultdict(list))
         for i in rng.permutation(len(items)):
             name = items[i].accepted[0] if items[i].accepted else items[i].what
             groups[family_of(name) if items[i].accepted else items[i].plant][name].append(items[i])
@@ -94,7 +113,7 @@ class _Turns:
         self.order = [self.order[i] for i in rng.permutation(len(self.order))]
         self.given = 0
 
-    def __call__(self) -> Item:
+    def __call__(self) -> T:
         group = self.order[self.given % len(self.order)]
         turn = self.given // len(self.order)
         self.given += 1
@@ -102,7 +121,7 @@ class _Turns:
         return same[(turn // len(group)) % len(same)]
 
 
-def _sized(turns: _Turns) -> Item:
+def _sized(turns: Turns[Item]) -> Item:
     return next(i for i in iter(turns, None) if not i.fixed)
 
 
@@ -119,20 +138,25 @@ def _pair(rng: np.random.Generator) -> tuple[Item, Item]:
             return a, b
 
 
-def build(sort: str, items: tuple[Item, ...], seed: int, samples: int) -> Draw:
+def build(sort: str, items: tuple[Item, ...], seed: int, samples: int, chained: bool = False) -> Draw:
     """Settle one case: plant, loop, baseline, form, strength; drawn anew where the recording would run away.
+
+    chained: recorded through a measurement chain, by a machine and a model with small imperfections.
 
     Raises DataError where it does in every draw.
     """
     for draws in range(_DRAWS):
-        draw = _settle(sort, items, seed, samples, np.random.default_rng([seed, 1, draws] if draws else [seed, 1]))
+        rng = np.random.default_rng([seed, 1, draws] if draws else [seed, 1])
+        draw = _settle(sort, items, seed, samples, rng, chained)
         if draw.value is None or np.isfinite(draw.value.nats):
             return draw
     hidden = " and ".join(i.what for i in items)
     raise DataError(f"{hidden}: the plant runs away in each of {_DRAWS} draws; make the challenge with another --seed")
 
 
-def _settle(sort: str, items: tuple[Item, ...], seed: int, samples: int, rng: np.random.Generator) -> Draw:
+def _settle(
+    sort: str, items: tuple[Item, ...], seed: int, samples: int, rng: np.random.Generator, chained: bool
+) -> Draw:  # fmt: skip
     """Draw plant, loop, baseline and form, and find the strength."""
     plant = PLANTS[items[0].plant if items else str(rng.choice(list(PLANTS), p=[0.2, 0.2, 0.1, 0.1, 0.4]))]
     kinds = [k for k in (items[0].kinds if items else ("equations", "state_space", "run")) if _allowed(k, plant.name)]
@@ -153,9 +177,26 @@ def _settle(sort: str, items: tuple[Item, ...], seed: int, samples: int, rng: np
         symbols = rng.permutation(_WRONG[plant.name])[: int(rng.integers(1, 3))]
         factors = {str(s): float(rng.choice([-1, 1]) * rng.uniform(0.04, 0.2) + 1) for s in symbols}
         setup = replace(setup, declared={**setup.declared, **factors})
+    runs = 1
+    if chained:
+        own = np.random.default_rng([seed, 5])
+        setup = _imperfect(setup, own)
+        short = kind != "run" and sort != "fault" and not any(15 in i.hides for i in items)  # nothing slow
+        runs = int(own.integers(6, 13)) if short and samples >= 3000 and own.random() < 0.25 else 1
     if not items:
-        return Draw(sort, items, setup, 0, kind, seed, (), None)
-    return _strong_enough(Draw(sort, items, setup, form, kind, seed, (), None), samples, rng)
+        return Draw(sort, items, setup, 0, kind, seed, (), None, runs)
+    return _strong_enough(Draw(sort, items, setup, form, kind, seed, (), None, runs), samples, rng)
+
+
+def _imperfect(setup: Setup, rng: np.random.Generator) -> Setup:
+    """Add a chain, a little friction, and a model whose free constants are 1 to 3 % off."""
+    chain = draw_chain(rng)
+    if setup.closed or setup.plant.always_closed:  # the controller's output is held
+        chain = replace(chain, analogue=False)
+    held = bool(setup.declared.get("held"))
+    names = [f for f in setup.plant.free if getattr(setup.base, f) and not (held and f[:2] in ("q_", "t_"))]
+    off = {f: 1 + float(rng.choice([-1, 1]) * rng.uniform(0.01, 0.03)) for f in names}
+    return replace(setup, chain=chain, off=off, weak=_WEAK.get(setup.plant.name, 0.0))
 
 
 def _allowed(kind: str, plant: str) -> bool:

@@ -128,7 +128,8 @@ def _errors(answer: Facts, effects: list[Facts]) -> list[tuple[float, bool | Non
         if not isinstance(told["value"], int | float) or not true:
             continue
         away = abs(told["value"] - true)
-        inside = None if told["std"] is None else bool(away <= Z90 * told["std"])
+        given = quantity.get("tolerance", 0.0) * abs(true)  # of a machine and a chain that are not quite as declared
+        inside = None if told["std"] is None else bool(away <= Z90 * told["std"] + given)
         found.append((away / abs(true), inside))
     return found
 

@@ -31,10 +31,10 @@ def make_march(flow: Any, see: Any, control: Any) -> Callable[..., tuple[Array, 
 
     @njit
     def march(
-        e: Any, row: Array, start: Array, rest: Array, test: Array, aim: Array, w: Array, jitter: Array,
+        e: Any, row: Array, start: Array, rest: Array, test: Array, between: Array, aim: Array, w: Array, jitter: Array,
         every: int, step: float, closed: bool,
     ) -> tuple[Array, Array]:  # fmt: skip
-        """Return commands (N, m) and outputs at every fine step (N·every, l)."""
+        """Return commands (N, m), outputs at every fine step (N·every, l); between: how commands move in a sample."""
         N, h, n = len(test), step / every, len(start)
         u, y = np.empty(test.shape), np.empty((N * every, jitter.shape[1]))
         s, k, c, now = start.copy(), np.zeros((3, n)), np.zeros(4), np.zeros(jitter.shape[1])
@@ -50,9 +50,9 @@ def make_march(flow: Any, see: Any, control: Any) -> Callable[..., tuple[Array, 
             if closed:
                 control(e, now + jitter[i], aim[i], c, u[i], step)
             u[i] += test[i]
-            acting[:] = u[i]
             for j in range(i * every, (i + 1) * every):
-                acting[which] = drive(row, state, ring, j, u[i, which], h, rest[which])
+                acting[:] = u[i] + between[j]
+                acting[which] = drive(row, state, ring, j, u[i, which] + between[j, which], h, rest[which])
                 see(e, s, acting, w[j], y[j])
                 t = j * h
                 flow(e, t, s, acting, w[j], k[0])

@@ -119,7 +119,7 @@ def bench(p: str) -> list[Item]:
     u = 1.0 if m else 0.4
     found = [
         Item(p, ("coulomb_friction",), in_plant({"dry": 0.12 * u}), (19, 6), "dry friction", BOTH,
-             ("force_N", field("dry"))),
+             ("force_N" if m else "torque_N_m", field("dry"))),
         Item(p, ("stiction",), in_plant({"excess": 0.5 * u}, {"dry": 0.3 * u, "slow": 0.12}), (19, 2),
              "stick and slip", BOTH),
         Item(p, ("cubic_stiffness",), in_plant({"cubic": 15.0 if m else 100.0}), (19, 6), "hardening spring", BOTH,

@@ -11,10 +11,11 @@ from aeolid.challenge.plants import Column, Plant, heater_start, tanks_start, tu
 Row = tuple[str, float, str, tuple[float, float] | None]  # symbol, value, unit, limits of a free parameter
 
 
-def _text(
+def model_text(
     name: str, parameters: Sequence[Row], states: Sequence[tuple[str, str, str, float]],
     outputs: Sequence[tuple[str, str, str]], declared: dict[str, float],
 ) -> str:  # fmt: skip
+    """Return model.toml; declared: factors on what is written of a parameter."""
     lines = ["[model]", f'name = "{name}"', 'time = "continuous"', "[parameters]"]
     for symbol, value, unit, limits in parameters:
         bounds = ""
@@ -42,7 +43,7 @@ def _spring(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory
         motion = f"(g*drive{' - c*v' if e.c else ''} - k*q)/M"
     states = [("q", "m", "v", 0.0), ("v", "m/s", motion, 0.0)]
     listed = {"position": ("position", "m", "q"), "speed": ("speed", "m/s", "v")}
-    return _text("mass on a spring", rows, states, [listed[o] for o in outputs], declared)
+    return model_text("mass on a spring", rows, states, [listed[o] for o in outputs], declared)
 
 
 def _shaft(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
@@ -59,7 +60,7 @@ def _shaft(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory:
         states = [("twist", "rad", "wm - wl", 0.0), ("wm", "rad/s", f"(g*voltage - bm*wm - {shaft})/Jm", 0.0)]
         states.append(("wl", "rad/s", f"({shaft}{' - bl*wl' if e.load else ''})/Jl", 0.0))
         listed = {"motor_speed": ("motor_speed", "rad/s", "wm"), "load_speed": ("load_speed", "rad/s", "wl")}
-    return _text("motor, shaft and load", rows, states, [listed[o] for o in outputs], declared)
+    return model_text("motor, shaft and load", rows, states, [listed[o] for o in outputs], declared)
 
 
 def _tanks(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
@@ -68,7 +69,7 @@ def _tanks(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory:
     out, below = "a*sqrt(max(upper, 0))", "a*sqrt(max(lower, 0))"
     states = [("upper", "m", f"b*pump - {out}", level), ("lower", "m", f"{out} - {below}", level)]
     listed = {"upper_level": ("upper_level", "m", "upper"), "lower_level": ("lower_level", "m", "lower")}
-    return _text("two tanks", rows, states, [listed[o] for o in outputs], declared)
+    return model_text("two tanks", rows, states, [listed[o] for o in outputs], declared)
 
 
 def _heater(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
@@ -78,7 +79,7 @@ def _heater(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory
     block, shell = (float(x) for x in heater_start(e)[:2])
     states = [("T1", "K", "p*power - h1*(T1 - T2)", block), ("T2", "K", "h2*(T1 - T2) - h3*T2", shell)]
     listed = {"block": ("block", "K", "T1"), "shell": ("shell", "K", "T2")}
-    return _text("heated block", rows, states, [listed[o] for o in outputs], declared)
+    return model_text("heated block", rows, states, [listed[o] for o in outputs], declared)
 
 
 def _turbine(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memory: float) -> str:
@@ -104,7 +105,7 @@ def _turbine(e: Any, outputs: tuple[str, ...], declared: dict[str, float], memor
     listed = {"rotor_speed": ("rotor_speed", "rad/s", "w"), "tower_fore_aft": ("tower_fore_aft", "m/s^2", fa),
               "tower_side_side": ("tower_side_side", "m/s^2", ss), "power": ("power", "kW", power),
               "flap_moment_1": ("flap_moment_1", "kN m", flap)}  # fmt: skip
-    return _text("turbine above rated", rows, states, [listed[o] for o in outputs], declared)
+    return model_text("turbine above rated", rows, states, [listed[o] for o in outputs], declared)
 
 
 _BENCH = {"machine": "rig"}

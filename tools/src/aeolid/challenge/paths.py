@@ -128,14 +128,19 @@ def _bent(kind: int, form: int, a: float, b: float, s: Array, command: float, dt
     return command
 
 
-def read(sensors: tuple[Sensor, ...], fine: Array, jitter: Array, every: int, dt: float) -> Array:
-    """Return the logged outputs (N, l) of those at every fine step (N·every, l) with sensor noise (N, l)."""
+def read(
+    sensors: tuple[Sensor, ...], fine: Array, jitter: Array, every: int, dt: float, at: Array | None = None
+) -> Array:  # fmt: skip
+    """Return the logged outputs (N, l) of those at every fine step (N·every, l) with sensor noise (N, l).
+
+    at: where the logger looks, in samples; without it at every sample.
+    """
     fine = fine.copy()
     for s in sensors:
         if s.kind in ("lag", "second_order"):
             fine[:, s.which] = _filtered(s, fine[:, s.which], dt)
     late = next((s for s in sensors if s.kind == "offset"), None)
-    rows = np.arange(0.0, len(fine), every) - (0.0 if late is None else late.a / dt)
+    rows = (np.arange(0.0, len(fine), every) if at is None else at * every) - (0.0 if late is None else late.a / dt)
     if late is not None and late.form == 1:  # a clock that walks by a tenth of its offset
         rows -= 0.1 * late.a / dt * np.sin(np.arange(len(rows)) * 2 * np.pi / len(rows))
     steps = np.arange(len(fine))

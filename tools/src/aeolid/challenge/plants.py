@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.challenge import bench, flows, rotor
+from aeolid.challenge.chain import NONE, Chain, anti_alias, coloured, convert, drive_signal, instants
 from aeolid.challenge.march import levels, make_march, wander
 from aeolid.challenge.paths import Drive, Sensor, read
 
@@ -81,6 +82,16 @@ class Setup:
     memory: float = 1.0
     held: bool = False
     declared: dict[str, float] = field(default_factory=dict)
+    chain: Chain = NONE
+    off: dict[str, float] = field(default_factory=dict)  # factors on what the model's user takes for the constants
+    weak: float = 0.0  # dry friction of a bench that does not matter
+
+    @property
+    def believed(self) -> Setup:
+        """Return the recording that the model's user would make: constants a little off, nothing hidden."""
+        wrong = {k: getattr(self.base, k) * factor for k, factor in self.off.items()}
+        base = self.base._replace(**wrong)
+        return replace(self, truth=base, base=base, drive=Drive(), sensors=())
 
     @property
     def bare(self) -> Setup:
@@ -108,15 +119,24 @@ def simulate(setup: Setup, samples: int, seed: int) -> dict[str, Array]:
     _place(plant, w, extra, rng, n, fine)
     swell = np.repeat(rng.uniform(0.35, 1.0, samples // 200 + 1), 200)[:samples]  # loud and quiet stretches
     test = np.column_stack([a * setup.loud * swell * levels(rng, samples, d, True) for a, d in plant.swings])
+    smooth = drive_signal(setup.chain, test, plant.every)
+    test = smooth[:: plant.every]
+    between = smooth - np.repeat(test, plant.every, axis=0)
     aim = plant.aim * levels(rng, samples, 60, True)
     jitter = rng.standard_normal((samples, len(plant.outputs))) * np.array([c.noise for c in plant.outputs])
+    own = np.random.default_rng([seed, 7])  # of the chain: without one, every draw is as it was
+    jitter += coloured(setup.chain, np.array([c.noise for c in plant.outputs]), samples, own)
     march = make_march(*plant.parts)
-    start, rest = plant.start(setup.truth), np.array(plant.rest)
+    physics = setup.truth
+    if setup.weak and not physics.dry:
+        physics = physics._replace(dry=setup.weak)
+    start, rest = plant.start(physics), np.array(plant.rest)
     u, y = march(
-        setup.truth, setup.drive.packed(), start, rest, test, start[plant.held] + aim, w, jitter, plant.every,
+        physics, setup.drive.packed(), start, rest, test, between, start[plant.held] + aim, w, jitter, plant.every,
         plant.step_s, setup.closed or plant.always_closed,
     )  # fmt: skip
-    logged = read(setup.sensors, y, jitter, plant.every, fine)
+    u = _commanded(setup, u, between)
+    logged = _logged(setup, y, jitter, fine, own)
     columns = {"time_s": clock, **extra}
     columns |= {c.name: u[:, i] for i, c in enumerate(plant.inputs)}
     columns |= {c.name: logged[:, i] for i, c in enumerate(plant.outputs)}
@@ -124,6 +144,28 @@ def simulate(setup: Setup, samples: int, seed: int) -> dict[str, Array]:
         columns["azimuth"] = columns["azimuth"] % 360.0
         columns["wind"] = rotor.V0 + w[:: plant.every, 0] + 0.3 * rng.standard_normal(samples)
     return columns
+
+
+def _commanded(setup: Setup, u: Array, between: Array) -> Array:
+    """Return the commands as they are recorded: those of a controller are known, analogue ones are measured."""
+    if not setup.chain.analogue:
+        return u
+    every = setup.plant.every
+    seen = anti_alias(setup.chain, np.repeat(u, every, axis=0) + between, every)
+    return convert(setup.chain, seen[::every])
+
+
+def _logged(setup: Setup, y: Array, jitter: Array, fine: float, rng: np.random.Generator) -> Array:
+    """Return the outputs as the chain leaves them; a counter of turns (without noise) passes no converter."""
+    plant, chain = setup.plant, setup.chain
+    if chain is NONE:
+        return read(setup.sensors, y, jitter, plant.every, fine)
+    analogue = np.array([c.noise > 0 for c in plant.outputs])
+    y = y.copy()
+    y[:, analogue] = anti_alias(chain, y[:, analogue], plant.every)
+    logged = read(setup.sensors, y, jitter, plant.every, fine, instants(chain, len(jitter), rng))
+    logged[:, analogue] = convert(chain, logged[:, analogue])
+    return logged
 
 
 def _place(plant: Plant, w: Array, extra: dict[str, Array], rng: np.random.Generator, n: int, fine: float) -> None:

@@ -8,37 +8,48 @@ import io
 import json
 import re
 import zlib
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from aeolid import output
+from aeolid.challenge import engine, foreign, foreign_files
+from aeolid.challenge.chain import NONE, kept
 from aeolid.challenge.draw import DECIDABLE, Draw, build, draw_all, place
 from aeolid.challenge.families import family_of
 from aeolid.challenge.items import WAYS
 from aeolid.challenge.plants import Plant, Setup, simulate
+from aeolid.challenge.tables import names_of, write_file, write_roles, write_table
 from aeolid.challenge.worth import core_of, discrete, linearise
 from aeolid.errors import DataError, UsageError
 from aeolid.inputs import read_bounded
 from aeolid.text_files import MOST_JSON, load_json, parse_json
 
 ANSWERS, SEAL = "answers.json.gz", "seal.json"
-VERSION = 4  # of the generator: the same seed makes the same bytes within one version
+VERSION = 5  # of the generator: the same seed makes the same bytes within one version
 Notice = Callable[[int, int], None]
 Facts = dict[str, Any]
+Plan = Iterator[tuple[Callable[[Path], None], Callable[[], Facts]]]  # what writes a case, and what tells its answer
 TITLES = {"spring": "mass on a spring", "shaft": "motor and load", "tanks": "two tanks", "heater": "heated block",
           "turbine": "turbine above rated"}  # fmt: skip
 
 
-def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | None = None) -> Facts:
+def make(
+    folder: Path, *, cases: int, seed: int, samples: int, physics: str = "own", chained: bool = True,
+    notice: Notice | None = None
+) -> Facts:  # fmt: skip
     """Write case directories, answers and seal; returns the seal.
 
-    The same arguments write the same bytes. Raises UsageError where the folder holds anything already.
+    chained: recorded through a measurement chain, with small imperfections (foreign rigs always are);
+    physics: of our plants ("own") or of rigs that another maker's engine simulates ("foreign"). The same arguments
+    write the same bytes. Raises UsageError where the folder holds anything already, or the engine is not installed.
     """
     tell = notice or (lambda done, of: None)
+    plan = PLANS[physics](cases, seed, samples, chained)
     try:
         output.make_folder(folder)
         if any(folder.iterdir()):
@@ -46,13 +57,19 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
         answers: dict[str, Facts] = {}
         hashes: dict[str, str] = {}
         tell(0, cases)
-        for number, (sort, items, own) in enumerate(draw_all(cases, seed), 1):
+        for number, (put, answer) in enumerate(plan, 1):
             name = f"case-{number:04d}"
-            draw = build(sort, items, own, samples)
-            write_case(folder / name, draw, samples)
-            answers[name], hashes[name] = answer_of(draw, samples), hash_of(folder / name)
+            put(folder / name)
+            answers[name], hashes[name] = answer(), hash_of(folder / name)
             tell(number, cases)
-        settings = {"version": VERSION, "seed": seed, "samples": samples, "cases": cases}
+        settings = {
+            "version": VERSION,
+            "physics": physics,
+            "chain": chained or physics == "foreign",
+            "seed": seed,
+            "samples": samples,
+            "cases": cases,
+        }
         text = json.dumps({"settings": settings, "answers": answers}, indent=1, sort_keys=True)
         with output.replacing(folder / ANSWERS, own=True) as handle:
             handle.write(gzip.compress(text.encode(), mtime=0))
@@ -61,6 +78,26 @@ def make(folder: Path, *, cases: int, seed: int, samples: int, notice: Notice | 
     except OSError as error:
         raise UsageError(f"{error.filename or folder}: cannot be written ({error.strerror or error})") from None
     return seal
+
+
+def _own(cases: int, seed: int, samples: int, chained: bool) -> Plan:
+    for sort, items, own in draw_all(cases, seed):
+        draw = build(sort, items, own, samples, chained)
+        yield partial(write_case, draw=draw, samples=samples), partial(answer_of, draw, samples)
+
+
+def _foreign(cases: int, seed: int, samples: int, chained: bool) -> Plan:
+    engine.require_engine()
+
+    def plan() -> Plan:
+        for case in foreign.draw_cases(cases, seed, samples):
+            yield (partial(foreign_files.write_case, case=case, samples=samples),
+                   partial(foreign_files.answer_of, case, samples))  # fmt: skip
+
+    return plan()
+
+
+PLANS: dict[str, Callable[[int, int, int, bool], Plan]] = {"own": _own, "foreign": _foreign}
 
 
 def sha256(path: Path) -> str:
@@ -114,20 +151,23 @@ def write_case(case: Path, draw: Draw, samples: int) -> None:
     """Write recording, roles, baseline and case.toml; nothing in them tells what is hidden."""
     output.make_folder(case)
     setup = place(draw, draw.strength)
-    columns = simulate(setup, samples, draw.seed)
     channels = _channels(setup)
-    _write_table(case / "recording.csv", columns, channels)
-    rows = [f'[[channel]]\nname = "{n}"\nunit = "{u}"\nrole = "{r}"\n' for n, _, u, r in channels]
-    _write(case / "roles.toml", '[recording]\ntime = "time_s"\n' + "".join(rows))
+    files = names_of(draw.runs)
+    for number, name in enumerate(files):
+        own = draw.seed + 1_000_003 * number
+        columns = simulate(setup, samples // draw.runs, own)
+        rows = kept(setup.chain, samples // draw.runs, np.random.default_rng([own, 8]))
+        write_table(case / name, {k: v[rows] for k, v in columns.items()}, channels)
+    write_roles(case / "roles.toml", channels)
     context = dict(setup.plant.context)
     if any(c[0] == "wave" for c in channels):
         context["offshore"] = True
     file = _write_baseline(case, draw, setup, channels, samples)
-    lines = ["[case]", f'title = "{TITLES[setup.plant.name]}"', "[recordings]", 'files = ["recording.csv"]']
+    lines = ["[case]", f'title = "{TITLES[setup.plant.name]}"', "[recordings]", f"files = {json.dumps(files)}"]
     lines += ['roles = "roles.toml"', "[baseline]", f'kind = "{draw.kind}"', f'file = "{file}"']
     lines += ["same_inputs = false"] if draw.kind == "run" else []
     lines += ["[context]", *(f"{k} = {json.dumps(v)}" for k, v in context.items())]
-    _write(case / "case.toml", "\n".join(lines) + "\n")
+    write_file(case / "case.toml", "\n".join(lines) + "\n")
 
 
 def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
@@ -142,28 +182,22 @@ def _channels(setup: Setup) -> list[tuple[str, str, str, str]]:
     return found + [other[r] for r in setup.roles]
 
 
-def _write_table(path: Path, columns: Mapping[str, Any], channels: list[tuple[str, str, str, str]]) -> None:
-    table = np.column_stack([columns["time_s"], *(columns[c] for _, c, _, _ in channels)])
-    lines = [",".join(["time_s", *(n for n, _, _, _ in channels)])]
-    lines += [",".join(f"{x:.8g}" for x in row) for row in table]
-    _write(path, "\n".join(lines) + "\n")
-
-
-def _write(path: Path, text: str) -> None:
-    """Write a file of a case: no account is kept beside it, the folder is new and its answers are sealed."""
-    output.write_text(path, text, durable=False, own=True)
-
-
 def _write_baseline(
     case: Path, draw: Draw, setup: Setup, channels: list[tuple[str, str, str, str]], samples: int
 ) -> str:  # fmt: skip
     if draw.kind == "run":  # the same machine without what is hidden, in another wind
-        _write_table(case / "simulation.csv", simulate(setup.bare, samples, draw.seed + 50_000_017), channels)
+        write_table(
+            case / "simulation.csv",
+            simulate(replace(setup.believed, chain=NONE), samples, draw.seed + 50_000_017),
+            channels,
+        )
         return "simulation.csv"
     if draw.kind == "equations":
-        _write(case / "model.toml", setup.plant.model(setup.base, setup.outputs, setup.declared, setup.memory))
+        write_file(
+            case / "model.toml", setup.plant.model(setup.believed.base, setup.outputs, setup.declared, setup.memory)
+        )
         return "model.toml"
-    _write(case / "model.json", json.dumps(state_space(setup), indent=1) + "\n")
+    write_file(case / "model.json", json.dumps(state_space(setup.believed), indent=1) + "\n")
     return "model.json"
 
 
@@ -202,6 +236,16 @@ def answer_of(draw: Draw, samples: int) -> Facts:
         "decidable": draw.sort != "impossible" and (worthy is None or worthy >= DECIDABLE),
         "declared": {k: round(v, 6) for k, v in setup.declared.items()}, "closed_loop": setup.closed
         or setup.plant.always_closed, "seconds": samples * setup.plant.step_s,
+        **(_chained(draw, setup) if setup.chain is not NONE else {}),
+    }  # fmt: skip
+
+
+def _chained(draw: Draw, setup: Setup) -> Facts:
+    """Return what matters, and the small imperfections that do not."""
+    return {
+        "matters": [i.what for i in draw.items] or (["declared values"] if draw.sort == "parameter" else []),
+        "chain": asdict(setup.chain), "recordings": draw.runs,
+        "imperfections": {"dry": setup.weak, "declared": {k: round(v, 6) for k, v in setup.off.items()}},
     }  # fmt: skip
 
 

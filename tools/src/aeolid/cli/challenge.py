@@ -18,11 +18,12 @@ if TYPE_CHECKING:
 
 EXAMPLES = (
     "aeolid challenge make proof --cases 60 --seed 7",
+    "aeolid challenge make rigs --physics foreign    # needs aeolid[challenge]",
     "aeolid challenge run proof --workers 2    # goes on where it stopped",
     "aeolid challenge score proof --fail-below 0.8",
 )
 STEPS = {
-    "make": ("cases", "seed", "samples"),
+    "make": ("cases", "seed", "samples", "physics", "chain"),
     "run": ("workers", "out", "sham", "timeout", "keep"),
     "score": ("out", "page", "fail_below"),
 }
@@ -48,6 +49,23 @@ def challenge(
     samples: Annotated[
         int | None,
         typer.Option("--samples", min=1000, max=100_000, help="make: length of each recording; default 6000."),
+    ] = None,
+    physics: Annotated[
+        str | None,
+        typer.Option(
+            "--physics",
+            help="make: own, five plants of this package, or foreign, six rigs that MuJoCo simulates; default own.",
+            autocompletion=one_of("own", "foreign"),
+        ),
+    ] = None,
+    chain: Annotated[
+        str | None,
+        typer.Option(
+            "--chain",
+            help="make: full, recorded through a measurement chain with small imperfections, or none, as before "
+            "version 5 (own physics only); default full.",
+            autocompletion=one_of("full", "none"),
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, max=1024, help="run: cases at a time; default one a core.")
@@ -79,14 +97,24 @@ def challenge(
     make writes cases without any hint, their answers, and a seal with the hash of both. run diagnoses every case and
     never opens the answers. score checks the seal and prints what was found, missed and wrongly named.
     """
-    given = {"cases": cases, "seed": seed, "samples": samples, "workers": workers, "out": out, "sham": sham,
-             "timeout": timeout, "keep": keep or None, "page": page, "fail_below": fail_below}  # fmt: skip
+    given = {"cases": cases, "seed": seed, "samples": samples, "physics": physics, "chain": chain,
+             "workers": workers, "out": out, "sham": sham, "timeout": timeout, "keep": keep or None, "page": page,
+             "fail_below": fail_below}  # fmt: skip
     _check(step, {name for name, value in given.items() if value is not None})
+    _check_physics(physics, chain)
     target = out or folder / "results"
     page = page or target / "score.html"
     _declare(step, folder, target, page, json_target, force)
     if step == "make":
-        _make(folder, cases or 60, 1 if seed is None else seed, samples or 6000, json_target)
+        _make(
+            folder,
+            cases or 60,
+            1 if seed is None else seed,
+            samples or 6000,
+            physics or "own",
+            chain != "none",
+            json_target,
+        )
     elif step == "run":
         _run(folder, target, workers or len(os.sched_getaffinity(0)), sham or 0, timeout or 900.0, keep, json_target)
     else:
@@ -119,11 +147,27 @@ def _check(step: str, given: set[str]) -> None:
         raise UsageError(f"--{name.replace('_', '-')} goes with {home}, not with {step}")
 
 
-def _make(folder: Path, cases: int, seed: int, samples: int, json_target: str | None) -> None:
+def _check_physics(physics: str | None, chain: str | None) -> None:
+    """Refuse what cannot be simulated before anything is written."""
+    if physics not in (None, "own", "foreign"):
+        raise UsageError(f"--physics {physics}: is neither own nor foreign")
+    if chain not in (None, "full", "none"):
+        raise UsageError(f"--chain {chain}: is neither full nor none")
+    if physics == "foreign" and chain == "none":
+        raise UsageError("--chain none: foreign rigs are always recorded through a chain")
+    if physics == "foreign":
+        from aeolid.challenge.engine import require_engine
+
+        require_engine()
+
+
+def _make(
+    folder: Path, cases: int, seed: int, samples: int, physics: str, chained: bool, json_target: str | None
+) -> None:
     from aeolid.challenge.write import make
 
     with _bar("making") as tell:
-        seal = make(folder, cases=cases, seed=seed, samples=samples, notice=tell)
+        seal = make(folder, cases=cases, seed=seed, samples=samples, physics=physics, chained=chained, notice=tell)
     if json_target != "-":
         console.print(f"{cases} cases in {folder}; answers sealed, SHA-256 {seal['sha256']}", soft_wrap=True)
     emit_json(seal, json_target)

@@ -130,10 +130,12 @@ def _ahead(predictor: Predictor, point: Point, k: int) -> Array:
         states = predictor.run(point, i)[2]
         starts = np.unique(np.linspace(segment.burn, len(segment.y) - k - 1, 200).astype(int))
         blank, ready = np.full((k, segment.y.shape[1]), np.nan), predictor.ready(point, i)
-        for s in starts[starts >= segment.burn]:
+        for s in starts[(starts >= segment.burn) & (starts + k <= len(segment.y))]:  # a short segment has none
             last = predictor.run_rows(point, i, int(s), blank, states[s], zero, ready=ready)[1][-1]
             squares.append((segment.y[s + k - 1] - last) ** 2)
         spreads.append(segment.y[segment.burn :])
+    if not squares:
+        return np.full(spreads[0].shape[1], 1e6)
     result: Array = np.sqrt(np.nanmean(np.array(squares), axis=0)) / np.nanstd(np.vstack(spreads), axis=0)
     return np.minimum(np.nan_to_num(result, nan=1e6), 1e6)
 
