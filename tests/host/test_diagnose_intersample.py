@@ -14,7 +14,8 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
-from aeolid.diagnose.candidates.settle_sampling import Choice, choice_of, settle
+from aeolid.diagnose.candidates.sampling_choice import Choice, choice_of
+from aeolid.diagnose.candidates.settle_sampling import settle
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.data.intersample import Sampling, sampling_findings, traits_of
 from aeolid.record import Channel, Record
@@ -34,8 +35,11 @@ def swing(u: Array, w: Array, h: float) -> tuple[Array, Array]:
     return x, s
 
 
-def rows(kind: str, late: float, seed: int = 4) -> Array:
-    """Return push, position, speed; the outputs are read `late` samples after the instant of the push beside them."""
+def rows(kind: str, late: float, seed: int = 4, corner: float = 0.0) -> Array:
+    """Return push, position, speed; the outputs are read `late` samples after the instant of the push beside them.
+
+    corner: of the outputs' Butterworth filter over the sampling rate, 0: none.
+    """
     rng = np.random.default_rng(seed)
     count, h = (ROWS + 3) * FINE, STEP / FINE
     if kind == "analogue":
@@ -45,7 +49,9 @@ def rows(kind: str, late: float, seed: int = 4) -> Array:
         dwell = {"held": 7, "fresh": 1}[kind]
         push = np.repeat(rng.choice(np.array([-5.0, 5.0]), (ROWS + 3) // dwell + 1), dwell * FINE)[:count]
     x, s = swing(push, 0.3 * rng.standard_normal(count) / np.sqrt(FINE), h)
-    at, noise = FINE * np.arange(1, ROWS + 1), rng.standard_normal((ROWS, 2)) * [1e-3, 5e-3]
+    if corner:
+        x, s = sosfilt(butter(2, corner, fs=FINE, output="sos"), np.array([x, s]))
+    at, noise = FINE * np.arange(2, ROWS + 2), rng.standard_normal((ROWS, 2)) * [1e-3, 5e-3]
     shifted = at + round(late * FINE)
     return np.column_stack([push[at], x[shifted] + noise[:, 0], s[shifted] + noise[:, 1]])
 
@@ -77,9 +83,27 @@ def test_a_command_as_it_is_stays_as_it_is(tmp_path: Path) -> None:
     assert stage(tmp_path, rows("held", 0.0))[1] is None
 
 
-def test_a_command_late_by_part_of_a_sample_is_physics(tmp_path: Path) -> None:
+@pytest.mark.parametrize("late", [0.4, 0.8])
+def test_a_command_late_by_part_of_a_sample_is_a_habit(tmp_path: Path, late: float) -> None:
+    """A drive faster than the sampling and an anti-alias filter look alike: neither is a finding."""
+    prepared, found = stage(tmp_path, rows("held", -late))
+    assert found.late_s == pytest.approx(late * STEP, abs=0.02 * STEP)
+    assert all(n.severity == "info" for n in sampling_findings(prepared.records, found, STEP))
+
+
+def test_outputs_behind_an_anti_alias_filter_are_read_so(tmp_path: Path) -> None:
+    """A Butterworth filter with its corner at 0.8 of the Nyquist frequency, read 0.2 samples early."""
+    values, delay = rows("fresh", -0.2, corner=0.4), 2**0.5 / (2 * np.pi * 0.4)
+    prepared, found = stage(tmp_path, values)
+    assert found.is_filtered
+    assert found.filter_s == pytest.approx(delay * STEP, abs=0.05 * STEP)
+    assert found.late_s == pytest.approx((delay + 0.2) * STEP, abs=0.02 * STEP)
+    assert {n.check for n in sampling_findings(prepared.records, found, STEP)} == {"intersample", "filter", "offset"}
+
+
+def test_a_command_late_by_more_is_physics(tmp_path: Path) -> None:
     """That is what a lag or a dead time does, and the catalogue names both."""
-    assert stage(tmp_path, rows("held", -0.5))[1] is None
+    assert stage(tmp_path, rows("held", -1.6))[1] is None
 
 
 @pytest.mark.parametrize("late", [0.0, 0.5, 1.0])

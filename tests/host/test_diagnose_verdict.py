@@ -11,8 +11,9 @@ import pytest
 
 from aeolid.diagnose.conclusion import verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
-from aeolid.diagnose.conclusion.sentence import sentence
+from aeolid.diagnose.conclusion.sentence import inputs_rest, sentence
 from aeolid.diagnose.selection.rivals import is_other
+from aeolid.record import Channel, Record
 
 
 def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tuple[str, list[str], str]:
@@ -198,3 +199,13 @@ def test_a_value_without_bounds_is_told_as_none(monkeypatch: pytest.MonkeyPatch)
     found = verdict._effect(SimpleNamespace(proof=None), told, place, [])  # type: ignore[arg-type]
     assert found["parameters"]["omega_rad_s"] == {"value": None, "std": None, "unit": "rad/s"}
     json.dumps(found, allow_nan=False)
+
+
+@pytest.mark.parametrize(("force", "rest"), [([1.0, np.nan, 2.0], False), ([1.0, np.nan, 1.0], True)])
+def test_missing_samples_do_not_make_an_input_rest(force: list[float], rest: bool) -> None:
+    """Five lost rows of 3,000 made a recording of steps one whose input never moves, `not_testable`."""
+    channels = (Channel("force", "N", "input"), Channel("speed", "m/s", "output"))
+    values = np.column_stack([force, [0.0, 1.0, 2.0]])
+    record = Record(np.arange(3.0), values, channels, 1.0, "recording", "")
+    assert inputs_rest([record], ["force"]) is rest
+    assert not inputs_rest([record], [])

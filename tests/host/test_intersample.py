@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from aeolid.errors import DataError
 from aeolid.models import equations_file
 from aeolid.models.equations import Equations, InputFilter, Parameter
-from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
+from aeolid.models.input_filters import KINDS, QUARTERS, SPLIT, WHOLE
 from aeolid.models.integrate import compile_equations, driven, free_run
 from aeolid.models.load import LinearModel
 from aeolid.models.model_file import Signal
@@ -68,6 +70,62 @@ def test_two_pieces_make_up_the_mean_and_begin_with_what_is_read(kind: str, offs
     assert SPLIT[0] * pieces[::2] + SPLIT[1] * pieces[1::2] == pytest.approx(mean, abs=1e-12)
     if offset == 0.0:
         assert pieces[::2] == pytest.approx(u, abs=1e-12)
+
+
+def behind_a_filter(u: Array, offset: float, delay: float, fine: int) -> Array:
+    """Return held samples, late by `offset` samples, behind the filter, at every fine step."""
+    w = np.sqrt(2) / delay * fine**-1.0
+    a, b, *_ = cont2discrete(([w * w], [1.0, np.sqrt(2) * w, w * w]), 1.0)
+    at = np.floor((np.arange(len(u) * fine) + 0.5) / fine - offset).astype(int)
+    held = u[np.clip(at, 0, len(u) - 1)]
+    a = a.ravel()
+    found: Array = lfilter(a, b, held, zi=lfilter_zi(a, b) * held[0])[0]
+    return found
+
+
+@pytest.mark.parametrize(("offset", "delay"), [(0.0, 0.5), (0.3, 0.5), (-0.4, 0.6), (2.6, 0.9), (0.2, 0.05)])
+def test_the_means_behind_a_filter_are_those_of_its_answer(offset: float, delay: float) -> None:
+    u, fine = np.random.default_rng(5).standard_normal(60), 1000
+    answer = behind_a_filter(u, offset, delay, fine).reshape(60, fine)
+    for pieces, ends in ((WHOLE, [0, 1000]), (SPLIT, [0, 100, 1000]), (QUARTERS, [0, 250, 500, 750, 1000])):
+        expected = np.column_stack([answer[:, a:b].mean(1) for a, b in itertools.pairwise(ends)]).ravel()
+        values = np.array([offset, delay]) * 0.1
+        means = KINDS["intersample_filtered"].rule(np.repeat(u, len(pieces)), values, 0.1, pieces)
+        assert means[40:] == pytest.approx(expected[40:], abs=0.02)  # a fine step late is 2 % of so short a piece
+
+
+def test_a_filter_without_delay_is_the_offset_alone() -> None:
+    u = smooth_noise(300)
+    alone = KINDS["intersample_zoh"].rule(u, np.array([0.03]), 0.1, WHOLE)
+    both = KINDS["intersample_filtered"].rule(u, np.array([0.03, 0.0]), 0.1, WHOLE)
+    assert both == pytest.approx(alone, abs=1e-5)
+
+
+@pytest.mark.parametrize("values", [(np.nan, 0.1), (0.1, np.inf)])
+def test_no_number_gives_no_number(values: tuple[float, float]) -> None:
+    assert np.all(np.isnan(KINDS["intersample_filtered"].rule(smooth_noise(50), np.array(values), 0.1, WHOLE)))
+
+
+def test_an_offset_beyond_the_recording_is_bounded() -> None:
+    u = smooth_noise(50)
+    assert KINDS["intersample_filtered"].rule(u, np.array([1e12, 1e12]), 0.1, WHOLE) == pytest.approx(u[0], abs=1e-2)
+
+
+@pytest.mark.parametrize(("offset", "delay"), [(0.5, 0.0), (0.2, 0.45), (-0.5, 0.0)])
+def test_a_plant_answers_a_late_command_as_it_does_in_fine_steps(tmp_path: Path, offset: float, delay: float) -> None:
+    """By its mean alone the input acts as if each sample's part of it were in the sample's middle."""
+    rng, fine, count = np.random.default_rng(6), 200, 400
+    u = rng.standard_normal(count)
+    signal = behind_a_filter(u, offset, max(delay, 1e-3), fine)
+    system = cont2discrete(([G], [1.0, C, K]), STEP / fine)
+    expected = lfilter(system[0].ravel(), system[1], signal)[::fine]
+    model = read(tmp_path, None, MODEL.replace("[[state]]", "filter = { value = 0.0 }\n[[state]]", 1))
+    kind, names = ("zoh", ("late",)) if not delay else ("filtered", ("late", "filter"))
+    model = replace(model, filters=(InputFilter("force", f"intersample_{kind}", names),))
+    theta = np.array([offset, delay]) * STEP
+    y = free_run(compile_equations(model), u[:, None], theta, model.x0, STEP)[:, 0]
+    alone = np.std(expected) * (2 * np.pi * 68 * STEP) ** 2 / 12  # what the first moment of a sample is worth
+    assert np.std((y - expected)[5:-5]) < 0.1 * alone
 
 
 def test_straight_lines_have_the_mean_of_their_ends() -> None:
@@ -130,7 +188,7 @@ def test_in_discrete_time_moving_inputs_act_as_held_ones_can(tmp_path: Path) -> 
 
 def test_slopes_stand_only_where_an_input_moves(tmp_path: Path) -> None:
     u = smooth_noise(50)[:, None]
-    for kind, width in (("zoh", 1), ("foh", 2), ("band_limited", 2)):
+    for kind, width in ((None, 1), ("zoh", 2), ("foh", 2), ("band_limited", 2)):
         model = read(tmp_path, kind)
         assert driven(compile_equations(model), u, model.theta, STEP).shape == (50, width)
 

@@ -20,6 +20,7 @@ from aeolid.models import intersample
 
 Array = NDArray[np.float64]
 WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees
+QUARTERS = np.full(4, 0.25)  # which tell by how much an input that steps changes within the step
 _ROUNDING = 1e-12  # steps
 _NONE = 1e-3  # steps: what is faster only begins to lag, and is spread over the step; its slope at none is known
 
@@ -40,6 +41,9 @@ def _lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
 
 def _delay(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    whole = u.reshape(-1, len(pieces))
+    if abs(values[0]) >= _NONE * step and np.all(whole == whole[:, :1]):
+        return intersample.late(u, values, step, pieces)  # what passed no filter before: a tenth of the time
     return delay_held_input(u, float(values[0]) / step, pieces)
 
 
@@ -246,5 +250,11 @@ KINDS: dict[str, FilterKind] = {
     "intersample_zoh": FilterKind(("offset_s",), _delay),
     "intersample_foh": FilterKind(("offset_s",), intersample.straight),
     "intersample_band_limited": FilterKind(("offset_s",), intersample.smooth),
+    "intersample_filtered": FilterKind(("offset_s", "delay_s"), intersample.filtered),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""
+CHANGING = (
+    "actuator_lag", "transport_delay", "actuator_second_order", "rate_limit", "lead_lag", "indicial",
+    "intersample_zoh", "intersample_filtered",
+)  # fmt: skip
+"""Kinds behind which a held input changes within a step; the others let it step with the samples."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
-from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
-from aeolid.models.intersample import MOVING, as_held, slopes
+from aeolid.models.input_filters import CHANGING, KINDS, QUARTERS, SPLIT, WHOLE
+from aeolid.models.intersample import MOVING, as_held, slopes, slopes_of_quarters
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import march, outputs, reading_jacobian, settle, slope, state_jacobian
 
@@ -43,13 +43,18 @@ class Compiled:
 
     @cached_property
     def moving(self) -> set[str]:
-        """Return the inputs that change within a sample."""
+        """Return the inputs that are not held, which change within a sample."""
         return {f.channel for f in self.model.filters if f.kind in MOVING}
+
+    @cached_property
+    def stepping(self) -> set[str]:
+        """Return the held inputs that change within a sample all the same, behind a lag or late by part of one."""
+        return {f.channel for f in self.model.filters if f.kind in CHANGING} - self.moving
 
     @property
     def ramps(self) -> bool:
         """Tell whether the states follow such changes; one step of a discrete-time model has no within."""
-        return bool(self.moving) and not self.model.sample_time_s
+        return bool(self.moving or self.stepping) and not self.model.sample_time_s
 
     def which_move(self, width: int) -> NDArray[np.bool_]:
         """Return which of `width` columns of inputs change within a sample."""
@@ -220,10 +225,25 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
     else:
         means = apply_filters(compiled.model, u, theta, step)
         parts = [means]
-    if compiled.moving:
-        which = compiled.which_move(means.shape[1])
-        parts = [*parts, slopes(means, which)] if compiled.ramps else [as_held(means, which), *parts[1:]]
+    which = compiled.which_move(means.shape[1])
+    if compiled.ramps:
+        parts = [*parts, slopes(means, which) + _steps_within(compiled, u, theta, step)]
+    elif compiled.moving:
+        parts = [as_held(means, which), *parts[1:]]
     return np.hstack(parts) if len(parts) > 1 else means
+
+
+def _steps_within(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
+    """Return by how much held inputs behind filters change within each step; 0 for others."""
+    found = np.zeros(u.shape)
+    own = [i for i, s in enumerate(compiled.model.inputs) if s.name in compiled.stepping]
+    if own:
+        filters = tuple(f for f in compiled.model.filters if f.channel in compiled.stepping)
+        quarters = apply_filters(
+            replace(compiled.model, filters=filters), np.repeat(u, 4, axis=0), theta, step, QUARTERS
+        )
+        found[:, own] = slopes_of_quarters(quarters[:, own])
+    return found
 
 
 def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> Array:

@@ -11,19 +11,26 @@ the Nyquist frequency is not in the samples, whatever is laid between them (Åst
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from aeolid.compiled import njit
+
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
 """Held over the sample, straight from one to the next, the smooth curve through all of them."""
+FILTERED = "filtered"
+"""Held, of a recording whose outputs passed an anti-alias filter."""
 OFFSET = "intersample_offset"  # parameter: by how much inputs act after their stamps, s
-PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS
+FILTER = "intersample_delay"  # parameter: low-frequency delay of the outputs' anti-alias filter, s
+PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS, or FILTERED
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
 _DEGREE, _FEWEST = 7, 16  # of the spline; samples through which it is laid: fewer are joined by straight lines
+_SHORTEST, _FADED = 1e-6, 20.0  # samples, of a filter's delay; delays after which its step response has ended
 _REACH, _BAND = 6, 2.4  # samples on either side that tell a slope; radians a sample up to which they do
 
 
@@ -55,6 +62,63 @@ def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
         return found
 
     return _spread_over(samples, values, step, pieces, integral, value)
+
+
+def late(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Return the means of a held input, `values` the offset in s: exact. Before the first and after the last it holds.
+
+    u (N·p,): the same over the pieces of a sample.
+    """
+    return filtered(u, np.array([values[0], 0.0]), step, pieces)
+
+
+def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
+    """Return the means of a held input behind a second-order Butterworth filter, `values` offset and delay in s.
+
+    The filter stands for one on every output: of a linear plant they are the same. Its step response has the integral
+    I(t) = t - d (1 - exp(-t/d) cos(t/d)), d its delay at low frequencies, √2 over its corner in rad/s; each change of
+    the input adds the difference of I over a piece: exact. Without a delay it is the held input, offset alone.
+    """
+    if not np.all(np.isfinite(values)):
+        return np.full_like(u, np.nan)
+    most = len(u) / len(pieces) + 1.0
+    offset, delay = np.clip(values[0] / step, -most, most), np.clip(values[1] / step, 0.0, most)
+    first = math.floor(offset)
+    lags = np.arange(first, first + math.ceil(_FADED * delay) + 2)
+    at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces
+    share = (_step_integral(at + pieces, delay) - _step_integral(at, delay)) / pieces
+    return _with_changes(np.ascontiguousarray(u), share - 1.0, first, len(pieces))
+
+
+@njit(cache=True)
+def _with_changes(u: Array, lacking: Array, first: int, count: int) -> Array:
+    """Return u of `first` samples before less what its changes still lack, Σ lacking_i Δu_{k-i}.
+
+    u (N·p,): the same over the `count` pieces of a sample; lacking (lags, p), the first of `first` samples.
+    """
+    out, samples = np.empty_like(u), len(u) // count
+    for k in range(samples):
+        value = u[min(max(k - first, 0), samples - 1) * count]
+        for j in range(count):
+            out[k * count + j] = value
+    for k in range(1, samples):
+        change = u[k * count] - u[(k - 1) * count]
+        if change != 0.0:
+            begin = k + first
+            for i in range(max(0, -begin), min(len(lacking), samples - begin)):
+                for j in range(count):
+                    out[(begin + i) * count + j] += lacking[i, j] * change
+    return out
+
+
+def _step_integral(t: Array, delay: float) -> Array:
+    """Return the integral of the filter's step response from 0 to t, times and delay in samples; 0 before."""
+    after = np.maximum(t, 0.0)
+    if delay < _SHORTEST:
+        return after
+    x = after / delay
+    found: Array = after - delay * (1.0 - np.exp(-x) * np.cos(x))
+    return found
 
 
 def _spread_over(
@@ -108,6 +172,17 @@ def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:
         )
     change[:, moving] = slope
     return change
+
+
+def slopes_of_quarters(quarters: Array) -> Array:
+    """Return by how much inputs change within each sample, from means over its quarters (N·4, r): (N, r).
+
+    The line about the mean that has the same first moment, 12 ∫ (t - 1/2) u dt: exact for steps at quarters (1.5 of one
+    in the middle), 6 % less than a straight line changes.
+    """
+    parts = quarters.reshape(-1, 4, quarters.shape[1])
+    found: Array = 0.375 * (parts[:, 2] - parts[:, 1]) + 1.125 * (parts[:, 3] - parts[:, 0])
+    return found
 
 
 def _slope_weights() -> Array:

@@ -37,14 +37,14 @@ from aeolid.diagnose.structure.signals import motions_of_signals
 from aeolid.errors import NotIdentifiable
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobian
-from aeolid.models.intersample import OFFSET
+from aeolid.models.intersample import FILTER, OFFSET
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _LEAST = 0.01  # of the size at which a state shows: states that rest are taken to move as much
 # free parameters that are not physics of the model
-NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX, OFFSET)
+NUISANCE = ("bias_u", "bias_y", "noise_pole", RATE, PREFIX, modal.PREFIX, OFFSET, FILTER)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,10 +7,12 @@ the fitted baseline, and once more beside the first effect, which may have hidde
 
 What the likelihood may choose among depends on the recording:
 - measured inputs (smooth, and likelier to move than to be held): straight or band-limited, any offset within a sample;
-- commands (held for several samples, new at every sample up to the Nyquist frequency, or likeliest to be held): early
-  by up to a sample, which no drive can be, or late by exactly one; late by part of one is what a lag or dead time does;
+- commands (held for several samples, new at every sample up to the Nyquist frequency, or likeliest to be held): up to
+  a sample early, which no drive can be, or late, or late and rounded as behind an anti-alias filter of all outputs. A
+  drive faster than the sampling looks the same and is told with it; what is later than a sample is physics;
 - feedback: an input that answers an output knows of its error, and let into the prediction of its own row it brings
-  that along. What this may gain at most is a price to be paid; a case that says closed_loop has whole samples only.
+  that along. What this may gain at most is a price to be paid; a case that says closed_loop has only a whole sample
+  early.
 """
 
 from __future__ import annotations
@@ -24,20 +26,20 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.frame import carry_free, carry_point
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.sampling_choice import MIDDLE, TINY, Choice, choice_of
 from aeolid.diagnose.data.case import Case
-from aeolid.diagnose.data.intersample import ROOM, Sampling, filters_of, traits_of, with_sampling
+from aeolid.diagnose.data.intersample import ROOM, SLOWEST, Sampling, filters_of, with_sampling
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
 from aeolid.models.integrate import Compiled
-from aeolid.models.intersample import HOLDS, OFFSET
+from aeolid.models.intersample import FILTER, FILTERED, HOLDS, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
 _PROMISE = 2.0  # nats that a score promises, two deviations: below that nothing is tried
-_TINY = 1e-4  # samples: step of a finite difference
 _EXACT = 2.0  # nats, two deviations: what a whole sample may be short of the best offset and still be it
 _BEYOND = 1.5  # samples: what is likelier there than within one is no habit
 _PAST = 40  # samples of an input's own past: longer than steps are held
@@ -52,13 +54,15 @@ _ROWS = 20_000  # rows that show feedback
 class _Stage:
     """Hold what trials start from: model with the offset in it, predictor, point, free set, and the value to beat.
 
-    promised: nats that the score of an earlier and of a later offset promises; sampling: as the stage reads inputs.
+    place, delay: of the offset and of the filter's delay among the parameters. promised: nats that the score of an
+    earlier and of a later offset promises; sampling: as the stage reads inputs.
     """
 
     predictor: Predictor
     point: Point
     free: Free
     place: int
+    delay: int
     value: float
     promised: tuple[float, float]
     sampling: Sampling
@@ -75,46 +79,15 @@ class _Stage:
     def fitted(self, sampling: Sampling, iterations: int) -> tuple[Sampling, Predictor, Point]:
         """Return a sampling as a fit of so many iterations has it, with what it gains; the predictor, and its point."""
         predictor, theta = read_by(self.predictor, sampling), self.point.theta.copy()
-        theta[self.place] = sampling.offset_s
-        own = (*self.free.theta, self.place) if sampling.free else self.free.theta
-        start, free = replace(self.point, theta=theta), replace(self.free, theta=own)
+        theta[[self.place, self.delay]] = sampling.offset_s, sampling.filter_s
+        own = (self.place, *((self.delay,) if sampling.is_filtered else ())) if sampling.free else ()
+        start, free = replace(self.point, theta=theta), replace(self.free, theta=(*self.free.theta, *own))
         found = predictor.climb(start, free, iterations, _TOLERANCE)
         if found is None:
             return replace(sampling, gain=-np.inf), predictor, start
         value, point = found
-        return replace(sampling, offset_s=float(point.theta[self.place]), gain=self.value - value), predictor, point
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Say what may be chosen: which inputs may move, any offset or (commands) early ones, whole samples only or not.
-
-    kinds: place and look of each input that may be fed back.
-    """
-
-    moving: tuple[str, ...]
-    any_offset: bool
-    whole: bool
-    kinds: tuple[tuple[int, str], ...] = ()
-
-    def trials(self, now: Sampling, step: float) -> list[Sampling]:
-        """Return the samplings to fit briefly, those as read now left out."""
-        others = [tuple((n, h if n in self.moving else was) for n, was in now.holds) for h in HOLDS[1:]]
-        holds = [now.holds, *(others if self.moving else ())]
-        offsets = (0.0, -1.0) if self.whole else (0.0, -1.0, -0.5, *((0.5, 1.0) if self.any_offset else ()))
-        found = [replace(now, holds=h, offset_s=o * step, free=self._is_free(o)) for h in holds for o in offsets]
-        return [s for s in found if s.holds != now.holds or s.offset_s]
-
-    def _is_free(self, offset: float) -> bool:
-        return self.any_offset or (offset < 0 and not self.whole)
-
-    def allows(self, sampling: Sampling, step: float) -> bool:
-        """Tell whether a fitted offset is still one of these: a command is not late by part of a sample.
-
-        An input that is likeliest to be held is a command, whatever it looks like; beside a measured one, too.
-        """
-        measured = self.any_offset and all(h != "zoh" for _, h in sampling.holds)
-        return measured or sampling.offset_s <= 0 or abs(sampling.offset_s - step) < _TINY * step
+        offset, delay = (float(point.theta[i]) for i in (self.place, self.delay))
+        return replace(sampling, offset_s=offset, filter_s=delay, gain=self.value - value), predictor, point
 
 
 def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> Sampling | None:
@@ -125,8 +98,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     in discrete time were identified on rows and have their habit. Cost:
     sensitivities where the scores promise nothing, else some ten brief fits.
     """
-    rate: float = getattr(case.baseline, "sample_time_s", 0.0)
-    if prepared.surrogate is not None or not prepared.sampling.holds or rate:
+    if prepared.surrogate is not None or not prepared.sampling.holds:
         return None
     stage, choice = _stage(prepared, winner), choice_of(case, prepared)
     best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None
@@ -135,10 +107,11 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     plain = _as_plain(stage, choice, 0.0 if best is None else best.gain)
     if plain is not None or best is not None or not prepared.sampling.free:
         return plain or best
-    beside, alone = float(stage.point.theta[stage.place]), prepared.sampling.offset_s
-    if abs(beside - alone) < _MOVED * stage.step:
+    offset, delay = (float(stage.point.theta[i]) for i in (stage.place, stage.delay))
+    beside = replace(prepared.sampling, offset_s=offset, filter_s=delay)
+    if abs(beside.late_s - prepared.sampling.late_s) < _MOVED * stage.step:
         return None
-    return _nearly_whole(stage, replace(prepared.sampling, offset_s=beside))
+    return _nearly_whole(stage, beside)
 
 
 def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate]) -> Sampling | None:
@@ -166,19 +139,33 @@ def settle_beside(case: Case, prepared: Prepared, candidates: Sequence[Candidate
 def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs.
 
-    Where the best has a command that comes late, the question is asked once more without late offsets.
+    Where the best has a command that comes later than it may, that is physics, and the question is how inputs move
+    between their rows alone.
     """
     best = _best(stage, choice)
-    if best is not None and not choice.allows(best, stage.step) and choice.any_offset:
-        choice = replace(choice, any_offset=False)
+    if best is not None and _is_too_late(stage, choice, best):
+        choice = replace(choice, any_offset=False, late=False, early=False)
         best = _best(stage, choice)
     if best is None:
         return None
-    price = float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
-    if best.offset_s < 0 or best.holds != stage.sampling.holds:
+    price = _price(stage)
+    if best.offset_s < 0 or (best.holds != stage.sampling.holds and not best.is_filtered):
         price += _leak(stage, choice)
     clear = best.gain > price and choice.allows(best, stage.step)
     return best if clear and not _goes_on(stage, best) else None
+
+
+def _is_too_late(stage: _Stage, choice: Choice, best: Sampling) -> bool:
+    """Tell whether the best has a held command beside it whose lateness is more than a habit of the recording."""
+    if not choice.allows(best, stage.step):
+        return choice.any_offset or choice.late
+    held = all(h in (HOLDS[0], FILTERED) for _, h in best.holds)
+    return held and best.late_s > 0 and _goes_on(stage, best)
+
+
+def _price(stage: _Stage) -> float:
+    """Return what two parameters cost in all rows, in nats (BIC)."""
+    return float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
 
 
 def _as_plain(stage: _Stage, choice: Choice, gain: float) -> Sampling | None:
@@ -189,32 +176,22 @@ def _as_plain(stage: _Stage, choice: Choice, gain: float) -> Sampling | None:
     what was found, too. gain: nats of the best other reading.
     """
     now, step = stage.sampling, stage.step
-    holds = tuple((n, "zoh" if n in choice.moving else h) for n, h in now.holds)
-    if not now.free and abs(now.offset_s) < _TINY * step and holds == now.holds:
+    holds = tuple((n, "zoh" if n in choice.moving or h == FILTERED else h) for n, h in now.holds)
+    if not now.free and abs(now.offset_s) < TINY * step and holds == now.holds:
         return None
     plain = stage.tried(replace(now, holds=holds, offset_s=0.0, free=False), _THOROUGH)
-    price = float(np.log(sum(len(s.y) for s in stage.predictor.segments)))
-    return plain if plain.gain > gain - price else None
+    return plain if plain.gain > gain - _price(stage) else None
 
 
 def _best(stage: _Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen, fitted further, which may have carried it beyond that."""
     trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
-    best = max((s for s in trials if choice.allows(s, stage.step)), key=lambda s: s.gain, default=None)
+    half = 0.5 * _price(stage)  # a filter has one parameter more
+    allowed = (s for s in trials if choice.allows(s, stage.step))
+    best = max(allowed, key=lambda s: s.gain - half * s.is_filtered, default=None)
     if best is None or not np.isfinite(best.gain):
         return None
     return _finished(stage, choice, best)
-
-
-def choice_of(case: Case, prepared: Prepared) -> Choice:
-    """Return what the likelihood may choose among on this recording."""
-    traits = traits_of(prepared.records, [n for n, _ in prepared.sampling.holds])
-    closed, rate = case.context.get("closed_loop") is True, getattr(case.baseline, "sample_time_s", 0.0)
-    moving = () if closed or rate else tuple(t.name for t in traits if t.hold is None)
-    measured = all(t.kind == "smooth" or t.hold in HOLDS[1:] for t in traits)
-    names = prepared.site.input_names
-    kinds = () if case.context.get("closed_loop") is False else tuple((names.index(t.name), t.kind) for t in traits)
-    return Choice(moving, measured and not closed, closed, kinds)
 
 
 def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:
@@ -230,19 +207,23 @@ def _stage(prepared: Prepared, winner: Candidate | None) -> _Stage:
     source, fit = (prepared.predictor, prepared.fit) if winner is None else (winner.predictor, winner.fit)
     effects = prepared.attachments if winner is None else winner.attachments
     step, now = source.segments[0].fine_step, prepared.sampling
-    working = with_sampling(prepared.frame.working, replace(now, free=True), step)
+    holds, delay_s = tuple((n, FILTERED) for n, _ in now.holds), now.filter_s or MIDDLE * step
+    seen = replace(now, holds=holds, filter_s=delay_s, free=True)
+    working = with_sampling(prepared.frame.working, seen, step)
     frame = replace(prepared.frame, working=working, compiled={})
-    predictor = frame.extend(effects, source.segments)[0].with_order(source.var_order or 0)
+    predictor = read_by(frame.extend(effects, source.segments)[0].with_order(source.var_order or 0), now)
     old, model = source.compiled.model, predictor.compiled.model
-    place, point, free = model.index(OFFSET), carry_point(fit.point, old, model), carry_free(fit.free, old, model)
-    free = replace(free, theta=tuple(i for i in free.theta if i != place))
+    place, delay, point = model.index(OFFSET), model.index(FILTER), carry_point(fit.point, old, model)
+    free = carry_free(fit.free, old, model)
+    free = replace(free, theta=tuple(i for i in free.theta if i not in (place, delay)))
     at = predictor.at(point, free)
-    return _Stage(predictor, point, free, place, predictor.objective(point), _promised(predictor, at, place), now)
+    promised = _promised(predictor, at, place)
+    return _Stage(predictor, point, free, place, delay, predictor.objective(point), promised, now)
 
 
 def _promised(predictor: Predictor, at: Fit, place: int) -> tuple[float, float]:
     """Return the nats that moving the offset down and up promises beyond what all that is free could do."""
-    h, base = _TINY * predictor.segments[0].fine_step, at.residual
+    h, base = TINY * predictor.segments[0].fine_step, at.residual
     moves = [theta_variant(at.point, {place: -h}), theta_variant(at.point, {place: h}), Variant(at.point, 1.0)]
     found = columns(predictor, at.point, at.noise, base, moves)
     down, up = (found[:, k] - found[:, 2] / moves[k].h for k in (0, 1))
@@ -274,14 +255,18 @@ def _nearly_whole(stage: _Stage, sampling: Sampling) -> Sampling:
 def _goes_on(stage: _Stage, best: Sampling) -> bool:
     """Tell whether it is likelier still beyond the one sample that a habit may be, or a late command's lag is.
 
-    A late one at the very end of its range is (a heater 1.05 samples late: the way of its warmth to the sensor).
+    A late one at the very end of its range is (a heater 1.05 samples late: the way of its warmth to the sensor), and
+    so is a filter as slow as it may be.
     """
-    shift = best.offset_s / stage.step
+    shift = best.late_s / stage.step
+    if abs(shift) >= 1.0 and best.free and shift > ROOM - TINY:
+        return True
+    if best.is_filtered and best.filter_s > (1.0 - TINY) * SLOWEST * stage.step:
+        return True
     if abs(shift) < 1.0:
         return False
-    if best.free and shift > ROOM - _TINY:
-        return True
-    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step, free=False) for k in (_BEYOND, 0.75)]
+    other = best.late_s - best.offset_s
+    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step - other, free=False) for k in (_BEYOND, 0.75)]
     beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
     physics = shift > 0 and not best.free and within > best.gain
     return beyond > best.gain or physics

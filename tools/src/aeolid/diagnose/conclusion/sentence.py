@@ -13,6 +13,7 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.selection.rivals import stands_for
 from aeolid.diagnose.validation.proof import Proof
+from aeolid.record import Record
 
 _BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
 _CLEAR = 20.0  # nats on the fit data from which what the sealed data do not bear out is worth a word
@@ -116,14 +117,18 @@ def _coloured(study: Study) -> str:
     )
 
 
+def inputs_rest(records: Sequence[Record], inputs: Sequence[str]) -> bool:
+    """Tell whether there are recorded inputs and none of them ever changes; samples that are missing say nothing."""
+    series = [r.column(n) for r in records for n in inputs if n in r.names("input")]
+    return bool(series) and not any(np.any(np.diff(u[np.isfinite(u)])) for u in series)
+
+
 def untested(study: Study) -> str:
     """Say why finding nothing means nothing here; empty where it means something."""
     if not any(r.testable for r in study.bank.rows):
         return "The recording does not excite the model enough to test any of the effects."
     prepared, records = study.prepared, study.case.records
-    inputs = [s.name for s in prepared.declared.inputs]
-    known = [r.columns([n for n in inputs if n in r.names("input")]) for r in records]
-    if any(u.shape[1] for u in known) and not any(float(np.nanmax(np.ptp(u, axis=0), initial=0.0)) for u in known):
+    if inputs_rest(records, [s.name for s in prepared.declared.inputs]):
         return "No input of the recording moves: what the inputs do cannot be tested; record with excitation."
     slowest, length = prepared.settle_s / 3, sum(len(r) * r.sample_time_s for r in records)
     if prepared.linear is None and slowest > length:  # identified models hold slow poles that mean nothing

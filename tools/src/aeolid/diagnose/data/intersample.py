@@ -14,20 +14,24 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.models.equations import TIME, Equations, InputFilter, Parameter
-from aeolid.models.intersample import HOLDS, OFFSET
+from aeolid.models.intersample import FILTER, FILTERED, HOLDS, OFFSET
 from aeolid.models.intersample import PREFIX as KIND
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 ROOM = 1.05  # samples: an offset of one sample has a deviation, too
 _PRIOR = 0.5  # samples: loggers differ by half of one as a rule; a dead time beside it is then the dead time's
+SLOWEST = 1.0  # samples: delay of an anti-alias filter whose corner is 0.45 of the Nyquist frequency
+_FASTEST = 1e-3  # samples: a filter without a delay is none
 _REPEATS = 0.5  # share of samples equal to the one before: a value that most often stays is held
 _TOP, _SHARE = 0.75, 0.05  # of the Nyquist frequency; share of power beyond it, a fifth of white noise's
+_CORNER = 2**0.5 / (2 * np.pi)  # corner in Hz times delay of a second-order Butterworth filter
 _SHORT = 8  # samples without which nothing is said of a spectrum
 _WORDS = {
     "zoh": "held over each sample (zoh)",
     "foh": "straight from sample to sample (foh)",
     "band_limited": "the smooth curve through its samples (band-limited)",
+    FILTERED: "held over each sample (zoh), of outputs that passed a filter",
 }
 _LOOKS = {
     "declared": "as the roles file says",
@@ -41,11 +45,13 @@ _LOOKS = {
 class Sampling:
     """Say how a recording is read: the hold of each input, and by how much all of them act after their stamps, in s.
 
-    free: whether fits go on estimating the offset; gain: nats over the inputs held, without an offset.
+    filter_s: delay of the filter that all outputs passed, where holds are "filtered". free: whether fits go on
+    estimating offset and delay; gain: nats over the inputs held, without an offset.
     """
 
     holds: tuple[tuple[str, str], ...] = ()
     offset_s: float = 0.0
+    filter_s: float = 0.0
     free: bool = False
     gain: float = 0.0
 
@@ -53,6 +59,16 @@ class Sampling:
     def is_plain(self) -> bool:
         """Tell whether nothing is to be done: all inputs held, no offset."""
         return self.offset_s == 0.0 and not self.free and all(h == "zoh" for _, h in self.holds)
+
+    @property
+    def is_filtered(self) -> bool:
+        """Tell whether outputs passed a filter."""
+        return any(h == FILTERED for _, h in self.holds)
+
+    @property
+    def late_s(self) -> float:
+        """Return by how much outputs show their inputs late in all, offset and filter, in s; early below 0."""
+        return self.offset_s + (self.filter_s if self.is_filtered else 0.0)
 
 
 @dataclass(frozen=True)
@@ -66,20 +82,25 @@ class Trait:
 
 def with_sampling(model: Equations, sampling: Sampling, step: float) -> Equations:
     """Return the model whose inputs pass first what lies between their samples; step: of the recording, s."""
+    own = (OFFSET, FILTER)
     kept = tuple(f for f in model.filters if not f.kind.startswith(KIND))
-    model = replace(model, parameters=tuple(p for p in model.parameters if p.name != OFFSET), filters=kept)
+    model = replace(model, parameters=tuple(p for p in model.parameters if p.name not in own), filters=kept)
     if sampling.is_plain:
         return model
-    reach = max(ROOM * step, abs(sampling.offset_s))
-    offset = Parameter(
-        OFFSET, sampling.offset_s, "s", -reach, reach, sampling.free, _PRIOR * step if sampling.free else None
-    )
-    return replace(model, parameters=(*model.parameters, offset), filters=(*filters_of(sampling), *kept))
+    reach, free = max(ROOM * step, abs(sampling.offset_s)), sampling.free
+    added = [Parameter(OFFSET, sampling.offset_s, "s", -reach, reach, free, _PRIOR * step if free else None)]
+    if sampling.is_filtered:
+        slowest = max(SLOWEST * step, sampling.filter_s)
+        added.append(Parameter(FILTER, sampling.filter_s, "s", _FASTEST * step, slowest, free))
+    return replace(model, parameters=(*model.parameters, *added), filters=(*filters_of(sampling), *kept))
 
 
 def filters_of(sampling: Sampling) -> tuple[InputFilter, ...]:
     """Return what stands in front of a model for a sampling."""
-    return tuple(InputFilter(name, f"{KIND}{hold}", (OFFSET,)) for name, hold in sampling.holds)
+    return tuple(
+        InputFilter(name, f"{KIND}{hold}", (OFFSET, FILTER) if hold == FILTERED else (OFFSET,))
+        for name, hold in sampling.holds
+    )
 
 
 def traits_of(records: Sequence[Record], names: Sequence[str]) -> tuple[Trait, ...]:
@@ -122,12 +143,24 @@ def sampling_findings(records: Sequence[Record], sampling: Sampling, step: float
     found = [
         Finding("intersample", name, f"{_WORDS[hold]}: {_LOOKS[looks[name]]}", "info") for name, hold in sampling.holds
     ]
+    return (*found, *_late_findings(sampling, step))
+
+
+def _late_findings(sampling: Sampling, step: float) -> tuple[Finding, ...]:
+    """Return the notes on a filter of the outputs and on the offset between inputs and outputs."""
+    found, settled = [], f"settled with the baseline ({sampling.gain:.4g} nats for how the inputs are read in all)"
+    if sampling.is_filtered:
+        text = (
+            f"the answer to the inputs comes rounded and {sampling.filter_s:.4g} s ({sampling.filter_s / step:.2f}"
+            f" samples) late, as behind an anti-alias filter of {_CORNER / sampling.filter_s:.3g} Hz; a drive faster"
+            f" than the sampling looks the same: {settled}"
+        )
+        found.append(Finding("filter", "all outputs", text, "info"))
     if sampling.offset_s:
         share, way = abs(sampling.offset_s) / step, "before" if sampling.offset_s < 0 else "after"
         text = (
             f"inputs act {abs(sampling.offset_s):.4g} s ({share:.2f} samples) {way} the rows that hold them beside the"
-            f" outputs: a habit of the logger, settled with the baseline ({sampling.gain:.4g} nats for how the inputs"
-            " are read in all)"
+            f" outputs: a habit of the logger, {settled}"
         )
         found.append(Finding("offset", "all inputs", text, "info"))
     return tuple(found)

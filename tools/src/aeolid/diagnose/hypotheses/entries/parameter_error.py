@@ -11,11 +11,13 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, S
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
+from aeolid.models.intersample import PREFIX as SAMPLING
 
 
 def _attach(site: Site) -> list[Attachment]:
     if site.linear is None:
-        return [_fixed(p) for p in site.model.parameters if not p.free and p.value]
+        known = (p for p in site.model.parameters if not p.name.startswith(SAMPLING))
+        return [_fixed(p) for p in known if not p.free and p.value]
     result = [_gain(i, name) for i, name in enumerate(site.input_names)]
     return result + [a for i, m in enumerate(site.motions) if m.position is not None for a in _mode(i, m, m.position)]
 
