@@ -36,7 +36,9 @@ def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tupl
         findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
         ceiling=ceiling, seed=1, rotation=None,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
-        prepared=SimpleNamespace(declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1),
+        prepared=SimpleNamespace(
+            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0)
+        ),
         case=SimpleNamespace(records=()),
     )  # fmt: skip
     said, effects, shown = verdict._decide(study)
@@ -102,6 +104,19 @@ def test_a_form_that_makes_the_declared_values_right_speaks(
     assert (form_speaking(study) is form) is speaks
 
 
+PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0))
+
+
+def test_inputs_that_act_late_are_said_where_nothing_is_missing() -> None:
+    """Less than a sample is no finding, but may be a drive."""
+    late = SimpleNamespace(sampling=SimpleNamespace(late_s=0.012))
+    study: Any = SimpleNamespace(
+        candidates=(), winner=None, proof=None, bank=SimpleNamespace(loud=[]), prepared=late,
+        case=SimpleNamespace(records=[SimpleNamespace(sample_time_s=0.02)]),
+    )  # fmt: skip
+    assert "act 0.012 s (0.60 samples) late" in sentence("no_mismatch", [], study, None)
+
+
 def candidate_of_a_name() -> Any:
     return SimpleNamespace(unlisted=False, plausible=True, complete=True, score=99.0, fit_gain=90.0, select_gain=20.0)
 
@@ -114,7 +129,9 @@ def test_a_band_of_noise_is_said_where_nothing_has_a_name(score: float, driven: 
         undriven=not driven, score=score, select_gain=50.0, values={key: {"frequency_hz": (0.607, 0.003)}},
         attachments=(SimpleNamespace(key=key, location={"outputs": ["acceleration"]}),),
     )  # fmt: skip
-    study: Any = SimpleNamespace(candidates=(mode,), winner=None, proof=None, bank=SimpleNamespace(loud=[]))
+    study: Any = SimpleNamespace(
+        candidates=(mode,), winner=None, proof=None, bank=SimpleNamespace(loud=[]), prepared=PROMPT
+    )
     text = sentence("no_mismatch", [], study, None)
     assert ("acceleration has a band of noise around 0.607 Hz" in text) is said
     assert text.startswith("Nothing is missing that this recording could show") and text.endswith(".")
@@ -127,7 +144,7 @@ def test_a_significant_score_that_no_fit_bears_out_is_not_nothing(z: float, fair
     """Where all that was fitted failed, that nothing is missing was an untrue sentence."""
     row = SimpleNamespace(z=z, fair=fair, attachment=SimpleNamespace(key="end_stop mode:0.3 Hz"))
     bank = SimpleNamespace(loud=[row], threshold=8.0, fair=4.0)
-    study: Any = SimpleNamespace(candidates=(), winner=None, proof=None, bank=bank)
+    study: Any = SimpleNamespace(candidates=(), winner=None, proof=None, bank=bank, prepared=PROMPT)
     text = sentence("no_mismatch", [], study, None)
     assert "Nothing is missing" not in text and f"end_stop mode:0.3 Hz, {said}" in text and text.endswith(".")
     study.winner = SimpleNamespace(fit_gain=1.0)

@@ -40,7 +40,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
             nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."
     begin = _significant(study) or "Nothing is missing that this recording could show"
-    return f"{begin}{_coloured(study)}{_not_borne_out(study)}."
+    return f"{begin}{_late(study)}{_coloured(study)}{_not_borne_out(study)}."
 
 
 def _significant(study: Study) -> str:
@@ -86,6 +86,18 @@ def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen
         said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
         parts.append(" — or: ".join([str(effect["statement"]), *said]))
     return "; and ".join(parts)
+
+
+def _late(study: Study) -> str:
+    """Say that inputs act late by part of a sample, which a drive may as well do; empty where they do not."""
+    late_s = study.prepared.sampling.late_s
+    if late_s <= 0:
+        return ""
+    share = late_s / study.case.records[0].sample_time_s
+    return (
+        f"; its inputs act {late_s:.3g} s ({share:.2f} samples) late, as a logger, a filter of the outputs or a drive"
+        " faster than the sampling has it"
+    )
 
 
 def _not_borne_out(study: Study) -> str:
