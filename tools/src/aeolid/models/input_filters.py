@@ -41,10 +41,18 @@ def _lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
 
 def _delay(u: Array, values: Array, step: float, pieces: Array) -> Array:
-    whole = u.reshape(-1, len(pieces))
-    if abs(values[0]) >= _NONE * step and np.all(whole == whole[:, :1]):
+    if abs(values[0]) >= _NONE * step and _is_held(u, len(pieces)):
         return intersample.late(u, values, step, pieces)  # what passed no filter before: a tenth of the time
     return delay_held_input(u, float(values[0]) / step, pieces)
+
+
+@njit(cache=True)
+def _is_held(u: Array, count: int) -> bool:
+    """Tell whether all pieces of each step are the same."""
+    held = True
+    for k in range(len(u)):
+        held = held and u[k] == u[k - k % count]
+    return held
 
 
 @njit(cache=True)

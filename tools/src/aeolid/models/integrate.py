@@ -42,6 +42,11 @@ class Compiled:
         return bool(own & self.model.names_seen())
 
     @cached_property
+    def places_of_filters(self) -> list[int]:
+        """Return the places of the parameters on which the inputs behind their filters depend."""
+        return sorted({self.model.index(name) for f in self.model.filters for name in f.parameters})
+
+    @cached_property
     def moving(self) -> set[str]:
         """Return the inputs that are not held, which change within a sample."""
         return {f.channel for f in self.model.filters if f.kind in MOVING}
@@ -225,17 +230,16 @@ def driven(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
     else:
         means = apply_filters(compiled.model, u, theta, step)
         parts = [means]
-    which = compiled.which_move(means.shape[1])
     if compiled.ramps:
-        parts = [*parts, slopes(means, which) + _steps_within(compiled, u, theta, step)]
+        parts = [*parts, _change_within(compiled, u, means, theta, step)]
     elif compiled.moving:
-        parts = [as_held(means, which), *parts[1:]]
+        parts = [as_held(means, compiled.which_move(means.shape[1])), *parts[1:]]
     return np.hstack(parts) if len(parts) > 1 else means
 
 
-def _steps_within(compiled: Compiled, u: Array, theta: Array, step: float) -> Array:
-    """Return by how much held inputs behind filters change within each step; 0 for others."""
-    found = np.zeros(u.shape)
+def _change_within(compiled: Compiled, u: Array, means: Array, theta: Array, step: float) -> Array:
+    """Return by how much inputs change within each step: those that are not held, and held ones behind filters."""
+    found = slopes(means, compiled.which_move(means.shape[1])) if compiled.moving else np.zeros(u.shape)
     own = [i for i, s in enumerate(compiled.model.inputs) if s.name in compiled.stepping]
     if own:
         filters = tuple(f for f in compiled.model.filters if f.channel in compiled.stepping)

@@ -79,10 +79,10 @@ def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
     I(t) = t - d (1 - exp(-t/d) cos(t/d)), d its delay at low frequencies, √2 over its corner in rad/s; each change of
     the input adds the difference of I over a piece: exact. Without a delay it is the held input, offset alone.
     """
-    if not np.all(np.isfinite(values)):
+    if not (math.isfinite(values[0]) and math.isfinite(values[1])):
         return np.full_like(u, np.nan)
     most = len(u) / len(pieces) + 1.0
-    offset, delay = np.clip(values[0] / step, -most, most), np.clip(values[1] / step, 0.0, most)
+    offset, delay = min(max(values[0] / step, -most), most), min(max(values[1] / step, 0.0), most)
     first = math.floor(offset)
     lags = np.arange(first, first + math.ceil(_FADED * delay) + 2)
     at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces

@@ -39,6 +39,7 @@ class Evaluator:
         self.segments = tuple(segments)
         self.scales = scales
         self.var_order = var_order
+        self._acting: dict[int, tuple[bytes, Array]] = {}
 
     def on(self, segments: Sequence[Segment]) -> Self:
         """Return the same predictor for other data."""
@@ -72,9 +73,18 @@ class Evaluator:
 
     def ready(self, point: Point, index: int) -> tuple[Array, int]:
         """Return a segment's inputs behind their filters and its integration steps a sample; short runs share it."""
-        segment = self.segments[index]
-        u = driven(self.compiled, segment.u, point.theta, segment.fine_step)
+        segment, u = self.segments[index], self._behind_filters(point, index)
         return u, substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+
+    def _behind_filters(self, point: Point, index: int) -> Array:
+        """Return a segment's inputs behind their filters; kept for the next point whose filters are the same."""
+        segment, values = self.segments[index], point.theta[self.compiled.places_of_filters].tobytes()
+        known = self._acting.get(index)
+        if known is not None and known[0] == values:
+            return known[1]
+        u = driven(self.compiled, segment.u, point.theta, segment.fine_step)
+        self._acting[index] = values, u
+        return u
 
     def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
         """Return innovations (N, l, LANES) of one segment for up to LANES points near `base`, side by side.
@@ -84,7 +94,7 @@ class Evaluator:
         """
         segment, first = self.segments[index], points[0]
         lanes = [*points, *[first] * (LANES - len(points))]
-        u = driven(self.compiled, segment.u, first.theta, segment.fine_step)
+        u = self._behind_filters(first, index)
         count = substeps(self.compiled, segment.middle, base.theta, base.x0[index], segment.fine_step)
         theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
         gains = [self.gain(points[0])]
