@@ -13,10 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 
 from aeolid.compiled import njit
 
@@ -30,6 +31,7 @@ FILTER = "intersample_delay"  # parameter: low-frequency delay of the outputs' a
 PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS, or FILTERED
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
 _DEGREE, _FEWEST = 7, 16  # of the spline; samples through which it is laid: fewer are joined by straight lines
+_KEPT = 20_000  # samples of the longest recording whose spline is kept: 64 of these are 40 MB
 _SHORTEST, _FADED = 1e-6, 20.0  # samples, of a filter's delay; delays after which its step response has ended
 _REACH, _BAND = 6, 2.4  # samples on either side that tell a slope; radians a sample up to which they do
 
@@ -48,8 +50,8 @@ def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
     samples = np.ascontiguousarray(u[:: len(pieces)])
     if len(samples) < _FEWEST or not np.all(np.isfinite(samples)):
         return straight(u, values, step, pieces)
-    curve = make_interp_spline(np.arange(len(samples), dtype=float), samples, k=_DEGREE)
-    whole, last = curve.antiderivative(), float(len(samples) - 1)
+    curve, whole = _kept_curves(samples.tobytes()) if len(samples) <= _KEPT else _curves(samples)
+    last = float(len(samples) - 1)
 
     def integral(u: Array, t: Array) -> Array:
         inside = np.clip(t, 0.0, last)
@@ -119,6 +121,18 @@ def _step_integral(t: Array, delay: float) -> Array:
     x = after / delay
     found: Array = after - delay * (1.0 - np.exp(-x) * np.cos(x))
     return found
+
+
+def _curves(samples: Array) -> tuple[BSpline, BSpline]:
+    """Return the spline through the samples and its integral."""
+    curve = make_interp_spline(np.arange(len(samples), dtype=float), samples, k=_DEGREE)
+    return curve, curve.antiderivative()
+
+
+@lru_cache(maxsize=64)
+def _kept_curves(samples: bytes) -> tuple[BSpline, BSpline]:
+    """Return the same of bytes, kept: a fit asks for each recording's again and again, at other offsets."""
+    return _curves(np.frombuffer(samples))
 
 
 def _spread_over(
