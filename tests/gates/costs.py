@@ -66,7 +66,7 @@ def count_on_pc(rows: int, directory: Path) -> list[int]:
 def read_text_and_stack(directory: Path) -> tuple[dict[str, int], dict[str, int]]:
     """Return by filter, on a Cortex-M4F: text of all objects it needs, and deepest chain of calls of an update."""
     folder = directory / "objects"
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-fstack-usage", "-fcallgraph-info=su"]
+    flags = [*gate.LIBRARY, "-ffp-contract=off"]
     messages = gate.compile_sources(gate.compilers()["cortex-m4f"], flags, folder)
     if messages:
         gate.finish([messages], "")

@@ -50,14 +50,14 @@ GATE_DEFECTS = [
     Defect("headers markov.h", "include/aeolid/markov.h", " * CONTRACT", " * TERMS", "no CONTRACT"),
     Defect("headers status.h", "include/aeolid/status.h", "#ifndef AEOLID_STATUS_H", "#ifndef STATUS_H", "no guard"),
     Defect(
-        "compilers",
+        "compilers gcc",
         "src/rls.c",
         "    const aeo_status_t status = judge_config(config);",
         "    int n_unused;\n    const aeo_status_t status = judge_config(config);",
         "unused",
     ),
     Defect(
-        "compilers", "src/triangle.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
+        "compilers gcc", "src/triangle.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
     ),
     Defect(
         "stack",
