@@ -8,6 +8,7 @@ names a folder where objects stay: each is made once for the same command and te
 import contextlib
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -67,17 +68,30 @@ def compile_each(
     """Compile sources, with folders of headers, into `directory`; returns the messages, empty when all compiled."""
     directory.mkdir(parents=True, exist_ok=True)
     kept = Path(os.environ.get("AEOLID_GATE_OBJECTS") or scratch())
-    headers = b"\0".join(path.read_bytes() for folder in include for path in sorted(folder.rglob("*.h")))
     words = [*command, *flags, "-c"]
     messages = ""
     for source in sources:
-        text = b"\0".join([" ".join(words).encode(), source.name.encode(), source.read_bytes(), headers])
-        place = kept / f"{source.stem}-{hashlib.sha256(text).hexdigest()[:24]}"
+        place = kept / f"{source.stem}-{digest(source, words, include)}"
         if not place.exists():
             messages += _compile([*words, *(f"-I{folder}" for folder in include), str(source)], place)
         if place.exists():
             shutil.copytree(place, directory, dirs_exist_ok=True)
     return messages
+
+
+def digest(source: Path, words: list[str], include: list[Path]) -> str:
+    """Return a hash of all that an object depends on: words of the command, the source, and the headers it includes."""
+    config = [name for word in words for name in re.findall(r'AEO_CONFIG_HEADER="(.+)"', word)]
+    texts, wanted, seen = [" ".join(words), source.name], [source.name, *config], set[str]()
+    while wanted:
+        name = wanted.pop()
+        if name not in seen:
+            seen.add(name)
+            places = [source.parent / name, *(folder / name for folder in include)]
+            text = next((path.read_text(encoding="utf-8") for path in places if path.is_file()), "")
+            texts.append(text)
+            wanted += re.findall(r'^\s*#\s*include\s+["<]([^">]+)[">]', text, re.M)
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:24]
 
 
 def _compile(command: list[str], place: Path) -> str:

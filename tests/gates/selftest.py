@@ -4,7 +4,6 @@ python selftest.py UNITY_DIR; UNITY_DIR holds unity.c. Exit code 0 when every de
 That gates and tests are content with the unharmed sources is for themselves to show, in the same run of ctest.
 """
 
-import hashlib
 import shutil
 import subprocess
 import sys
@@ -13,6 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Lock
+
+sys.path.insert(0, str(Path(__file__).parent))
+import gate
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 GATES = Path(__file__).resolve().parent
@@ -57,7 +59,11 @@ GATE_DEFECTS = [
         "unused",
     ),
     Defect(
-        "compilers gcc", "src/triangle.c", "aeo_real_t sum = AEO_REAL(0);", "aeo_real_t sum = 0.1 * (aeo_real_t)n;", "onver"
+        "compilers gcc",
+        "src/triangle.c",
+        "aeo_real_t sum = AEO_REAL(0);",
+        "float part = AEO_REAL(0.1) * (aeo_real_t)n;\n    aeo_real_t sum = (aeo_real_t)part - (aeo_real_t)part;",
+        "onver",
     ),
     Defect(
         "stack",
@@ -115,7 +121,7 @@ GATE_DEFECTS = [
         "powerpc float",
     ),
     Defect(
-        "costs",
+        "costs board",
         "src/rls.c",
         "    aeo_count_up(&self->count.updates);",
         "    find_innovation(self, z, y);\n    aeo_count_up(&self->count.updates);",
@@ -327,12 +333,10 @@ class Objects:
 
     def compile(self, source: Path, flags: list[str], include: list[Path]) -> tuple[Path, str]:
         """Return the object of a source, and the compiler's messages, empty when it compiled."""
-        headers = [h.read_bytes() for folder in include for h in sorted(folder.rglob("*.h"))]
-        text = b"\0".join([source.name.encode(), source.read_bytes(), " ".join(flags).encode(), *headers])
-        key = hashlib.sha256(text).hexdigest()
+        key = gate.digest(source, flags, include)
         with self.lock:
             own = self.made.setdefault(key, Lock())
-        path = self.directory / f"{source.stem}-{key[:16]}.o"
+        path = self.directory / f"{source.stem}-{key}.o"
         with own:  # the other worker may be making it
             if path.exists():
                 return path, ""
