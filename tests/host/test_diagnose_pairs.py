@@ -21,7 +21,7 @@ from aeolid.identify.decimate import decimate
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-STEP, SAMPLES, LAG = 0.05, 1600, 0.1
+STEP, SAMPLES, LAG = 0.05, 2400, 0.1
 MEMORY = float(np.exp(-STEP / 0.3))  # of the unmeasured wind
 GUST = 0.3 * float(np.sqrt(1 - MEMORY**2))
 SENSORS = np.array([2e-3, 1e-2])  # m, m/s: some hundredths of what they measure
