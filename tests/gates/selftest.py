@@ -24,7 +24,10 @@ SKIPPED = 77  # exit code of a gate whose tool is missing
 
 @dataclass(frozen=True)
 class Defect:
-    """One change of one file, the gate or test that must object, and a word of its objection."""
+    """One change of one file, the gate or test that must object, and a word of its objection.
+
+    flags: what the defect needs to show; a source is compiled with them alone, for a header all sources are.
+    """
 
     finder: str
     file: str
@@ -344,9 +347,9 @@ class Objects:
             done = subprocess.run(command, capture_output=True, text=True, check=False)
             return path, "" if done.returncode == 0 else done.stderr or "compiler failed"
 
-    def link(self, sources: list[Path], flags: list[str], include: list[Path], program: Path) -> str:
-        """Compile and link a program; returns the messages, empty when it could be built."""
-        made = [self.compile(source, flags, include) for source in sources]
+    def link(self, sources: dict[Path, list[str]], flags: list[str], include: list[Path], program: Path) -> str:
+        """Compile sources, each with flags of its own, and link a program; returns the messages, empty when built."""
+        made = [self.compile(source, own, include) for source, own in sources.items()]
         messages = "".join(told for _, told in made)
         if messages:
             return messages
@@ -368,7 +371,9 @@ def run_program(defect: Defect, root: Path, unity: Path, objects: Objects) -> tu
         sources += [*sorted((unit / "support").glob("*.c")), unit / f"test_{defect.finder}.c", unity / "unity.c"]
         flags, arguments = ["-DUNITY_INCLUDE_DOUBLE", *(defect.flags or ("-O1",))], []
         include += [unit / "support", unity]
-    messages = objects.link(sources, flags, include, root / "t")
+    usual = flags if defect.finder == "soak" or defect.file.endswith(".h") else ["-DUNITY_INCLUDE_DOUBLE", "-O1"]
+    each = {source: flags if source == root / defect.file else usual for source in sources}
+    messages = objects.link(each, flags, include, root / "t")
     if messages:
         return True, "does not even compile: " + messages  # a defect that cannot be built proves nothing
     done = subprocess.run([root / "t", *arguments], capture_output=True, text=True, check=False, timeout=3600)
