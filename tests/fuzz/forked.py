@@ -62,5 +62,6 @@ USERS = (
     "aeolid.formats.parquet",
     "aeolid.formats.matlab",
     "aeolid.formats.mdf",
+    "aeolid.formats.extras",
     "aeolid.can.logs",
 )  # of confined.start

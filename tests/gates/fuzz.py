@@ -28,9 +28,12 @@ FLAGS = ["-std=c99", "-g", "-O1", "-fsanitize=fuzzer,address,undefined", "-fno-s
 
 def build(sources: list[Path], precision: str, path: Path) -> str:
     """Build a fuzzer; returns the compiler's messages, empty when built."""
-    include = [f"-I{path}" for path in (gate.ROOT / "include", gate.ROOT / "src", TESTS / "family")]
-    files = map(str, [*sources, *gate.SOURCES])
-    command = ["clang", *FLAGS, *gate.PRECISIONS[precision], *include, *files, "-lm", "-o", str(path)]
+    include, objects = [gate.ROOT / "include", gate.ROOT / "src", TESTS / "family"], gate.scratch()
+    flags = [*FLAGS, *gate.PRECISIONS[precision]]
+    messages = gate.compile_each(["clang"], flags, include, [*sources, *gate.SOURCES], objects)
+    if messages:
+        return messages
+    command = ["clang", *flags, *map(str, sorted(objects.glob("*.o"))), "-lm", "-o", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"
 

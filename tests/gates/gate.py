@@ -1,9 +1,14 @@
 """What the gates share: where the sources are, how to compile them, how to end.
 
 Every gate is called as `python NAME.py [ROOT]`; ROOT holds src/ and include/, by default this repository. It ends with
-exit code 0 and one line of figures, or with 1 and a line for each finding.
+exit code 0 and one line of figures, or with 1 and a line for each finding. The environment variable AEOLID_GATE_OBJECTS
+names a folder where objects stay: each is made once for the same command and text, for all gates and seeded defects.
 """
 
+import contextlib
+import hashlib
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -29,6 +34,8 @@ WARNINGS = [
     "-Werror",
 ]
 PRECISIONS: dict[str, list[str]] = {"float": [], "double": ["-DAEO_REAL_DOUBLE"]}
+# What symbols, memory, stack and size look at; both further flags write files beside the objects.
+LIBRARY = ["-std=c99", "-O2", "-fstack-usage", "-fcallgraph-info=su"]
 CORTEX_M4F = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffunction-sections"]
 
 
@@ -52,15 +59,50 @@ def try_compile(command: list[str], text: str) -> str:
 
 def compile_sources(command: list[str], flags: list[str], directory: Path) -> str:
     """Compile every source into `directory`; returns the messages, empty when all compiled."""
+    return compile_each(command, flags, [ROOT / "include", ROOT / "src"], SOURCES, directory)
+
+
+def compile_each(
+    command: list[str], flags: list[str], include: list[Path], sources: list[Path], directory: Path
+) -> str:
+    """Compile sources, with folders of headers, into `directory`; returns the messages, empty when all compiled."""
     directory.mkdir(parents=True, exist_ok=True)
-    include = [f"-I{ROOT / 'include'}", f"-I{ROOT / 'src'}"]
-    done = subprocess.run(
-        [*command, "-c", *include, *flags, *map(str, SOURCES)],
-        cwd=directory,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    kept = Path(os.environ.get("AEOLID_GATE_OBJECTS") or scratch())
+    words = [*command, *flags, "-c"]
+    messages = ""
+    for source in sources:
+        place = kept / f"{source.stem}-{digest(source, words, include)}"
+        if not place.exists():
+            messages += _compile([*words, *(f"-I{folder}" for folder in include), str(source)], place)
+        if place.exists():
+            shutil.copytree(place, directory, dirs_exist_ok=True)
+    return messages
+
+
+def digest(source: Path, words: list[str], include: list[Path]) -> str:
+    """Return a hash of all that an object depends on: words of the command, the source, and the headers it includes."""
+    config = [name for word in words for name in re.findall(r'AEO_CONFIG_HEADER="(.+)"', word)]
+    texts, wanted, seen = [" ".join(words), source.name], [source.name, *config], set[str]()
+    while wanted:
+        name = wanted.pop()
+        if name not in seen:
+            seen.add(name)
+            places = [source.parent / name, *(folder / name for folder in include)]
+            text = next((path.read_text(encoding="utf-8") for path in places if path.is_file()), "")
+            texts.append(text)
+            wanted += re.findall(r'^\s*#\s*include\s+["<]([^">]+)[">]', text, re.M)
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()[:24]
+
+
+def _compile(command: list[str], place: Path) -> str:
+    """Compile one source into a folder of its own, which appears whole; another gate may be at the same."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    making = Path(tempfile.mkdtemp(dir=place.parent))
+    done = subprocess.run(command, cwd=making, capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        with contextlib.suppress(OSError):
+            making.rename(place)
+    shutil.rmtree(making, ignore_errors=True)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"
 
 

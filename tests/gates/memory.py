@@ -64,7 +64,7 @@ def main() -> None:
     findings, figures = [], []
     for precision, flags in gate.PRECISIONS.items():
         directory = gate.scratch()
-        messages = gate.compile_sources(["gcc"], ["-std=c99", "-O2", *flags], directory)
+        messages = gate.compile_sources(["gcc"], [*gate.LIBRARY, *flags], directory)
         if messages:
             gate.finish([messages], "")
         for name in FILTERS:

@@ -16,7 +16,9 @@ import linked
 def measure(name: str, command: list[str], level: str) -> tuple[dict[str, int], list[str], list[Path]]:
     """Return the text of each object compiled at an optimisation level, which have data or bss, and the objects."""
     directory, findings, text = gate.scratch(), [], {}
-    messages = gate.compile_sources(command, ["-std=c99", level], directory)
+    messages = gate.compile_sources(
+        command, [*gate.LIBRARY, *([level] if level not in gate.LIBRARY else [])], directory
+    )
     if messages:
         gate.finish([messages], "")
     tool = "arm-none-eabi-size" if name == "cortex-m4f" else "size"

@@ -44,8 +44,7 @@ def main() -> None:
             if name == "cortex-m4f" and precision == "double":
                 continue  # no double unit: nobody runs it there
             directory = gate.scratch()
-            wanted = ["-std=c99", "-O2", "-fstack-usage", "-fcallgraph-info=su", *flags]
-            messages = gate.compile_sources(command, wanted, directory)
+            messages = gate.compile_sources(command, [*gate.LIBRARY, *flags], directory)
             if messages:
                 gate.finish([messages], "")
             frames, calls = read_graph(directory)

@@ -43,7 +43,7 @@ def main() -> None:
     defined = {}
     for precision, flags in gate.PRECISIONS.items():
         directory = gate.scratch()
-        messages = gate.compile_sources(["gcc"], ["-std=c99", "-O2", *flags], directory)
+        messages = gate.compile_sources(["gcc"], [*gate.LIBRARY, *flags], directory)
         if messages:
             gate.finish([messages], "")
         undefined, defined[precision], state = read_symbols(directory)

@@ -18,6 +18,7 @@ import gate
 TESTS = Path(__file__).resolve().parents[1]
 FIRMWARE = TESTS / "firmware"
 COMMON = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
+UNUSED = ["-Wno-unused-command-line-argument"]  # flags of the linker; a compiler without this warning says nothing
 BARE = ["-ffreestanding", "-nostdlib", "-static", "-fuse-ld=lld", "-fno-pic", f"-I{FIRMWARE / 'bare'}"]
 MPS2 = ["-mthumb", "-mfloat-abi=hard", "-ffunction-sections", "-Wl,--gc-sections", "-nostartfiles"]
 MPS2 += [f"-T{FIRMWARE / 'mps2.ld'}"]
@@ -100,8 +101,13 @@ def build(target: Target, program: str, precision: str, path: Path, *flags: str)
     """Build one of the programs of tests/firmware for a target; returns the compiler's messages, empty when built."""
     sources = [FIRMWARE / program, FIRMWARE / target.board, FIRMWARE / "text.c", TESTS / "family/family.c"]
     include = [gate.ROOT / "include", gate.ROOT / "src", FIRMWARE, TESTS / "family"]
-    command = [*target.compiler, *COMMON, *gate.PRECISIONS[precision], *flags, *(f"-I{i}" for i in include)]
-    command += [*map(str, sources), *map(str, gate.SOURCES), *target.libraries, "-o", str(path)]
+    levels = [word for word in target.libraries if word.startswith("-O")]
+    wanted = [*COMMON, *gate.PRECISIONS[precision], *flags, *levels]
+    objects = gate.scratch()
+    messages = gate.compile_each(target.compiler, [*wanted, *UNUSED], include, [*sources, *gate.SOURCES], objects)
+    if messages:
+        return messages
+    command = [*target.compiler, *wanted, *map(str, sorted(objects.glob("*.o"))), *target.libraries, "-o", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"
 

@@ -15,6 +15,8 @@ from aeolid.can.clock import BINS, PAIRS_MAX, ClockKeeper, ClockPairs, first_cha
 from aeolid.can.theil_sen import fit_line
 from aeolid.can.wire import PARAMETER, SAMPLE, Frames, encode, join_frames, pack_frames
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 H, START = 0.1, 1.79e9
 ROUNDING_S = 2.4e-7  # of seconds since 1970 in binary64
 Array = np.ndarray

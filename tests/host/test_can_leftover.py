@@ -17,6 +17,8 @@ from aeolid.can.raw_log import open_raw_log
 from aeolid.can.wire import Frames, join_frames
 from aeolid.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 STREAM = Path(__file__).resolve().parents[1] / "vectors/wire_v1/stream.log"
 KILLED = """if True:
     import os, signal, sys

@@ -26,6 +26,7 @@ from aeolid.formats.spare import SpareFile
 from aeolid.record import Roles
 
 STREAM = Path(__file__).resolve().parents[1] / "vectors/wire_v1/stream.log"
+pytestmark = pytest.mark.usefixtures("forking_throughout")  # true children: test_confined.py, test_hostile_files.py
 SUFFIXES = pytest.mark.parametrize("suffix", RAW_SUFFIXES)
 STAMP_S = 2e-6  # text keeps microseconds, and binary64 seconds since 1970 a quarter of one
 
@@ -126,7 +127,6 @@ def test_a_replay_finds_what_the_stream_held(suffix: str, tmp_path: Path) -> Non
     np.testing.assert_array_equal(record.time_s, truth.time_s)
 
 
-@pytest.mark.usefixtures("forking")
 @SUFFIXES
 def test_a_log_that_was_cut_says_so(suffix: str, tmp_path: Path) -> None:
     """Cut anywhere: code 3 and one sentence; what came before is delivered where the format allows it."""
@@ -149,7 +149,6 @@ def test_a_log_that_was_cut_says_so(suffix: str, tmp_path: Path) -> None:
         assert (found.id[:sound] == frames.id[:sound]).all()
 
 
-@pytest.mark.usefixtures("forking")
 @SUFFIXES
 def test_damaged_bytes_never_crash(suffix: str, tmp_path: Path) -> None:
     """Wrong bytes within a log: it is read, or refused as damaged; the sentence names the file."""

@@ -47,6 +47,7 @@ def stamped(target: Path, law: str) -> Path:
     return target
 
 
+@pytest.mark.usefixtures("forking")
 @pytest.mark.parametrize("law", STAMPS)
 def test_stamps_that_are_no_dates_cost_no_sample(law: str, tmp_path: Path) -> None:
     """Microseconds or nothing where seconds belong: the samples are those of the log with good stamps."""

@@ -21,6 +21,8 @@ from aeolid.errors import DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.record import Roles
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 THETA = np.random.default_rng(3).standard_normal(COUNT)
 
 

@@ -296,7 +296,14 @@ needs_openfast = pytest.mark.skipif(not (KNOWN / "openfast_reference").exists(),
 
 
 @needs_openfast
-@pytest.mark.parametrize("options", [("--past", 20), ("--past", 40), ("--past", 20, "--decimate", 4)])
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--past", 20),
+        pytest.param(("--past", 40), marks=pytest.mark.nightly),  # the same mode by other settings
+        pytest.param(("--past", 20, "--decimate", 4), marks=pytest.mark.nightly),
+    ],
+)
 def test_openfast_tower_mode_within_three_percent(tmp_path, options):
     """The tower fore-aft mode is 0.335 Hz by the simulator's own linearisation; closed loop, default settings."""
     case = KNOWN / "openfast_reference"

@@ -173,7 +173,7 @@ CHANNELS = (("torque", "N m", "input"), ("rotor_speed", "rad/s", "output"), ("ge
 @pytest.mark.diagnosis
 @pytest.mark.parametrize(("half_gap", "verdict"), [(0.003, "named"), (0.0, "no_mismatch")])
 def test_a_gap_in_a_shaft_is_found_at_its_twist(half_gap: float, verdict: str, tmp_path: Path) -> None:
-    case = write_case(tmp_path, GEARED, 0.02, CHANNELS, with_a_gap(4000, half_gap, 1))
+    case = write_case(tmp_path, GEARED, 0.02, CHANNELS, with_a_gap(2000, half_gap, 1))
     found = diagnose(study(load_case(case), sham=0, seed=1, progress=lambda *_: None))
     assert found["verdict"] == verdict, found["statement"]
     if half_gap:

@@ -92,13 +92,12 @@ SAID = {
 }
 
 
-@pytest.mark.parametrize("lag", [0.0, 5.0])
 @pytest.mark.parametrize("how", list(SAID))
-def test_each_fault_is_found_at_its_place_and_put_right(how: str, lag: float) -> None:
+def test_each_fault_is_found_at_its_place_and_put_right(how: str) -> None:
     """On plants that nobody chose, also where the model lacks a lag of half a second besides; the data come back."""
     found = []
     for seed in range(4):
-        whole, u, y = draw_case(seed, lag=lag)
+        whole, u, y = draw_case(seed, lag=[0.0, 5.0][seed % 2])
         faults, repaired = channel_faults(spoil(whole, u, y, how))
         found.append([(f.id, f.entry) for f in faults] == [SAID[how][:2]])
         if found[-1]:

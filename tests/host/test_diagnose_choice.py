@@ -100,7 +100,7 @@ TRUE = {
 
 @pytest.mark.diagnosis
 @pytest.mark.parametrize(
-    ("count", "samples"), [(2, 1500), pytest.param(3, 2500, marks=pytest.mark.nightly)]  # three take a minute
+    ("count", "samples"), [(2, 1000), pytest.param(3, 2500, marks=pytest.mark.nightly)]  # three take a minute
 )  # fmt: skip
 def test_several_effects_are_all_found(count: int, samples: int, tmp_path: Path) -> None:
     """A drive that lags and a stretched wire at once, and dry friction beside both: each value within 10 %."""

@@ -18,7 +18,7 @@ from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.pipeline import study
 
-SAMPLES = 3000
+SAMPLES = 1500
 SEEN = {"null, 0.5 N over 0.5 s, sensor 0.01": 111, "null, position only": 115}  # recordings that once got a name
 
 

@@ -30,27 +30,31 @@ from aeolid.diagnose.selection.exchange import exchanged
 from aeolid.diagnose.selection.rivals import leads
 
 Array = NDArray[np.float64]
-STEP, SAMPLES = 0.02, 3000
+STEP, SAMPLES = 0.02, 1500
 
 
 def swing(
-    friction: float, filtered: Callable[[Array], Array], added: Array | float = 0.0, noise: float = 5e-3
+    friction: float,
+    filtered: Callable[[Array], Array],
+    added: Array | float = 0.0,
+    noise: float = 5e-3,
+    samples: int = SAMPLES,
 ) -> Array:
     """Simulate push, position, speed (N, 3): dry friction in N, a filter on the fine speed, something on both."""
     rng, fine = np.random.default_rng(3), 8
-    push = np.repeat(rng.uniform(-16.0, 16.0, SAMPLES // 10), 10)
-    gust = 0.4 * rng.standard_normal(SAMPLES)
-    x, seen, h = (0.0, 0.0), np.empty((SAMPLES * fine, 2)), STEP / fine
+    push = np.repeat(rng.uniform(-16.0, 16.0, samples // 10), 10)
+    gust = 0.4 * rng.standard_normal(samples)
+    x, seen, h = (0.0, 0.0), np.empty((samples * fine, 2)), STEP / fine
 
     def force(q: float, v: float, load: float) -> float:
         return load - v - 40.0 * q - friction * math.tanh(v / 0.01)
 
-    for i in range(SAMPLES * fine):
+    for i in range(samples * fine):
         seen[i], (q, v), load = x, x, float(push[i // fine] + gust[i // fine])
         middle = q + 0.5 * h * v, v + 0.5 * h * force(q, v, load)
         x = q + h * middle[1], v + h * force(*middle, load)
     rows = np.column_stack([push, seen[::fine, 0], filtered(seen[:, 1])[::fine]])
-    rows[:, 1:] += rng.standard_normal((SAMPLES, 2)) * (1e-3, noise)
+    rows[:, 1:] += rng.standard_normal((samples, 2)) * (1e-3, noise)
     rows[:, 1:] += added
     return rows
 
@@ -115,7 +119,9 @@ def least(attachment: Attachment, size: float) -> Attachment:
 
 @pytest.mark.slow
 def test_a_filter_too_fast_to_tell_leaves_both_names(tmp_path: Path) -> None:
-    case = write_case(tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4))
+    case = write_case(
+        tmp_path, SWING, STEP, SWING_CHANNELS, swing(1.0, second_order(120.0, 0.7), noise=0.4, samples=3000)
+    )
     prepared = prepare(load_case(case))
     lag, resonant, dry = rows_of(prepared, LAG, FILTER, DRY)
     both = prepared.only([lag.attachment, dry.attachment])

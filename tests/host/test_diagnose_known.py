@@ -77,6 +77,7 @@ def test_channels_that_others_recorded_rightly_have_no_fault(name: str) -> None:
     assert faults == () and same is case
 
 
+@pytest.mark.nightly  # the same rectifier on the rig of test_diagnose_effects.py
 @needs_known
 def test_the_pulse_counter_is_folded(tmp_path: Path) -> None:
     d = diagnose(KNOWN / "coupled_drives", tmp_path)
@@ -177,6 +178,7 @@ def test_a_model_of_the_dryer_lacks_nothing(tmp_path: Path) -> None:
     assert diagnose(second, tmp_path / "out")["verdict"] in ("no_mismatch", "immaterial")
 
 
+@pytest.mark.nightly  # the same dead time on the rig of test_diagnose_effects.py
 @needs_dryer
 def test_a_dryer_without_its_dead_time_is_given_it(tmp_path: Path) -> None:
     """Two lags instead of air on its way through a tube: two to three samples of 0.08 s by every published model."""

@@ -116,7 +116,7 @@ def test_what_leaves_one_tank_reaches_the_other(stage: Prepared) -> None:
 def test_a_flow_that_an_input_narrows_is_described(thick: float, verdict: str, tmp_path: Path) -> None:
     """On one tank alone it was a tank that leaks or a wrong value: what one loses there the other does not get."""
     trial = mechanics.Trial("layer", "tanks", {"thick": thick} if thick else {}, outside=True)
-    case = load_case(mechanics.write_case(tmp_path / "case", trial, 3000, 6))
+    case = load_case(mechanics.write_case(tmp_path / "case", trial, 1500, 6))
     found = diagnose(study(case, sham=0, seed=1, progress=lambda *_: None))
     assert found["verdict"] == verdict, found["statement"]
     if thick:

@@ -122,6 +122,7 @@ def test_an_answer(other, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.nightly  # the study itself, which the nightly run makes
 def test_the_tests_answers_are_held_against_each_other(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two tests whose answers depend on the set, one of them by more than anybody should see."""
     file = Path(study.ROOT) / "tests" / "host" / f"test_rounding_probe_{os.getpid()}.py"

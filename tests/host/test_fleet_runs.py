@@ -26,6 +26,7 @@ ROLES = '[recording]\ntime = "time_s"\n' + "".join(
     for name, role in (("u1", "input"), ("u2", "input"), ("y1", "output"), ("y2", "output"))
 )
 DAY = 86400.0
+pytestmark = pytest.mark.usefixtures("forking_throughout")
 
 
 def write(path, seed, start, step=0.1, jitter=0.0):

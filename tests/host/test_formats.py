@@ -63,11 +63,11 @@ def as_out(path: Path) -> None:
     path.write_text(head + rows)
 
 
-def as_outb(path: Path, announce: int | None = None) -> None:
+def as_outb(path: Path, announce: int | None = None, step: float = 0.1) -> None:
     """Write the uncompressed kind (3) of OpenFAST's binary output, as its format description says."""
     names, units = ["Time", "pitch", "speed"], ["(s)", "(deg)", "(rpm)"]
     with open(path, "wb") as handle:
-        handle.write(struct.pack("<hiidd", 3, 2, len(TIME) if announce is None else announce, 0.0, 0.1))
+        handle.write(struct.pack("<hiidd", 3, 2, len(TIME) if announce is None else announce, 0.0, step))
         handle.write(struct.pack("<i", 4) + b"test")
         handle.writelines(text.ljust(10).encode() for text in names + units)
         handle.write(np.column_stack([PITCH, SPEED]).astype("<f8").tobytes())
@@ -249,6 +249,36 @@ def test_announced_size_is_checked_before_memory_is_taken(tmp_path: Path) -> Non
     as_outb(tmp_path / "a.outb", announce=2_000_000_000)
     with pytest.raises(DataError, match="too short"):
         read_record(tmp_path / "a.outb", ROLES)
+
+
+@pytest.mark.parametrize("bits", [0x7F800001, 0x7FC00000, 0x7F800000, 0], ids=["signalling", "nan", "inf", "zero"])
+@pytest.mark.parametrize("place", [0, 2], ids=["scale", "offset"])
+def test_a_packed_channel_without_a_usable_scale_is_named(tmp_path: Path, bits: int, place: int) -> None:
+    """Of OpenFAST's packed output: pitch has the damaged number, speed can be read. An offset of zero is sound."""
+    numbers = [2.0, 100.0, 7.0, -3.0]  # scales, then offsets
+    words = [struct.pack("<f", x) for x in numbers]
+    words[place] = struct.pack("<I", bits)
+    counts = np.arange(40, dtype="<i2").reshape(20, 2)
+    texts = b"".join(t.ljust(10).encode() for t in ("Time", "pitch", "speed", "(s)", "(deg)", "(rpm)"))
+    head = struct.pack("<hiidd", 2, 2, 20, 0.0, 0.1) + b"".join(words) + struct.pack("<i", 0)
+    (tmp_path / "a.outb").write_bytes(head + texts + counts.tobytes())
+    np.testing.assert_allclose(read_table(tmp_path / "a.outb", ["speed"]).columns["speed"], (counts[:, 1] + 3) / 100)
+    if place and not bits:
+        np.testing.assert_allclose(read_table(tmp_path / "a.outb", ["pitch"]).columns["pitch"], counts[:, 0] / 2)
+        return
+    with pytest.raises(DataError, match=r"channel 'pitch' has the scale .* and the offset .*, which give no values"):
+        read_table(tmp_path / "a.outb", ["pitch"])
+
+
+def test_a_packed_time_without_a_usable_scale_is_named(tmp_path: Path) -> None:
+    texts = b"".join(t.ljust(10).encode() for t in ("Time", "pitch", "(s)", "(deg)"))
+    head = struct.pack("<hiidd", 1, 1, 20, 0.0, 0.1) + struct.pack("<ffi", 1.0, 0.0, 0)
+    (tmp_path / "a.outb").write_bytes(head + texts + np.arange(20, dtype="<i4").tobytes() + b"\0\1" * 20)
+    with pytest.raises(DataError, match=r"channel 'Time' has the scale 0 and the offset 0\.1"):
+        read_table(tmp_path / "a.outb", ["pitch"])
+    as_outb(tmp_path / "b.outb", step=np.inf)
+    with pytest.raises(DataError, match=r"its time begins at 0 s in steps of inf s"):
+        read_table(tmp_path / "b.outb", ["pitch"])
 
 
 def test_a_table_beyond_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,8 @@ from aeolid.errors import DataError
 from aeolid.formats import extras, read_record
 from aeolid.record import Channel, Roles
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 COUNT, STEP = 60, 0.05
 AT = STEP * np.arange(COUNT)
 PITCH, SPEED = 0.2 + 0.01 * np.sin(AT), 122.9 + np.cos(3 * AT)

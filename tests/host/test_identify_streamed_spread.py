@@ -48,7 +48,14 @@ def trials(path, samples, runs, identify=identify_varx, **settings):
     return np.array(errors), np.array(told), np.array(ratio)
 
 
-@pytest.mark.parametrize("samples, forgetting, rho", [(600, 1.0, 0.1), (1500, 0.99, 0.1), (1500, 0.98, 1.0)])
+@pytest.mark.parametrize(
+    "samples, forgetting, rho",
+    [
+        (600, 1.0, 0.1),
+        pytest.param(1500, 0.99, 0.1, marks=pytest.mark.nightly),  # forgets less than the next one
+        (1500, 0.98, 1.0),
+    ],
+)
 def test_told_deviations_are_those_of_a_hundred_trials(tmp_path, samples, forgetting, rho):
     """95 % intervals cover 95 % of 200 modes (less 4 deviations of a count), scatter and told size agree.
 

@@ -19,6 +19,8 @@ from aeolid.errors import UsageError
 from aeolid.output import ledger
 from aeolid.plants.examples import write_examples
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 USAGE = 2
 IDENTIFY = ["identify", "monday.csv", "--roles", "roles.toml", "--past", "5", "--order", "2", "--uncertainty", "none"]
 SIMULATE = ["simulate", "my_case/model.json", "monday.csv", "--roles", "roles.toml"]

@@ -14,6 +14,8 @@ from aeolid.errors import DataError
 from aeolid.formats import read_record
 from aeolid.record import Channel, Roles
 
+pytestmark = pytest.mark.usefixtures("forking_throughout")
+
 CHANNELS = (Channel("pitch", "deg", "input"), Channel("speed", "rpm", "output"))
 COUNT, STEP = 40, 0.05
 AT = STEP * np.arange(COUNT)

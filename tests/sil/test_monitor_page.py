@@ -27,7 +27,7 @@ from monitor_browser import Browser
 from rich.console import Console
 from test_listen import HERE, LINE, Adapter, slcan_text
 
-from aeolid.can import RunRecorder, open_source
+from aeolid.can import RunRecorder, open_source, source
 from aeolid.can.reception import Reception
 from aeolid.cli.listen_modes import ModeFollower
 from aeolid.cli.main import main
@@ -310,8 +310,13 @@ def test_the_terminal_and_files_as_listen_has_them(
     ],
 )
 def test_what_listen_refuses_is_refused(
-    capsys: pytest.CaptureFixture[str], options: tuple[Any, ...], code: int, words: str
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[Any, ...],
+    code: int,
+    words: str,
 ) -> None:
+    monkeypatch.setattr(source, "PATIENCE_S", 0.2)
     assert main(["monitor", "--no-browser", "--port", "0", *map(str, options)]) == code
     told = capsys.readouterr().err
     assert words in " ".join(told.split()) and told.count("aeolid: ") == 1

@@ -45,7 +45,7 @@ def read_outb(path: Path, choose: Choose) -> Table:
             guard_names(path, names)
             wanted = choose(names, names[0])
             guard_size(path, 8 * head.rows * (len(wanted) + 1))
-            time = _time(handle, head)
+            time = _time(path, names[0], handle, head)
             data = _samples(handle, head)
         except (struct.error, ValueError, OverflowError) as error:
             raise unreadable(path, _KIND, error) from None
@@ -56,8 +56,8 @@ def read_outb(path: Path, choose: Choose) -> Table:
         elif head.kind == _PLAIN:
             columns[name] = np.ascontiguousarray(data[:, place - 1], dtype=np.float64)
         else:
-            with np.errstate(all="ignore"):  # a scale of zero gives what is refused as infinite
-                columns[name] = (data[:, place - 1] - offset[place - 1]) / scale[place - 1]
+            _require_scale(path, name, scale[place - 1], offset[place - 1])
+            columns[name] = (data[:, place - 1] - offset[place - 1]) / scale[place - 1]
     marks = (unit[1:-1] for unit in units)  # (m/s)
     return Table(str(path), names, columns, dict(zip(names, marks, strict=True)), names[0])
 
@@ -83,9 +83,18 @@ def _head(path: Path, handle: BinaryIO, size: int) -> _Head:
 def _scales(handle: BinaryIO, head: _Head) -> tuple[np.ndarray, np.ndarray]:
     if head.kind == _PLAIN:
         return np.ones(head.channels), np.zeros(head.channels)
-    with np.errstate(invalid="ignore"):  # a signalling NaN of a damaged file
+    with np.errstate(invalid="ignore"):  # a signalling NaN, refused where it is used
         both = np.frombuffer(_take(handle, 8 * head.channels), "<f4").astype(np.float64)
     return both[: head.channels], both[head.channels :]
+
+
+def _require_scale(path: Path, name: str, scale: float, offset: float) -> None:
+    """Refuse a channel whose packed numbers mean no value: value = (packed - offset) / scale."""
+    if not np.isfinite(scale) or scale == 0.0 or not np.isfinite(offset):
+        raise DataError(
+            f"{path}: channel {name!r} has the scale {scale:g} and the offset {offset:g}, which give no values;"
+            " the file is damaged, copy it or run the simulation again"
+        )
 
 
 def _texts(handle: BinaryIO, head: _Head) -> tuple[str, ...]:
@@ -94,11 +103,17 @@ def _texts(handle: BinaryIO, head: _Head) -> tuple[str, ...]:
     return tuple(block[i : i + head.width].strip() for i in range(0, len(block), head.width))
 
 
-def _time(handle: BinaryIO, head: _Head) -> np.ndarray:
+def _time(path: Path, name: str, handle: BinaryIO, head: _Head) -> np.ndarray:
     if head.kind == _WITH_TIME:
+        _require_scale(path, name, head.first, head.second)
         packed = np.frombuffer(_take(handle, 4 * head.rows), "<i4")
-        with np.errstate(all="ignore"):
+        with np.errstate(over="ignore"):  # refused as infinite
             return (packed - head.second) / np.float64(head.first)
+    if not np.isfinite(head.first + head.second * head.rows):
+        raise DataError(
+            f"{path}: its time begins at {head.first:g} s in steps of {head.second:g} s;"
+            " the file is damaged, copy it or run the simulation again"
+        )
     return head.first + head.second * np.arange(head.rows, dtype=np.float64)
 
 
