@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 import pytest
 from can_frames import COUNT, L, R, Row, bits, describe, latest, receive, row, samples, snapshot, stopped
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from stream_rig import Rig
 from stream_rig import settings as rig_settings
@@ -135,6 +135,7 @@ def test_a_garbled_head_of_a_description_costs_nothing() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
+@example(seed=12992941)  # four wrong indices of one item came before the true one
 def test_garbled_parts_of_a_description_are_outvoted(seed: int) -> None:
     """Parts with wrong values or indices that passed the CRC-8: after a few repetitions the description is there."""
     generator = np.random.default_rng(seed)

@@ -113,13 +113,15 @@ class DescriptionCollector:
         came = self._parts.get((item, index))
         if came is not None:
             fresh = value not in came
+            if fresh and len(came) >= RIVALS:
+                _forget_one(came)
             if not fresh or len(came) < RIVALS:
                 came[value] = came.get(value, 0) + 1
                 self._rivals |= fresh
             return False
         if item <= FEEDTHROUGH:
             known = self._known(item)
-            if known >= RIVALS:
+            if known >= RIVALS and not self._forget_index(item):
                 return False
             self._rivals |= known > 0
             self._singles += known == 0
@@ -129,6 +131,17 @@ class DescriptionCollector:
         self._order.insert(at, key)
         self._packed[8 * at : 8 * at] = _WORDS.pack(item | index << 16, value)
         return True
+
+    def _forget_index(self, item: int) -> bool:
+        """Leave out an index with which an item came only once: the true one comes with every repetition."""
+        first, end = (bisect_left(self._order, i << 16) for i in (item, item + 1))
+        for at in range(first, end):
+            place = item, self._order[at] & 0xFFFF
+            if sum(self._parts[place].values()) == 1:
+                del self._parts[place], self._order[at]
+                del self._packed[8 * at : 8 * at + 8]
+                return True
+        return False
 
     def _known(self, item: int) -> int:
         """Count the indices with which an item came."""
@@ -212,6 +225,13 @@ class DescriptionCollector:
         self.problem = _find_problem(result)
         self._clear()
         return None if self.problem else result
+
+
+def _forget_one(came: dict[int, int]) -> None:
+    """Leave out a value that came only once, if there is one: the true one comes with every repetition."""
+    once = next((value for value, times in came.items() if times == 1), None)
+    if once is not None:
+        del came[once]
 
 
 def _text(parts: dict[tuple[int, int], int], item: int, channel: int, count: int) -> str:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.compiled import njit
-from aeolid.models import intersample
+from aeolid.models import intersample, late_inputs
 
 Array = NDArray[np.float64]
 WHOLE, SPLIT = np.array([1.0]), np.array([0.1, 0.9])  # pieces of a step; the first of two is what an output sees
@@ -42,7 +42,7 @@ def _lag(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
 def _delay(u: Array, values: Array, step: float, pieces: Array) -> Array:
     if abs(values[0]) >= _NONE * step and _is_held(u, len(pieces)):
-        return intersample.late(u, values, step, pieces)  # what passed no filter before: a tenth of the time
+        return late_inputs.late(u, values, step, pieces)  # what passed no filter before: a tenth of the time
     return delay_held_input(u, float(values[0]) / step, pieces)
 
 
@@ -258,7 +258,7 @@ KINDS: dict[str, FilterKind] = {
     "intersample_zoh": FilterKind(("offset_s",), _delay),
     "intersample_foh": FilterKind(("offset_s",), intersample.straight),
     "intersample_band_limited": FilterKind(("offset_s",), intersample.smooth),
-    "intersample_filtered": FilterKind(("offset_s", "delay_s"), intersample.filtered),
+    "intersample_filtered": FilterKind(("offset_s", "delay_s"), late_inputs.filtered),
 }
 """Every kind a model file may name; `share` blends the effect in from 0 (none) to 1 (all of it)."""
 CHANGING = (

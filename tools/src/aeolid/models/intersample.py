@@ -11,15 +11,12 @@ the Nyquist frequency is not in the samples, whatever is laid between them (Åst
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import BSpline, make_interp_spline
-
-from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
@@ -32,7 +29,6 @@ PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS, or F
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
 _DEGREE, _FEWEST = 7, 16  # of the spline; samples through which it is laid: fewer are joined by straight lines
 _KEPT = 20_000  # samples of the longest recording whose spline is kept: 64 of these are 40 MB
-_SHORTEST, _FADED = 1e-6, 20.0  # samples, of a filter's delay; delays after which its step response has ended
 _REACH, _BAND = 6, 2.4  # samples on either side that tell a slope; radians a sample up to which they do
 
 
@@ -64,63 +60,6 @@ def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
         return found
 
     return _spread_over(samples, values, step, pieces, integral, value)
-
-
-def late(u: Array, values: Array, step: float, pieces: Array) -> Array:
-    """Return the means of a held input, `values` the offset in s: exact. Before the first and after the last it holds.
-
-    u (N·p,): the same over the pieces of a sample.
-    """
-    return filtered(u, np.array([values[0], 0.0]), step, pieces)
-
-
-def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
-    """Return the means of a held input behind a second-order Butterworth filter, `values` offset and delay in s.
-
-    The filter stands for one on every output: of a linear plant they are the same. Its step response has the integral
-    I(t) = t - d (1 - exp(-t/d) cos(t/d)), d its delay at low frequencies, √2 over its corner in rad/s; each change of
-    the input adds the difference of I over a piece: exact. Without a delay it is the held input, offset alone.
-    """
-    if not (math.isfinite(values[0]) and math.isfinite(values[1])):
-        return np.full_like(u, np.nan)
-    most = len(u) / len(pieces) + 1.0
-    offset, delay = min(max(values[0] / step, -most), most), min(max(values[1] / step, 0.0), most)
-    first = math.floor(offset)
-    lags = np.arange(first, first + math.ceil(_FADED * delay) + 2)
-    at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces
-    share = (_step_integral(at + pieces, delay) - _step_integral(at, delay)) / pieces
-    return _with_changes(np.ascontiguousarray(u), share - 1.0, first, len(pieces))
-
-
-@njit(cache=True)
-def _with_changes(u: Array, lacking: Array, first: int, count: int) -> Array:
-    """Return u of `first` samples before less what its changes still lack, Σ lacking_i Δu_{k-i}.
-
-    u (N·p,): the same over the `count` pieces of a sample; lacking (lags, p), the first of `first` samples.
-    """
-    out, samples = np.empty_like(u), len(u) // count
-    for k in range(samples):
-        value = u[min(max(k - first, 0), samples - 1) * count]
-        for j in range(count):
-            out[k * count + j] = value
-    for k in range(1, samples):
-        change = u[k * count] - u[(k - 1) * count]
-        if change != 0.0:
-            begin = k + first
-            for i in range(max(0, -begin), min(len(lacking), samples - begin)):
-                for j in range(count):
-                    out[(begin + i) * count + j] += lacking[i, j] * change
-    return out
-
-
-def _step_integral(t: Array, delay: float) -> Array:
-    """Return the integral of the filter's step response from 0 to t, times and delay in samples; 0 before."""
-    after = np.maximum(t, 0.0)
-    if delay < _SHORTEST:
-        return after
-    x = after / delay
-    found: Array = after - delay * (1.0 - np.exp(-x) * np.cos(x))
-    return found
 
 
 def _curves(samples: Array) -> tuple[BSpline, BSpline]:

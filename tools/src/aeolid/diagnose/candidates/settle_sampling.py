@@ -35,7 +35,7 @@ from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
 from aeolid.models.integrate import Compiled
-from aeolid.models.intersample import FILTER, FILTERED, HOLDS, OFFSET
+from aeolid.models.intersample import FILTER, FILTERED, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
@@ -159,8 +159,7 @@ def _is_too_late(stage: _Stage, choice: Choice, best: Sampling) -> bool:
     """Tell whether the best has a held command beside it whose lateness is more than a habit of the recording."""
     if not choice.allows(best, stage.step):
         return choice.any_offset or choice.late
-    held = all(h in (HOLDS[0], FILTERED) for _, h in best.holds)
-    return held and best.late_s > 0 and _goes_on(stage, best)
+    return best.is_held and best.late_s > 0 and _goes_on(stage, best)
 
 
 def _price(stage: _Stage) -> float:
@@ -189,9 +188,24 @@ def _best(stage: _Stage, choice: Choice) -> Sampling | None:
     half = 0.5 * _price(stage)  # a filter has one parameter more
     allowed = (s for s in trials if choice.allows(s, stage.step))
     best = max(allowed, key=lambda s: s.gain - half * s.is_filtered, default=None)
+    late = _later(stage, choice, trials, best)
+    if late is not None:
+        return late
     if best is None or not np.isfinite(best.gain):
         return None
     return _finished(stage, choice, best)
+
+
+def _later(stage: _Stage, choice: Choice, trials: list[Sampling], best: Sampling | None) -> Sampling | None:
+    """Return the likeliest held command that is later than it may be, where that is likelier than all that may be.
+
+    At exactly one sample late it may be again.
+    """
+    held = [s for s in trials if s.is_held and s.late_s > 0 and not choice.allows(s, stage.step)]
+    late = max(held, key=lambda s: s.gain, default=None)
+    if late is None or (best is not None and best.gain >= late.gain):
+        return None
+    return _nearly_whole(stage, late)
 
 
 def read_by(predictor: Predictor, sampling: Sampling) -> Predictor:

@@ -61,6 +61,11 @@ class Sampling:
         return self.offset_s == 0.0 and not self.free and all(h == "zoh" for _, h in self.holds)
 
     @property
+    def is_held(self) -> bool:
+        """Tell whether all inputs are held, whatever the outputs passed."""
+        return all(h in (HOLDS[0], FILTERED) for _, h in self.holds)
+
+    @property
     def is_filtered(self) -> bool:
         """Tell whether outputs passed a filter."""
         return any(h == FILTERED for _, h in self.holds)
