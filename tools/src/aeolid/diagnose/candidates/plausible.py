@@ -54,8 +54,9 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     """Say why the fitted values cannot be these effects; empty where they can. gain: nats, for so many parameters.
 
     Shapes (the damping of a filter) that the data leave open are no objection wherever they ran: the size is known all
-    the same. Sizes that trade with each other may each lie within two deviations of none though all of them together
-    are clearly there. What changes at a time must be seen both ways: else a value is wrong, and nothing changes.
+    the same. Sizes that trade with each other, or with what else is free, may each lie within two deviations of none
+    though they are clearly there: without them the gain is lost, which the curvature where they are does not say (of
+    a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). What changes at a time must be seen both ways: else a value is wrong, and nothing changes.
     """
     for a in attachments:
         free = _free_slots([a], fit, model)
@@ -69,7 +70,7 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.local and s.label and (not a.essential or s.name in a.essential)]
-        trading = len(free) > 1 and not a.essential and gain - parameters > _CLEAR
+        trading = not a.essential and gain - parameters > _CLEAR
         if sizes and not trading and not any(_differs(s, p, fit, model, 2.0) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
     return ""

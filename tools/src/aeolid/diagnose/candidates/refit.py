@@ -44,7 +44,7 @@ def finalists(bank: Bank) -> list[Row]:
     seventh family of seven).
     """
     over = bank.loud
-    chosen = [r for r in bank.rows if r.attachment.always_fit]
+    chosen = [r for r in bank.rows if r.attachment.always_fit or r.attachment.shown]
     most = len(chosen) + MAX_FINALISTS
     families: set[str] = set()
     for row in over:

@@ -14,7 +14,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
-from aeolid.diagnose.predictor.noise import filter_var
+from aeolid.diagnose.predictor.noise import filter_var, touched
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.stats.blocks import block_interval
@@ -119,7 +119,7 @@ def _features(
         u = _coarse(segment, len(sizes[2]))
         columns, groups = _columns(u, white, X[: len(e), : len(sizes[0])], sizes, before)
         rows.append(np.nan_to_num(columns)[segment.burn :])
-        good = np.all(np.isfinite(e), axis=1)[segment.burn :, None]
+        good = ~touched(segment.y, len(fit.noise.var))[segment.burn :, None]
         targets.append(np.where(good, white[segment.burn :], 0.0))
     return np.clip(np.vstack(rows), -1e6, 1e6), np.vstack(targets), groups
 

@@ -147,24 +147,28 @@ class Evaluator:
         noise = self.noise_of(self.innovations(point))
         if noise is None:
             return HUGE
-        rows = sum(int(np.sum(np.all(np.isfinite(s.y), axis=1))) for s in self.segments)
+        rows = int(self.scored(len(noise.var)).sum())
         return 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
 
     def _penalty(self, point: Point) -> float:
         return 0.5 * float(np.sum(self.scales.prior.residual(point.theta) ** 2))
 
     def whitened(self, innovations: Sequence[Array], noise: Noise) -> Array:
-        """Return the scored, whitened, normalised innovations of all segments as one vector (M,).
+        """Return the whitened, normalised innovations of all segments behind their burn-in as one vector (M,).
 
-        Rows that a missing measurement touches are 0, those of a model that ran away infinite.
+        Rows that are not scored are 0, those of a model that ran away infinite.
         """
         parts = []
         for e, segment in zip(innovations, self.segments, strict=True):
             white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
-            gone = ~np.all(np.abs(white) < _LOST, axis=1)
-            white[gone] = np.where(touched(segment.y, len(noise.var))[segment.burn :][gone], 0.0, np.inf)[:, None]
+            white[~np.all(np.abs(white) < _LOST, axis=1)] = np.inf
+            white[touched(segment.y, len(noise.var))[segment.burn :]] = 0.0
             parts.append(white)
         return np.concatenate(parts).ravel()
+
+    def scored(self, order: int) -> NDArray[np.bool_]:
+        """Tell for each row behind the burn-in whether a noise model of this order says how likely it is."""
+        return np.concatenate([~touched(s.y, order)[s.burn :] for s in self.segments])
 
     def choose_var_order(self, point: Point) -> int:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""

@@ -85,9 +85,13 @@ def filter_var(e: Array, var: Array) -> Array:
 
 
 def touched(y: Array, order: int) -> NDArray[np.bool_]:
-    """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it."""
+    """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it.
+
+    Rows before the first are missing: what the noise model would tell of the first `order` rows is not known.
+    """
     missing = ~np.all(np.isfinite(y), axis=1)
     result: NDArray[np.bool_] = missing.copy()
+    result[:order] = True
     for i in range(1, order + 1):
         result[i:] |= missing[:-i]
     return result
@@ -98,13 +102,14 @@ def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, out: Array) -> N
     """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.
 
     e (N, l, lanes); y (N, l) the measurements, of which a missing one makes a row, and those whose lags reach it,
-    zero. What a model that has run away leaves stays infinite or NaN.
+    zero, as the rows whose lags reach before the first are. What a model that has run away leaves stays infinite or
+    NaN.
     """
     m, lanes, order = e.shape[1], e.shape[2], len(var)
     burn = len(e) - len(out) // m
     own = np.empty((m, lanes))
     for t in range(burn, len(e)):
-        known = True
+        known = t >= order
         own[:] = e[t]
         for i in range(min(order, t) + 1):
             for b in range(m):
@@ -133,22 +138,30 @@ def colour_var(white: Array, var: Array) -> Array:
     return e
 
 
-def log_density(white: Array, noise: Noise, outputs: int) -> Array:
-    """Return the Gaussian log-density (N,) of normalised residuals given as one vector (N·l,)."""
+def log_density(white: Array, noise: Noise, known: NDArray[np.bool_]) -> Array:
+    """Return the Gaussian log-density (N,) of normalised residuals given as one vector (N·l,).
+
+    known (N,): rows that were measured; nothing is said of the others, whose density is 0 in the logarithm.
+    """
+    outputs = len(noise.covariance)
     squares = np.sum(white.reshape(-1, outputs) ** 2, axis=1)
     constant = outputs * np.log(2 * np.pi) + np.linalg.slogdet(noise.covariance)[1]
-    result: Array = -0.5 * (squares + constant)
+    result: Array = np.where(known, -0.5 * (squares + constant), 0.0)
     return result
 
 
-def levelled_density(white: Array, noise: Noise, lengths: Sequence[int]) -> Array:
-    """Return the log-density (N,) of stretches of these lengths, each at a noise level of its own, estimated here."""
+def levelled_density(white: Array, noise: Noise, lengths: Sequence[int], known: NDArray[np.bool_]) -> Array:
+    """Return the log-density (N,) of stretches of these lengths, each at a noise level of its own, estimated here.
+
+    known (N,): as in `log_density`; the level is that of these rows.
+    """
     outputs = len(noise.covariance)
     parts, start = [], 0
     for length in lengths:
-        stop = start + length * outputs
-        piece = white[start:stop]
-        level = np.sqrt(max(float(np.mean(np.minimum(piece**2, 1e12))), 1e-12))
-        parts.append(log_density(piece / level, noise, outputs) - outputs * np.log(level))
+        stop = start + length
+        piece, seen = white[start * outputs : stop * outputs].reshape(-1, outputs), known[start:stop]
+        level = np.sqrt(max(float(np.mean(np.minimum(piece[seen] ** 2, 1e12))), 1e-12)) if np.any(seen) else 1.0
+        own = log_density((piece / level).ravel(), noise, seen)
+        parts.append(own - np.where(seen, outputs * np.log(level), 0.0))
         start = stop
     return np.concatenate(parts)

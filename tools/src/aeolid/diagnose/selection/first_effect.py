@@ -21,6 +21,8 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.intersample import Sampling
 from aeolid.diagnose.data.resample import finer
 from aeolid.diagnose.deadline import Deadline, unlimited
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.point import Point
@@ -176,22 +178,36 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two
     tanks that run over, the second that the first one had not been told. One that fits well and fails the selection
     data may be the wrong member of the right family: a sensor's lag, 797 and −263 nats, where a filter of second order
-    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named.
+    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What the catalogue says an accepted effect is
+    taken for at its place is kin whatever its score: of a spring that the fitted baseline never lets go of, play has
+    none, and stops beside a spring five times too soft were named for it.
     """
     known = {c.key for c in fitted}
     led = sorted((c for c in fitted if (c.plausible or c.at_end) and c.fit_gain > 0), key=lambda c: -c.score)
     leaders, others = led[:_LEADERS], led[_LEADERS:]
     leaders += [c for c in others if c.fit_gain > leaders[-1].fit_gain][:_FITTING]
     allowed = [c for c in led if c.plausible]
+    named = {pair for c in allowed[:_LEADERS] if is_accepted(c) for pair in _taken_for(c)}
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     speaking = [row for row in fresh if row.z > bank.limit(row)]
     family = [r for r in speaking if any(are_kin(r.attachment, c.attachments[0]) for c in leaders)]
     alike = [r for r in speaking if any(_alike(r, own.get(c.key)) for c in leaders)]
     found = [*family, *(r for r in alike if r not in family)]
+    found += [r for r in fresh if r not in found and _identity(r.attachment) in named]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
         found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
     return found[:_KIN]
+
+
+def _taken_for(candidate: Candidate) -> set[tuple[str, str]]:
+    """Return what the catalogue says is confused with an effect, at its place."""
+    first = candidate.attachments[0]
+    return {(other, first.location["entry"]) for other, _ in entry(first.entry).confused_with}
+
+
+def _identity(attachment: Attachment) -> tuple[str, str]:
+    return attachment.entry, attachment.location["entry"]
 
 
 def _alike(row: Row, other: Row | None) -> bool:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, DRIVES_ELSE, DRIVES_PITCH, OPENFAST, ROSCO, Setting
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
@@ -35,7 +36,7 @@ def _attach(site: Site) -> list[Attachment]:
                 stepped=True,
                 starts=({}, {tau: site.step}, {tau: 5 * site.step}),
                 equation=f"d({name}_actual)/dt = ({name} - {name}_actual)/tau_s",
-                statement=partial(_statement, name),
+                statement=partial(_statement, name), credible=later_than_a_reading(site.step),
             )
         )  # fmt: skip
     return result

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_filter
 from aeolid.models.equations import Equations, Parameter
@@ -49,7 +50,7 @@ def _attach(site: Site) -> list[Attachment]:
                 stepped=True,
                 starts=tuple({inverse: p * site.step, zeta: z} for p, z in _STARTS),
                 equation=f"w'' = omega_rad_s^2*({name} - w) - 2*damping*omega_rad_s*w', w acts in place of {name}",
-                statement=partial(_statement, name),
+                statement=partial(_statement, name), credible=later_than_a_reading(site.step),
             )
         )  # fmt: skip
     return result

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
 _STARTS = (0.5, 1.5, 2.5, 3.5, 5.5, 8.5, 13.5)  # samples, either way: a shift has an optimum in every sample
@@ -45,6 +46,7 @@ def _attach(site: Site) -> list[Attachment]:
             starts=starts,
             equation="u_acting(t) = u_recorded(t - offset_s), the same for all inputs",
             statement=_statement,
+            credible=later_than_a_reading(site.step),
         )
     ]  # fmt: skip
 

@@ -7,6 +7,7 @@ from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.models.equations import STEP, Equations, Parameter
@@ -64,7 +65,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
         stepped=True, beside={tau: _AVERAGED * step},
         starts=({}, {tau: step}, {tau: 5 * step}),
         equation=_EQUATION.format(name=name),
-        statement=partial(_statement, name),
+        statement=partial(_statement, name), credible=later_than_a_reading(step),
     )  # fmt: skip
 
 

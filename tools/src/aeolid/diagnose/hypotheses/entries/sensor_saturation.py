@@ -53,7 +53,7 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], width: float) 
     return Attachment(
         "sensor_saturation", f"sensor_saturation output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (*slots, Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
-        fixed={share: 1.0}, grid=({limits[side]: rail for side, rail in ends.items()},), share=share,
+        shown=True, fixed={share: 1.0}, grid=({limits[side]: rail for side, rail in ends.items()},), share=share,
         equation=f"{name}_recorded = min(max({name}, low), high)",
         statement=partial(_statement, name, unit),
     )  # fmt: skip

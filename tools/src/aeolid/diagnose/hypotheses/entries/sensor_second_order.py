@@ -8,6 +8,7 @@ from functools import partial
 from aeolid.diagnose.hypotheses.entries.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, following, is_possible, memories_of
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
 
@@ -65,7 +66,7 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
         stepped=True, beside={inverse: _AVERAGED * step},
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
         equation=_EQUATION.format(name=name),
-        statement=partial(_statement, name),
+        statement=partial(_statement, name), credible=later_than_a_reading(step),
     )  # fmt: skip
 
 

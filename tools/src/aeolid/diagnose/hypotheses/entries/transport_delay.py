@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.models.equations import Equations, InputFilter, Parameter
 
@@ -37,7 +38,7 @@ def _attach(site: Site) -> list[Attachment]:
                 stepped=True,
                 starts=({}, *({delay: k * site.step} for k in _STARTS)),  # a delay has an optimum in every sample
                 equation=f"{name}_actual(t) = {name}(t - delay_s)",
-                statement=partial(_statement, name),
+                statement=partial(_statement, name), credible=later_than_a_reading(site.step),
             )
         )  # fmt: skip
     return result

@@ -98,6 +98,8 @@ class Attachment:
     starts are values to begin a full fit from; what they leave out comes from the score's estimate.
     always_fit: there is no score, fit it whatever the bank says. stepped: free parameters may absorb it so well that
     its score at the null vanishes, fit it from finite steps whenever anything is found.
+    shown: the recorded values themselves show its signature: fit it whatever the bank says, which takes what comes in a
+    few bursts for chance (a sensor's range, reached in 3 of 100 samples: z = 11, where chance reached 14).
     share: name of a local slot that blends the effect in from 0 to 1 where its own parameters have no null to start
     from; its value is 1 when the effect is active (put it in `fixed`); grid is then ordered from mild to strong.
     noise_driven: noise alone may drive the states it brings, for their frequency band is known from elsewhere.
@@ -120,6 +122,7 @@ class Attachment:
     statement: Callable[[Mapping[str, float]], str] = lambda values: ""
     always_fit: bool = False
     stepped: bool = False
+    shown: bool = False
     share: str | None = None
     weight: Callable[[Mapping[str, float]], float] | None = None
     noise_driven: bool = False

@@ -1,0 +1,37 @@
+"""Say how late what a filter passes on comes, and what is too little for a recording to be of the machine."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+_HABIT = 0.25  # rows
+
+
+def lateness(values: Mapping[str, float]) -> float:
+    """Return the delay in s, at low frequencies, of a lag, a dead time, an offset of clocks or a second-order filter.
+
+    values: by label, of one hypothesis: tau_s, delay_s, offset_s (of either sign) or omega_rad_s with damping.
+    Without any of them it is infinite: nothing is known of it.
+    """
+    for label in ("tau_s", "delay_s", "offset_s"):
+        if label in values:
+            return abs(values[label])
+    return 2 * values.get("damping", 1.0) / values["omega_rad_s"] if "omega_rad_s" in values else math.inf
+
+
+def later_than_a_reading(step: float) -> Callable[[Mapping[str, float]], str]:
+    """Return what objects to a filter of one channel that is later by less than a quarter of a row of `step` s.
+
+    A row has one time, its channels have their own: a converter takes them one after the other, a counter averages, a
+    simulation's equations are solved in steps. With little noise thousandths of a row are told with certainty (an
+    engine's speed, half of its own steps ahead of its angle: 0.018 rows, named as a filter); they are no physics.
+    """
+
+    def credible(values: Mapping[str, float]) -> str:
+        rows = lateness(values) / step
+        if rows >= _HABIT:
+            return ""
+        return f"late by {rows:.2g} of a sample, which the way of taking samples can be"
+
+    return credible
