@@ -103,7 +103,10 @@ TRUE = {
     ("count", "samples"), [(2, 1000), pytest.param(3, 2500, marks=pytest.mark.nightly)]  # three take a minute
 )  # fmt: skip
 def test_several_effects_are_all_found(count: int, samples: int, tmp_path: Path) -> None:
-    """A drive that lags and a stretched wire at once, and dry friction beside both: each value within 10 %."""
+    """A drive that lags and a stretched wire at once, and dry friction beside both: each value within 15 %.
+
+    A wire's force is k q³ (1 − 5/4 q²) to the next order, and q reaches 0.3 m: its cube is up to 11 % below k.
+    """
     study, effects = load_study("diagnosis"), dict(list(ALL.items())[:count])
     case = study.write_case(
         tmp_path / "case", study.Hidden("several", "equations", effects, noise=(0.3, 0.05, 0.005)), samples, 3
@@ -113,7 +116,7 @@ def test_several_effects_are_all_found(count: int, samples: int, tmp_path: Path)
     found = {e["id"]: {k: v["value"] for k, v in e["parameters"].items()} for e in d["effects"]}
     assert d["verdict"] == "multiple" and d["sealed"]["interval"][0] > 0
     expected = (TRUE[name] for name in effects)
-    assert found == {name: {label: pytest.approx(value, rel=0.1)} for name, label, value in expected}
+    assert found == {name: {label: pytest.approx(value, rel=0.15)} for name, label, value in expected}
 
 
 def test_an_effect_that_a_later_one_makes_needless_is_left_out(tmp_path: Path) -> None:
@@ -218,7 +221,7 @@ def test_of_each_family_the_best_is_fitted() -> None:
     )  # fmt: skip
     rows = [
         Row(
-            SimpleNamespace(entry=e, key=e, always_fit=e == "damping_change", stepped=e == "sensor_lag"),  # type: ignore[arg-type]
+            SimpleNamespace(entry=e, key=e, always_fit=e == "damping_change", stepped=e == "sensor_lag", shown=False),  # type: ignore[arg-type]
             9.0 - k, 0.0, 1, 1.0, {}, {}, {}, {}, None, True,
         )
         for k, e in enumerate(entries)
@@ -239,7 +242,7 @@ def test_a_family_is_not_left_out_because_it_speaks_last() -> None:
     )  # fmt: skip
     rows = tuple(
         Row(
-            SimpleNamespace(entry=e, key=e, always_fit=False, stepped=False),  # type: ignore[arg-type]
+            SimpleNamespace(entry=e, key=e, always_fit=False, stepped=False, shown=False),  # type: ignore[arg-type]
             20.0 - k, 0.0, 1, 1.0, {}, {}, {}, {}, None, True,
         )
         for k, e in enumerate(entries)
@@ -253,7 +256,11 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
 
     def attachment(entry: str, output: str, key: str = "") -> Any:
         return SimpleNamespace(
-            entry=entry, key=key or f"{entry} {output}", location={"entry": f"output:{output}", "outputs": [output]}
+            entry=entry,
+            key=key or f"{entry} {output}",
+            location={"entry": f"output:{output}", "outputs": [output]},
+            slots=(),
+            fixed={},
         )
 
     def row(entry: str, output: str, z: float) -> Any:

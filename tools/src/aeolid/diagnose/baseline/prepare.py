@@ -14,6 +14,7 @@ from aeolid.diagnose.baseline.recorded_wind import PREFIX, SIZES, recorded_wind,
 from aeolid.diagnose.baseline.simulated import Surrogate
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.exogenous import Exogenous, exogenous_channels, with_exogenous
+from aeolid.diagnose.data.forensics import rails
 from aeolid.diagnose.data.intersample import Sampling, declared_sampling, with_sampling
 from aeolid.diagnose.data.resample import factor_for
 from aeolid.diagnose.data.segments import Segment
@@ -134,7 +135,7 @@ def prepare(
     declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
-        working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context,
+        working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs),
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
     frame = Frame(
@@ -148,6 +149,13 @@ def prepare(
         declared, linear, frame, predictor, split, attachments, (), exogenous, motions, free, fit, settle, factor,
         base.run, site, tuple(records), sampling,
     )  # fmt: skip
+
+
+def _rails(records: Sequence[Record], outputs: Sequence[str]) -> tuple[dict[str, float], ...]:
+    """Return the ends of the range at which each output's values pile up, over all recordings."""
+    columns = (np.concatenate([r.column(name) for r in records]) for name in outputs)
+    finite = (c[np.isfinite(c)] for c in columns)
+    return tuple(rails(c) if len(c) else {} for c in finite)
 
 
 def _with_signals(

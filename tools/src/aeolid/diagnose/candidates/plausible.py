@@ -56,7 +56,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     Shapes (the damping of a filter) that the data leave open are no objection wherever they ran: the size is known all
     the same. Sizes that trade with each other, or with what else is free, may each lie within two deviations of none
     though they are clearly there: without them the gain is lost, which the curvature where they are does not say (of
-    a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). What changes at a time must be seen both ways: else a value is wrong, and nothing changes.
+    a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). What changes
+    at a time must be seen both ways: else a value is wrong, and nothing changes.
     """
     for a in attachments:
         free = _free_slots([a], fit, model)

@@ -178,22 +178,22 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two
     tanks that run over, the second that the first one had not been told. One that fits well and fails the selection
     data may be the wrong member of the right family: a sensor's lag, 797 and −263 nats, where a filter of second order
-    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What the catalogue says an accepted effect is
-    taken for at its place is kin whatever its score: of a spring that the fitted baseline never lets go of, play has
-    none, and stops beside a spring five times too soft were named for it.
+    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What has fewer values and, as
+    the catalogue says, is taken for an accepted effect at its place is kin whatever its score: of a spring that the
+    fitted baseline never lets go of, play has none, and stops beside a spring five times too soft were named for it.
     """
     known = {c.key for c in fitted}
     led = sorted((c for c in fitted if (c.plausible or c.at_end) and c.fit_gain > 0), key=lambda c: -c.score)
     leaders, others = led[:_LEADERS], led[_LEADERS:]
     leaders += [c for c in others if c.fit_gain > leaders[-1].fit_gain][:_FITTING]
     allowed = [c for c in led if c.plausible]
-    named = {pair for c in allowed[:_LEADERS] if is_accepted(c) for pair in _taken_for(c)}
+    plainer = {pair: _values(c.attachments[0]) for c in allowed[:_LEADERS] if is_accepted(c) for pair in _taken_for(c)}
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     speaking = [row for row in fresh if row.z > bank.limit(row)]
     family = [r for r in speaking if any(are_kin(r.attachment, c.attachments[0]) for c in leaders)]
     alike = [r for r in speaking if any(_alike(r, own.get(c.key)) for c in leaders)]
     found = [*family, *(r for r in alike if r not in family)]
-    found += [r for r in fresh if r not in found and _identity(r.attachment) in named]
+    found += [r for r in fresh if r not in found and _values(r.attachment) < plainer.get(_identity(r.attachment), 0)]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
         found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
@@ -204,6 +204,11 @@ def _taken_for(candidate: Candidate) -> set[tuple[str, str]]:
     """Return what the catalogue says is confused with an effect, at its place."""
     first = candidate.attachments[0]
     return {(other, first.location["entry"]) for other, _ in entry(first.entry).confused_with}
+
+
+def _values(attachment: Attachment) -> int:
+    """Return how many values an effect has."""
+    return sum(s.name not in attachment.fixed for s in attachment.slots)
 
 
 def _identity(attachment: Attachment) -> tuple[str, str]:

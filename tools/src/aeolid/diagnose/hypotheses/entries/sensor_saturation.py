@@ -22,11 +22,14 @@ def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
 
 
 def _attach(site: Site) -> list[Attachment]:
-    """Attach where values pile up at an end of the recorded range."""
+    """Attach where values pile up at an end of the recorded range, be it reached in data that are not fitted alone.
+
+    A range has two ends: with the lower one fitted, data that reached the upper one refuted all of it (−1,445 nats).
+    """
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
-        ends = rails(y) if len(np.unique(y)) > _FEWEST else {}
+        ends = (site.rails[j] if site.rails else rails(y)) if len(np.unique(y)) > _FEWEST else {}
         if ends:
             result.append(_on(site, j, name, ends, float(np.ptp(y))))
     return result

@@ -37,6 +37,8 @@ class Site:
 
     step is the sample time of u (N, r) in s, row_step the time between the rows of y that correct the model; symbols
     are what the model's equations call its inputs; exogenous are channels (N, k) that the model has no use for.
+    rails: of each output the ends ("low", "high") at which the values of all recordings pile up; what y shows where it
+    is empty.
     """
 
     model: Equations
@@ -52,6 +54,7 @@ class Site:
     exogenous: tuple[Exogenous, ...]
     extra: Array
     context: Mapping[str, Any]
+    rails: tuple[Mapping[str, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
-from aeolid.diagnose.hypotheses.parts.modes import MOST_DAMPING, highest_hz, kind_of
+from aeolid.diagnose.hypotheses.parts.modes import RINGS, beyond_rows, highest_hz, kind_of
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Output, State
@@ -62,7 +62,7 @@ def _on(site: Site, motion: Motion, number: int, bodies: Mapping[str, int]) -> A
     ratios = tuple(f"{tag}_b{k + 1}" for k in range(1 + max(bodies.values())))
     slots = (
         Slot(w, "frequency_hz", "Hz", low, low, high, high / 3, local=False),
-        Slot(zeta, "damping", "1", _DAMPING_START, _LEAST_DAMPING, MOST_DAMPING, 0.02, local=False),
+        Slot(zeta, "damping", "1", _DAMPING_START, _LEAST_DAMPING, RINGS, 0.02, local=False),
         *(Slot(b, None, "", 0.0, -_MOST_RATIO, _MOST_RATIO, 1e-2) for b in ratios),
     )
     grid = np.geomspace(2 * low, high * (1 - 1e-6), _GRID)
@@ -74,7 +74,7 @@ def _on(site: Site, motion: Motion, number: int, bodies: Mapping[str, int]) -> A
         grid=tuple({w: float(f), zeta: _DAMPING_START} for f in grid),
         equation=f"x'' + 2*damping*w*x' + w^2*x = a, w = 2*pi*frequency_hz, a the acceleration of {motion.location};"
         " what reads its position sees b*x more, what reads its velocity b*x'",
-        statement=partial(_statement, motion.location, tuple(bodies)),
+        statement=partial(_statement, motion.location, tuple(bodies)), credible=partial(beyond_rows, high),
     )  # fmt: skip
 
 

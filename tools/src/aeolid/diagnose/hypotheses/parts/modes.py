@@ -17,6 +17,7 @@ from aeolid.models.equations import Equations, Parameter, State
 
 _DAMPING_START = 0.03
 MOST_DAMPING = 0.7
+RINGS = 0.3  # damping of a mode that still rings: a broader response is a lag, or the colour of noise
 _SAME_HZ, _SAME = 0.01, 0.1  # of frequency and damping: nearer to a mode of the model than that is no other mode
 _EVERYWHERE = (0.0, float("inf"))
 
@@ -99,7 +100,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; the output sees"
         f" {_SEEN[derivatives_seen(site, j)]}",
         statement=lambda p: _statement(p, name, kind),
-        credible=partial(_not_had, own_modes(site, j)),
+        credible=partial(_not_had, own_modes(site, j), highest_hz(site)),
     )  # fmt: skip
 
 
@@ -140,6 +141,17 @@ def highest_hz(site: Site) -> float:
     return 0.4 / site.row_step
 
 
+def beyond_rows(highest: float, p: Mapping[str, float]) -> str:
+    """Object to a mode whose upper half-power frequency lies beyond the highest that rows show: what is seen of it is a
+    slope, which a filter of the logger has there, too (of an analogue one at 39.3 Hz, rows at 100 Hz, a mode of 39.6 Hz
+    with damping 0.3).
+    """
+    upper = p["frequency_hz"] * (1 + p["damping"])
+    return (
+        f"its half-power band reaches {upper:.4g} Hz, beyond {highest:.4g} Hz that rows show" if upper > highest else ""
+    )
+
+
 def own_modes(site: Site, j: int) -> list[tuple[float, float]]:
     """Return frequency in Hz and damping of the modes of a linear model that show in output j."""
     if site.linear is None:
@@ -153,7 +165,7 @@ def own_modes(site: Site, j: int) -> list[tuple[float, float]]:
     return found
 
 
-def _not_had(own: Sequence[tuple[float, float]], p: Mapping[str, float]) -> str:
+def _not_had(own: Sequence[tuple[float, float]], highest: float, p: Mapping[str, float]) -> str:
     """Object to a mode that the model has: a second one on top of it stands for another size of the first.
 
     With its eight values more it took the name from a channel in another unit, by 23 nats of 6,900.
@@ -161,7 +173,7 @@ def _not_had(own: Sequence[tuple[float, float]], p: Mapping[str, float]) -> str:
     for frequency, damping in own:
         if abs(p["frequency_hz"] - frequency) < _SAME_HZ * frequency and abs(p["damping"] - damping) < _SAME * damping:
             return f"the model has this mode, at {frequency:.4g} Hz with damping {damping:.2g}"
-    return ""
+    return beyond_rows(highest, p)
 
 
 def _statement(p: Mapping[str, float], name: str, kind: Kind | None) -> str:

@@ -13,7 +13,7 @@ from scipy.signal import lfilter, welch
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
-from aeolid.diagnose.hypotheses.parts.modes import highest_hz
+from aeolid.diagnose.hypotheses.parts.modes import RINGS, highest_hz
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.structure.signals import static_outputs
 from aeolid.models import expressions as ex
@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 Modes = tuple[tuple[float, float], ...]  # frequency in Hz and damping ratio of each
 
 MOST_MODES = 3
-BROADEST = 0.3  # damping of a mode that still rings: a broader response is a lag, or the colour of noise
 _AT_END = 0.999  # of a range
 _LEAST_DAMPING = 1e-4
 _ORDERS = (4, 8, 12, 20)  # of the autoregressions whose poles are tried, beside an even grid
@@ -106,7 +105,7 @@ def _poles(seen: _Seen, order: int) -> list[tuple[float, float]]:
     poles = np.roots(np.concatenate([[1.0], -weights]))
     rates = np.log(poles[poles.imag > 0]) / seen.step
     modes = [(float(abs(s) / (2 * np.pi)), float(-s.real / abs(s))) for s in rates]
-    inside = [(f, min(max(d, _LEAST_DAMPING), BROADEST)) for f, d in modes if d < BROADEST]
+    inside = [(f, min(max(d, _LEAST_DAMPING), RINGS)) for f, d in modes if d < RINGS]
     return [(f, d) for f, d in inside if seen.low < f < seen.high]
 
 
@@ -145,7 +144,7 @@ def _one_more(seen: _Seen, pool: list[tuple[float, float]], modes: Modes) -> Mod
 
     def cost(logs: Array) -> float:
         tried = np.exp(logs).reshape(-1, 2)
-        good = np.all((tried[:, 0] > seen.low) & (tried[:, 0] < seen.high) & (tried[:, 1] < BROADEST))
+        good = np.all((tried[:, 0] > seen.low) & (tried[:, 0] < seen.high) & (tried[:, 1] < RINGS))
         if not good:
             return 1e3
         return float(np.log(_left(seen, tuple((float(f), float(d)) for f, d in tried))[0]))
@@ -170,7 +169,7 @@ def _attachment(site: Site, j: int, driving: list[int], seen: _Seen, modes: Mode
         order = "" if k == 0 else f"_{k + 1}"
         slots += [
             Slot(f"{tag}_hz", f"frequency{order}_hz", "Hz", f, seen.low, seen.high, f / 3, local=False),
-            Slot(f"{tag}_damping", f"damping{order}", "1", damping, _LEAST_DAMPING, BROADEST, 0.02, local=False),
+            Slot(f"{tag}_damping", f"damping{order}", "1", damping, _LEAST_DAMPING, RINGS, 0.02, local=False),
         ]
         slots += [Slot(f"{tag}_{way}{i + 1}", None, "", 0.0, -1e4, 1e4, 1e-3) for i in driving for way in ("b", "c")]
         start |= {f"{tag}_hz": f, f"{tag}_damping": damping}
@@ -192,7 +191,7 @@ def _objection(modes: Modes, high: float) -> str:
     for k, (f, damping) in enumerate(modes):
         if f > _AT_END * high:
             return f"the inputs do not excite what lies beyond {high:.4g} Hz, and a mode ran there"
-        if damping > _AT_END * BROADEST:
+        if damping > _AT_END * RINGS:
             return f"a mode at {f:.4g} Hz does not ring"
         for other, broad in modes[:k]:
             if abs(f - other) < damping * f + broad * other:
