@@ -60,7 +60,7 @@ def test_noise_that_is_not_worth_its_values_goes_again(tmp_path: Path) -> None:
     """
     prepared, bank = lagging(tmp_path)
     found = fit_rows(prepared, bank.rows)[0]
-    order = (found.predictor.var_order or 0) + 2
+    order = (found.predictor.var_order or 0) + 1
     stage = prepared.only(found.attachments)
     predictor, fit = with_more_noise(stage.predictor, order, found.fit, found.fit.free)
     assert predictor.var_order == stage.predictor.var_order

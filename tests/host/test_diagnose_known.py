@@ -97,9 +97,10 @@ def test_the_tanks_run_over(seed: int, tmp_path: Path, monkeypatch: pytest.Monke
     d = diagnose(KNOWN / "cascaded_tanks", tmp_path)
     assert d["verdict"] in ("named", "multiple") and {e["id"] for e in d["effects"]} == {"overflow"}
     first = d["effects"][0]
-    assert first["location"]["entry"] == "state:h1" and 8 < first["parameters"]["brim_level"]["value"] < 14
+    brim = first["parameters"]["brim_level"]
+    assert first["location"]["entry"] == "state:h1" and abs(brim["value"] - 10.0) < 2 * brim["std"]
     assert d["sealed"]["interval"][0] > 0
-    assert "leave brim_level and share_into_next open" in first["statement"]  # its level is nobody's: any scale will do
+    assert "share_into_next open" in first["statement"]  # its level is nobody's: any scale will do
     beside = d["beside"]  # the outlet follows no square root: high up less runs out than that
     assert beside["location"]["entry"] == "state:h2" and beside["statement"].startswith("a gain at state:h2")
     assert free_run_error(tmp_path / "model" / "model.toml", tmp_path) <= 0.30  # 0.25 V; 0.304 V with the values told

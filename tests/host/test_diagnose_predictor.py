@@ -182,7 +182,7 @@ def test_noise_model_sensitivities_are_the_derivatives() -> None:
                 var = noise.var.copy()
                 var[i, a, b] += 1.0
                 change = base - (filter_var(e[0], var) @ noise.factor).ravel()
-                change[:4] = 0.0  # two rows whose lags reach before the first
+                change[:4] = 0.0  # two rows whose lags are not known
                 np.testing.assert_allclose(J[:, column], change, atol=1e-9)
                 column += 1
 
@@ -417,14 +417,14 @@ def test_a_predictor_that_forgets_is_scored_as_it_predicts() -> None:
     late = replace(recording(11), burn=120)
     density, other, start = p.score_elsewhere(fit, (late,))
     white = other.whitened(other.innovations(start), fit.noise)
-    assert density == pytest.approx(levelled_density(white, fit.noise, [180], np.ones(180, dtype=bool)), abs=1e-6)
+    assert density == pytest.approx(levelled_density(white, fit.noise, [180], *other.rows(0)), abs=1e-6)
 
 
 def test_what_is_fitted_is_what_is_reported() -> None:
     """The likelihood with its noise model concentrated out, and the sum over rows, are one; also from gaps and starts.
 
-    A noise model of two rows says nothing of the first two of a stretch, nor of the two behind a missing row. Counted
-    all the same with what they lacked, the first rows of three stretches cost 1,300 nats and bent every fit.
+    A noise model of two rows says of the first two of a stretch how large they are, and nothing of the two behind a
+    missing row. As the first rows' lags, left out, were counted, they cost 1,300 nats and bent every fit.
     """
     segment = recording(5)
     holed = replace(segment, y=segment.y.copy())
@@ -434,9 +434,15 @@ def test_what_is_fitted_is_what_is_reported() -> None:
     at = replace(point(2, gain=False), x0=(np.array([4.0, -3.0]), np.array([0.1, 0.0])))  # a start that is far off
     fit = p.at(at, Free((0,), (), (), ()))
     rows = (300 - 2 - 3 - 42) + (150 - 2)
-    assert int(p.scored(2).sum()) == rows == int(np.sum(fit.per_sample != 0))
-    assert fit.log_likelihood == pytest.approx(-p.objective(at) - rows * (1 + np.log(2 * np.pi)), rel=1e-9)
-    assert float(fit.residual @ fit.residual) == pytest.approx(2 * rows, rel=1e-6)
+    known, early = p.rows(2)
+    assert (int(np.sum(known & ~early)), int(np.sum(early))) == (rows, 4)
+    assert int(np.sum(fit.per_sample != 0)) == rows + 4
+    constant = rows * (1 + np.log(2 * np.pi)) + 4 * np.log(2 * np.pi)
+    assert fit.log_likelihood == pytest.approx(-p.objective(at) - constant, rel=1e-9)
+    squares = np.sum(fit.residual.reshape(-1, 2) ** 2, axis=1)
+    assert float(squares[~early].sum()) == pytest.approx(2 * rows, rel=1e-6)
+    e = p.innovations(at)[0][:2]
+    np.testing.assert_allclose(squares[:2], np.einsum("ij,jk,ik->i", e, np.linalg.inv(fit.noise.whole), e), rtol=1e-9)
 
 
 def test_rows_without_a_measurement_say_nothing_of_other_data() -> None:

@@ -119,8 +119,9 @@ def _features(
         u = _coarse(segment, len(sizes[2]))
         columns, groups = _columns(u, white, X[: len(e), : len(sizes[0])], sizes, before)
         rows.append(np.nan_to_num(columns)[segment.burn :])
-        good = ~touched(segment.y, len(fit.noise.var))[segment.burn :, None]
-        targets.append(np.where(good, white[segment.burn :], 0.0))
+        good = ~touched(segment.y, len(fit.noise.var))
+        good[: len(fit.noise.var)] = False
+        targets.append(np.where(good[segment.burn :, None], white[segment.burn :], 0.0))
     return np.clip(np.vstack(rows), -1e6, 1e6), np.vstack(targets), groups
 
 

@@ -144,11 +144,24 @@ class Evaluator:
         step = self.segments[0].step
         if point.K is not None and not forgets(self.compiled, self.middle, point.theta, self.gain(point), step):
             return HUGE
-        noise = self.noise_of(self.innovations(point))
+        innovations = self.innovations(point)
+        noise = self.noise_of(innovations)
         if noise is None:
             return HUGE
-        rows = int(self.scored(len(noise.var)).sum())
-        return 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
+        known, early = self.rows(len(noise.var))
+        rows = int(np.sum(known & ~early))
+        value = 0.5 * rows * float(np.linalg.slogdet(noise.covariance)[1]) + self._penalty(point)
+        return value + self._of_early_rows(innovations, noise, int(np.sum(known & early)))
+
+    def _of_early_rows(self, innovations: Sequence[Array], noise: Noise, count: int) -> float:
+        """Return minus the log-likelihood of rows whose lags reach before their stretch, but for a constant."""
+        if not count:
+            return 0.0
+        squares = 0.0
+        for e, segment in zip(innovations, self.segments, strict=True):
+            first = e[segment.burn : len(noise.var)]
+            squares += float(np.sum((first[np.all(np.isfinite(first), axis=1)] @ noise.early_factor) ** 2))
+        return 0.5 * (squares + count * float(np.linalg.slogdet(noise.whole)[1]))
 
     def _penalty(self, point: Point) -> float:
         return 0.5 * float(np.sum(self.scales.prior.residual(point.theta) ** 2))
@@ -161,14 +174,21 @@ class Evaluator:
         parts = []
         for e, segment in zip(innovations, self.segments, strict=True):
             white = filter_var(e, noise.var)[segment.burn :] @ noise.factor
+            early = e[segment.burn : len(noise.var)]
+            white[: len(early)] = early @ noise.early_factor
             white[~np.all(np.abs(white) < _LOST, axis=1)] = np.inf
             white[touched(segment.y, len(noise.var))[segment.burn :]] = 0.0
             parts.append(white)
         return np.concatenate(parts).ravel()
 
-    def scored(self, order: int) -> NDArray[np.bool_]:
-        """Tell for each row behind the burn-in whether a noise model of this order says how likely it is."""
-        return np.concatenate([~touched(s.y, order)[s.burn :] for s in self.segments])
+    def rows(self, order: int) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Tell of each row behind the burn-in whether it is scored, and whether its lags reach before its stretch.
+
+        order: of the noise model; a row that a missing measurement touches is not scored.
+        """
+        known = [~touched(s.y, order)[s.burn :] for s in self.segments]
+        early = [np.arange(s.burn, len(s.y)) < order for s in self.segments]
+        return np.concatenate(known), np.concatenate(early)
 
     def choose_var_order(self, point: Point) -> int:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""

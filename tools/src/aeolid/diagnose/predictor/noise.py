@@ -20,15 +20,24 @@ _MORE_ORDERS = (*_VAR_ORDERS, 4, 8)
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """Hold the noise model: VAR coefficients (q, l, l) and the covariance (l, l) of what remains."""
+    """Hold the noise model: VAR coefficients (q, l, l), the covariance (l, l) of what remains, that of all (l, l).
+
+    The first q rows of a stretch, whose lags reach before it, are as likely as the whole of the noise has them.
+    """
 
     var: Array
     covariance: Array
+    whole: Array
 
     @property
     def factor(self) -> Array:
         """Return L with L Lᵀ = Σ⁻¹, so that ε L is white with unit variance."""
         return np.linalg.cholesky(np.linalg.inv(self.covariance))
+
+    @property
+    def early_factor(self) -> Array:
+        """Return L with L Lᵀ = Γ⁻¹, Γ the covariance of all of the noise: for rows whose lags are not known."""
+        return np.linalg.cholesky(np.linalg.inv(self.whole))
 
 
 def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
@@ -47,15 +56,16 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     good = np.concatenate(rows)
     if not np.all(good):
         y, z = y[good], z[good]
-    var = np.zeros((order, outputs, outputs))
+    var, whole = np.zeros((order, outputs, outputs)), y.T @ y / max(len(y), 1)
     if order:
         gram = z.T @ z
         coefficients = np.linalg.solve(gram + 1e-12 * np.trace(gram) * np.eye(len(gram)), z.T @ y)
         var = coefficients.reshape(order, outputs, outputs).transpose(0, 2, 1)
         y = y - z @ coefficients
     covariance = y.T @ y / max(len(y), 1)
-    floor = 1e-12 * max(float(np.trace(covariance)), 1e-300)  # a perfectly predicted output keeps a finite likelihood
-    return Noise(var, covariance + floor * np.eye(outputs))
+    # a perfectly predicted output keeps a finite likelihood
+    kept = [c + 1e-12 * max(float(np.trace(c)), 1e-300) * np.eye(outputs) for c in (covariance, whole)]
+    return Noise(var, *kept)
 
 
 def preferred_order(innovations: Sequence[Array], burns: Sequence[int], *, stateless: bool = False) -> int:
@@ -85,36 +95,32 @@ def filter_var(e: Array, var: Array) -> Array:
 
 
 def touched(y: Array, order: int) -> NDArray[np.bool_]:
-    """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it.
-
-    Rows before the first are missing: what the noise model would tell of the first `order` rows is not known.
-    """
+    """Tell for each row of y (N, l) whether a missing measurement, its own or one of `order` rows back, touches it."""
     missing = ~np.all(np.isfinite(y), axis=1)
     result: NDArray[np.bool_] = missing.copy()
-    result[:order] = True
     for i in range(1, order + 1):
         result[i:] |= missing[:-i]
     return result
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, out: Array) -> None:
+def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, early: Array, out: Array) -> None:
     """Write the whitened innovations of several lanes into out (rows · l, lanes); rows are the last ones of e.
 
     e (N, l, lanes); y (N, l) the measurements, of which a missing one makes a row, and those whose lags reach it,
-    zero, as the rows whose lags reach before the first are. What a model that has run away leaves stays infinite or
-    NaN.
+    zero; early (l, l) the factor of rows whose lags reach before the first. What a model that has run away leaves stays
+    infinite or NaN.
     """
     m, lanes, order = e.shape[1], e.shape[2], len(var)
     burn = len(e) - len(out) // m
     own = np.empty((m, lanes))
     for t in range(burn, len(e)):
-        known = t >= order
+        known, chosen = True, factor if t >= order else early
         own[:] = e[t]
         for i in range(min(order, t) + 1):
             for b in range(m):
                 known = known and y[t - i, b] == y[t - i, b]
-                if i == 0:
+                if i == 0 or t < order:
                     continue
                 for c in range(m):
                     for p in range(lanes):
@@ -125,7 +131,7 @@ def whiten_lanes(e: Array, y: Array, var: Array, factor: Array, out: Array) -> N
                 out[row, p] = 0.0
             for b in range(m if known else 0):
                 for p in range(lanes):
-                    out[row, p] += own[b, p] * factor[b, c]
+                    out[row, p] += own[b, p] * chosen[b, c]
 
 
 def colour_var(white: Array, var: Array) -> Array:
@@ -138,30 +144,33 @@ def colour_var(white: Array, var: Array) -> Array:
     return e
 
 
-def log_density(white: Array, noise: Noise, known: NDArray[np.bool_]) -> Array:
+def log_density(white: Array, noise: Noise, known: NDArray[np.bool_], early: NDArray[np.bool_]) -> Array:
     """Return the Gaussian log-density (N,) of normalised residuals given as one vector (N·l,).
 
-    known (N,): rows that were measured; nothing is said of the others, whose density is 0 in the logarithm.
+    known (N,): rows that were measured; nothing is said of the others, whose density is 0 in the logarithm. early (N,):
+    rows that were normalised by all of the noise.
     """
     outputs = len(noise.covariance)
     squares = np.sum(white.reshape(-1, outputs) ** 2, axis=1)
-    constant = outputs * np.log(2 * np.pi) + np.linalg.slogdet(noise.covariance)[1]
-    result: Array = np.where(known, -0.5 * (squares + constant), 0.0)
+    sizes = np.where(early, np.linalg.slogdet(noise.whole)[1], np.linalg.slogdet(noise.covariance)[1])
+    result: Array = np.where(known, -0.5 * (squares + outputs * np.log(2 * np.pi) + sizes), 0.0)
     return result
 
 
-def levelled_density(white: Array, noise: Noise, lengths: Sequence[int], known: NDArray[np.bool_]) -> Array:
+def levelled_density(
+    white: Array, noise: Noise, lengths: Sequence[int], known: NDArray[np.bool_], early: NDArray[np.bool_]
+) -> Array:
     """Return the log-density (N,) of stretches of these lengths, each at a noise level of its own, estimated here.
 
-    known (N,): as in `log_density`; the level is that of these rows.
+    known, early (N,): as in `log_density`; the level is that of the known rows.
     """
     outputs = len(noise.covariance)
     parts, start = [], 0
     for length in lengths:
-        stop = start + length
-        piece, seen = white[start * outputs : stop * outputs].reshape(-1, outputs), known[start:stop]
+        own = slice(start, start + length)
+        piece, seen = white[start * outputs : own.stop * outputs].reshape(-1, outputs), known[own]
         level = np.sqrt(max(float(np.mean(np.minimum(piece[seen] ** 2, 1e12))), 1e-12)) if np.any(seen) else 1.0
-        own = log_density((piece / level).ravel(), noise, seen)
-        parts.append(own - np.where(seen, outputs * np.log(level), 0.0))
-        start = stop
+        density = log_density((piece / level).ravel(), noise, seen, early[own])
+        parts.append(density - np.where(seen, outputs * np.log(level), 0.0))
+        start = own.stop
     return np.concatenate(parts)

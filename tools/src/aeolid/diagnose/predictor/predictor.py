@@ -128,7 +128,7 @@ class Predictor(Evaluator):
     def at(self, point: Point, free: Free) -> Fit:
         """Return residuals, sensitivities and likelihood at a point, noise model estimated there."""
         noise, base = self._noise_and_base(point)
-        per_sample = log_density(base, noise, self.scored(len(noise.var)))
+        per_sample = log_density(base, noise, *self.rows(len(noise.var)))
         jacobian = sensitivity(self, point, noise, base, free)
         prior = self.scales.prior.residual(point.theta), self._prior_columns(free, jacobian.shape[1])
         return Fit(point, free, noise, float(per_sample.sum()), per_sample, base, jacobian, *prior)
@@ -148,9 +148,9 @@ class Predictor(Evaluator):
         other = self.on(segments)
         point = replace(fit.point, x0=tuple(settled(self.on([s.head(s.burn)]), fit) for s in segments))
         lengths = [len(s.y) - s.burn for s in segments]
-        known = other.scored(len(fit.noise.var))
+        known, early = other.rows(len(fit.noise.var))
         ahead = None if point.K is None else foretold(other, point, fit.noise, fit.free.x0)
         if ahead is not None:
-            return levelled_density(ahead[0], fit.noise, lengths, known) + ahead[1], other, point
+            return levelled_density(ahead[0], fit.noise, lengths, known, early) + ahead[1], other, point
         white = other.whitened(other.innovations(point), fit.noise)
-        return levelled_density(white, fit.noise, lengths, known), other, point
+        return levelled_density(white, fit.noise, lengths, known, early), other, point

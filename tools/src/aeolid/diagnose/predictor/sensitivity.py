@@ -83,7 +83,7 @@ def _fill(
     for i in range(len(rows)) if only is None else [only]:
         still = base[first : first + rows[i], None]
         e, moved = predictor.wide(at, [v.point for v in chosen], i), np.empty((rows[i], LANES))
-        whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, moved)
+        whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, noise.early_factor, moved)
         with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away
             result.T[places, first : first + rows[i]] = ((still - moved[:, : len(places)]) / steps).T
         first += rows[i]
@@ -113,6 +113,7 @@ def _var_columns(predictor: Evaluator, point: Point, noise: Noise) -> Array:
         for i in range(1, order + 1):
             past[i - 1, i:] = np.where(np.isfinite(e[:-i]), e[:-i], 0.0)
         past[:, touched(segment.y, order)] = 0.0
+        past[:, :order] = 0.0  # early rows know of no lags
         lagged = past[:, segment.burn :].transpose(1, 0, 2)  # (rows, q, l)
         block = lagged[:, None, :, None, :] * noise.factor.T[None, :, None, :, None]  # −dr[t, c] / dA_i[a, b]
         parts.append(block.reshape(len(lagged) * outputs, -1))

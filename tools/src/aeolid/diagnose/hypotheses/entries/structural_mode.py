@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.bending_modes import within_motions
-from aeolid.diagnose.hypotheses.parts.modes import kind_of, mode_at
+from aeolid.diagnose.hypotheses.parts.modes import RINGS, kind_of, mode_at
 from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
 
 
@@ -23,7 +23,7 @@ ENTRY = Entry(
     source="Craig and Kurdila 2006, Fundamentals of Structural Dynamics",
     quantities=(
         Quantity("frequency_hz", "Hz", 0.01, 50.0, float("nan"), "natural frequency"),
-        Quantity("damping", "1", 1e-4, 0.7, float("nan"), "damping ratio"),
+        Quantity("damping", "1", 1e-4, RINGS, float("nan"), "damping ratio"),
     ),
     attaches_to="every output without a named mode of a turbine, driven by every input and by noise; of a static law"
     " one, two or three, driven by every input and its rate; every motion of equations that two outputs read, driven as"

@@ -51,7 +51,7 @@ KINDS = (
 
 def most_damping(kind: Kind | None) -> float:
     """Return the highest damping ratio of a mode of this kind; of one without a name where kind is None."""
-    return MOST_DAMPING if kind is None else kind.most_damping
+    return RINGS if kind is None else kind.most_damping
 
 
 def kind_of(name: str, site: Site) -> Kind | None:
@@ -142,9 +142,10 @@ def highest_hz(site: Site) -> float:
 
 
 def beyond_rows(highest: float, p: Mapping[str, float]) -> str:
-    """Object to a mode whose upper half-power frequency lies beyond the highest that rows show: what is seen of it is a
-    slope, which a filter of the logger has there, too (of an analogue one at 39.3 Hz, rows at 100 Hz, a mode of 39.6 Hz
-    with damping 0.3).
+    """Object to a mode whose upper half-power frequency lies beyond the highest that rows show.
+
+    What is seen of it is a slope, which a filter of the logger has there, too (of an analogue one at 39.3 Hz, rows at
+    100 Hz, a mode of 39.6 Hz with damping 0.3).
     """
     upper = p["frequency_hz"] * (1 + p["damping"])
     return (
