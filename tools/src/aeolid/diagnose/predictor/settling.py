@@ -18,22 +18,26 @@ Array = NDArray[np.float64]
 
 
 def settled(head: Evaluator, fit: Fit) -> Array:
-    """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start."""
+    """Fit the initial state on the head of a segment: damped least squares from the declared and the fitted start.
+
+    In white noise: a coloured one takes the level of slow states for its own, and tells a start by differences alone.
+    """
     free = Free((), (), (), fit.free.x0)  # states of effects that are not in the fit stay at rest
+    noise = replace(fit.noise, var=fit.noise.var[:0])
     best, choice = np.inf, fit.point.x0[0]
     for start in (head.compiled.model.x0, fit.point.x0[0]):
         point, damping = replace(fit.point, x0=(start,)), 1e-3
-        value, base = _squares(head, point, fit.noise)
+        value, base = _squares(head, point, noise)
         for _ in range(15):
             if not np.isfinite(value):
                 break
-            jacobian = sensitivity(head, point, fit.noise, base, free)
+            jacobian = sensitivity(head, point, noise, base, free)
             normal = jacobian.T @ jacobian, jacobian.T @ base  # no prior knows of the start
             limits = limits_of(head, point, free, jacobian.shape[1])
             before = value
             for _ in range(8):
                 trial = head.move(point, free, limited_step(*normal, damping, limits))
-                trial_value, trial_base = _squares(head, trial, fit.noise)
+                trial_value, trial_base = _squares(head, trial, noise)
                 if trial_value < value:
                     point, value, base, damping = trial, trial_value, trial_base, damping * 0.1
                     break
