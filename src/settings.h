@@ -5,6 +5,8 @@
 #include "aeolid/config.h"
 #include "aeolid/status.h"
 
+#include "root.h"
+
 #ifdef AEO_REAL_DOUBLE
 #define aeo_settings_judge          aeo_settings_judge_f64
 #define aeo_settings_judge_common   aeo_settings_judge_common_f64

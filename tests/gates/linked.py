@@ -11,6 +11,7 @@ PARTS = {
     "fast_rls": {"fast_rls", "fast_rls_saved", "regressor", "regressor_saved"},
     "lattice": {"lattice", "lattice_read", "regressor", "regressor_saved"},
     "stream": {"stream", "stream_values"},
+    "estimator": {"estimator", "estimator_rls"},  # rls by one description
 }
 
 
