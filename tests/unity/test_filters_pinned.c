@@ -202,6 +202,189 @@ static void a_restore_begins_a_read_out_anew(void)
     }
 }
 
+/* ---- watch: what its constants do, measured ------------------------------------------------------------------------- */
+
+enum { MEMORY = 128 }; /* exact in float: a block is one memory */
+#define LAMBDA (AEO_REAL(1) - AEO_REAL(1) / AEO_REAL(128))
+
+/* Samples y of one output, in memories, with a power and a withheld flag; returns how often P was to start anew. */
+static unsigned watch_for(aeo_watch_t *watch, aeo_real_t *kept, unsigned samples, aeo_real_t y, aeo_real_t power,
+                          int withheld)
+{
+    unsigned verdicts = 0;
+    for (unsigned k = 0; k < samples; k++) {
+        const aeo_real_t sample = k % 2u == 0u ? y : -y;
+        verdicts += (unsigned)aeo_watch_take(watch, kept, 1, &sample, power, LAMBDA, withheld);
+    }
+    return verdicts;
+}
+
+/* Steps of which two of three are small: the level comes to lie where two of three pass it, wherever it was. */
+static void a_level_is_passed_by_two_of_three_steps(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)], last = 0;
+    aeo_watch_t watch;
+    unsigned passed = 0;
+    aeo_watch_start(&watch, kept, 1);
+    for (unsigned k = 0; k < 40000u; k++) {
+        const aeo_real_t y = (aeo_real_t)(0.3 * draw(&seed)), d = y - last;
+        if (k >= 10000u) {
+            passed += d * d > kept[2];
+        }
+        last = y;
+        (void)aeo_watch_take(&watch, kept, 1, &y, AEO_REAL(1), LAMBDA, 0);
+    }
+    TEST_ASSERT_TRUE(fabs(passed / 30000.0 - 2.0 / 3.0) < 0.02); /* 0.003 of sampling; a level that moves: 0.01 */
+}
+
+/* Behind the first two blocks a level rises by e in eight memories, and 64 times slower while forgetting is withheld. */
+static void a_level_moves_by_e_in_eight_memories(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)];
+    aeo_watch_t watch;
+    aeo_watch_start(&watch, kept, 1);
+    (void)watch_for(&watch, kept, 2u * MEMORY, AEO_REAL(0), AEO_REAL(1), 0);
+    kept[2] = AEO_REAL(1e-4);
+    (void)watch_for(&watch, kept, 8u * MEMORY, AEO_REAL(0.25), AEO_REAL(1), 0);
+    TEST_ASSERT_TRUE(fabs(log((double)kept[2] / 1e-4) - 1.0) < 0.02);
+    kept[2] = AEO_REAL(1e-4);
+    (void)watch_for(&watch, kept, 8u * MEMORY, AEO_REAL(0.25), AEO_REAL(0), 1);
+    TEST_ASSERT_TRUE(fabs(log((double)kept[2] / 1e-4) - 1.0 / 64.0) < 0.002);
+    kept[2] = AEO_REAL(1e-4);
+    (void)watch_for(&watch, kept, 4u * MEMORY, AEO_REAL(0), AEO_REAL(1), 0); /* down it goes twice as fast */
+    TEST_ASSERT_TRUE(fabs(log((double)kept[2] / 1e-4) + 1.0) < 0.05);
+    TEST_ASSERT_TRUE(aeo_watch_holds(&watch, kept, 1));
+}
+
+/* Two suspect blocks running release, one does not, nor one with a good one between. */
+static void two_suspect_blocks_running_release(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)];
+    aeo_watch_t watch;
+    aeo_watch_start(&watch, kept, 1);
+    TEST_ASSERT_EQUAL_UINT(0, watch_for(&watch, kept, 6u * MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0));
+    TEST_ASSERT_EQUAL_UINT(0, watch_for(&watch, kept, MEMORY, AEO_REAL(0.5), AEO_REAL(1), 2));
+    TEST_ASSERT_EQUAL_UINT32(1, watch.suspected);
+    TEST_ASSERT_EQUAL_UINT(0, watch_for(&watch, kept, MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0));
+    TEST_ASSERT_EQUAL_UINT32(0, watch.suspected);
+    TEST_ASSERT_EQUAL_UINT(1, watch_for(&watch, kept, 2u * MEMORY, AEO_REAL(0.5), AEO_REAL(1), 2));
+    TEST_ASSERT_EQUAL_UINT32(0, watch.suspected);
+}
+
+/* Withheld in more than half of a block's samples; a tenth of the steps are lively: one fewer is not suspect. */
+static void a_block_is_suspect_from_half_and_from_a_tenth_on(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)];
+    aeo_watch_t watch;
+    for (unsigned withheld = 58; withheld <= 70u; withheld++) {
+        aeo_watch_start(&watch, kept, 1);
+        (void)watch_for(&watch, kept, 6u * MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0);
+        (void)watch_for(&watch, kept, withheld, AEO_REAL(0.5), AEO_REAL(1), 2);
+        (void)watch_for(&watch, kept, MEMORY - withheld, AEO_REAL(0.5), AEO_REAL(1), 1);
+        TEST_ASSERT_EQUAL_UINT32(0, watch.age);
+        TEST_ASSERT_EQUAL_UINT32(withheld > 64u, watch.suspected);
+    }
+    for (unsigned steps = 5; steps <= 15u; steps++) {
+        aeo_watch_start(&watch, kept, 1);
+        (void)watch_for(&watch, kept, 6u * MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0);
+        const aeo_real_t rest = kept[3];
+        for (unsigned k = 0; k < MEMORY; k++) { /* so many steps, then it stands still */
+            const aeo_real_t y = k < steps && k % 2u == 0u ? -rest : k < steps ? rest : steps % 2u == 0u ? rest : -rest;
+            (void)aeo_watch_take(&watch, kept, 1, &y, AEO_REAL(1), LAMBDA, 2);
+        }
+        TEST_ASSERT_EQUAL_UINT32(steps >= 12u, watch.suspected);
+    }
+}
+
+/* Held over a hundred times what the block brings, which is 128 with a power of 1; usual is as much. */
+static void held_a_hundred_times_over_is_suspect(void)
+{
+    aeo_real_t kept[AEO_WATCH_WORDS(1)];
+    aeo_watch_t watch;
+    for (unsigned above = 0; above < 2u; above++) {
+        aeo_watch_start(&watch, kept, 1);
+        (void)watch_for(&watch, kept, 6u * MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0);
+        const double left = pow(1.0 - 1.0 / MEMORY, MEMORY); /* of it after a block, and what the block adds */
+        kept[0] = (aeo_real_t)(((above != 0u ? 1.01 : 0.99) * 100.0 * MEMORY - MEMORY * (1.0 - left)) / left);
+        (void)watch_for(&watch, kept, MEMORY, AEO_REAL(0.5), AEO_REAL(1), 0);
+        TEST_ASSERT_EQUAL_UINT32(above, watch.suspected);
+    }
+}
+
+/* ---- saved windows, invariants ------------------------------------------------------------------------------------- */
+
+/* What a window does not use of its room for present inputs is saved as 0: the same window gives the same array. */
+static void a_saved_window_has_no_chance_in_it(void)
+{
+    enum { KEPT = AEO_REGRESSOR_SAVED_WORDS(3, 1, 2, 0) };
+    static aeo_real_t window[AEO_REGRESSOR_WORDS(3, 1, 2, 0)], one[KEPT], other[KEPT];
+    const aeo_regressor_config_t layout = {.inputs = 3, .outputs = 1, .past = 2, .feedthrough = 4u, .period_us = 1000};
+    aeo_regressor_t regressor;
+    aeo_real_t u[3] = {1, 2, 3}, y[1] = {4};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window));
+    (void)aeo_regressor_push(&regressor, u, y, 0);
+    memset(one, 0x11, sizeof one);
+    memset(other, 0x22, sizeof other);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, one, KEPT));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, other, KEPT));
+    TEST_ASSERT_EQUAL_MEMORY(one, other, sizeof one);
+    TEST_ASSERT_TRUE(aeo_regressor_invariants_hold(&regressor));
+    for (unsigned place = 0; place < 3u; place++) { /* each part alone */
+        aeo_real_t *const at = place == 0u ? regressor.offset : place == 1u ? regressor.z : regressor.block;
+        const aeo_real_t good = *at;
+        *at = make_not_finite(0);
+        TEST_ASSERT_FALSE(aeo_regressor_invariants_hold(&regressor));
+        *at = good;
+    }
+}
+
+static void a_scan_beyond_the_last_row_is_damage(void)
+{
+    static aeo_real_t memory[AEO_RLS_WORDS(ORDER, 1)];
+    const aeo_rls_config_t config = {ORDER, 1, AEO_REAL(0.99), AEO_REAL(1), AEO_REAL(0), AEO_REAL(8)};
+    aeo_rls_t rls;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, sizeof memory / sizeof *memory));
+    rls.scan_row = ORDER - 1;
+    TEST_ASSERT_TRUE(aeo_rls_invariants_hold(&rls));
+    rls.scan_row = ORDER;
+    TEST_ASSERT_FALSE(aeo_rls_invariants_hold(&rls));
+}
+
+/* With P = I / rho a quiet sample would be news from |z|^2 = gate * rho on: at rho = 4 that is sixteen times gate / rho. */
+static void what_a_fresh_covariance_would_take_is_told_to_the_watch(void)
+{
+    static aeo_real_t memory[AEO_RLS_WORDS(ORDER, 1)];
+    const aeo_rls_config_t config = {ORDER, 1, AEO_REAL(0.99), AEO_REAL(4), AEO_REAL(1), AEO_REAL(8)};
+    const double gate = 0.01 * ORDER; /* excitation_min (1 - lambda) n */
+    for (unsigned above = 0; above < 2u; above++) {
+        aeo_rls_t rls;
+        aeo_real_t z[ORDER] = {0}, y = 0;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, sizeof memory / sizeof *memory));
+        aeo_strips_start(rls.factor, ORDER, AEO_REAL(1e-3)); /* so small that nothing is news */
+        z[0] = (aeo_real_t)sqrt((above != 0u ? 1.1 : 0.9) * gate * 4.0);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, &y));
+        TEST_ASSERT_EQUAL_UINT32(1, rls.count.withheld);
+        TEST_ASSERT_EQUAL_UINT32(above, rls.watch.withheld);
+    }
+}
+
+/* The same of the lattice, whose gate keeps out the sample behind a quiet one. */
+static void what_fresh_covariances_would_take_is_told_to_the_watch(void)
+{
+    for (unsigned above = 0; above < 2u; above++) {
+        static aeo_real_t memory[WORDS];
+        aeo_lattice_config_t config = make_lattice_config(0.99, 1.0, 1000);
+        aeo_lattice_t self;
+        aeo_real_t z[N] = {0}, y[L] = {0};
+        config.regularisation = AEO_REAL(4);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_init(&self, &config, memory, WORDS));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&self, z, y)); /* nothing: quiet */
+        z[N - 1] = (aeo_real_t)sqrt((above != 0u ? 1.1 : 0.9) * 0.01 * N * 4.0);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&self, z, y));
+        TEST_ASSERT_EQUAL_UINT32(above, self.watch.withheld);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -209,5 +392,14 @@ int main(void)
     RUN_TEST(all_variances_are_checked_before_any_doubles);
     RUN_TEST(a_fall_back_clears_the_columns_of_e_alone);
     RUN_TEST(a_restore_begins_a_read_out_anew);
+    RUN_TEST(a_level_is_passed_by_two_of_three_steps);
+    RUN_TEST(a_level_moves_by_e_in_eight_memories);
+    RUN_TEST(two_suspect_blocks_running_release);
+    RUN_TEST(a_block_is_suspect_from_half_and_from_a_tenth_on);
+    RUN_TEST(held_a_hundred_times_over_is_suspect);
+    RUN_TEST(a_saved_window_has_no_chance_in_it);
+    RUN_TEST(a_scan_beyond_the_last_row_is_damage);
+    RUN_TEST(what_a_fresh_covariance_would_take_is_told_to_the_watch);
+    RUN_TEST(what_fresh_covariances_would_take_is_told_to_the_watch);
     return UNITY_END();
 }

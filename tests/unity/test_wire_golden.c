@@ -1,6 +1,7 @@
 /* What a host has to compute alike: hashes by another program, which values go when, and which identifiers exist. */
 #include "aeolid/status.h"
 #include "fake_bus.h"
+#include "spread.h"
 #include "unity.h"
 
 #include <string.h>
@@ -162,6 +163,158 @@ static void lengths_on_the_bus_are_the_standards(void)
     TEST_ASSERT_EQUAL_UINT(36 + (640 + 6 + 32), AEO_FRAME_FD_BITS_STANDARD(64u, 1u));
 }
 
+/* Each setting at its ends and one beyond: what is accepted is what stream.h says. */
+static void settings_end_where_they_should(void)
+{
+    enum { CASES = 25 };
+    for (unsigned i = 0; i < CASES; i++) {
+        aeo_stream_config_t c = make_config();
+        aeo_status_t expected = AEO_OK;
+        c.past = 0;
+        c.burst = 255;
+        switch (i) {
+        case 0:
+            c.parameters = 1;
+            break;
+        case 1:
+            c.parameters = 65536;
+            break;
+        case 2:
+            c.parameters = 65537;
+            expected = AEO_E_ARG;
+            break;
+        case 3:
+            c.parameters = 0;
+            expected = AEO_E_ARG;
+            break;
+        case 4:
+            c.health_every = 1;
+            break;
+        case 5:
+            c.health_every = 0;
+            expected = AEO_E_ARG;
+            break;
+        case 6:
+            c.describe_every = 1;
+            break;
+        case 7:
+            c.describe_every = 0;
+            expected = AEO_E_ARG;
+            break;
+        case 8:
+            c.repair_percent = 100;
+            break;
+        case 9:
+            c.repair_percent = 101;
+            expected = AEO_E_ARG;
+            break;
+        case 10:
+            c.burst = 0;
+            expected = AEO_E_ARG;
+            break;
+        case 11:
+            c.burst = 1;
+            break;
+        case 12:
+            c.fd = 1;
+            c.fd_ratio = 1;
+            break;
+        case 13:
+            c.fd = 1;
+            c.fd_ratio = 0;
+            expected = AEO_E_ARG;
+            break;
+        case 14:
+            c.fd = 1;
+            c.fd_ratio = 16;
+            break;
+        case 15:
+            c.fd = 1;
+            c.fd_ratio = 17;
+            expected = AEO_E_ARG;
+            break;
+        case 16:
+            c.sample_time_s = AEO_REAL(1.9e-5);
+            expected = AEO_E_ARG;
+            break;
+        case 17:
+            c.sample_time_s = AEO_REAL(1000);
+            break;
+        case 18:
+            c.sample_time_s = AEO_REAL(1001);
+            expected = AEO_E_ARG;
+            break;
+        case 19:
+            c.bits_per_s = 159;
+            expected = AEO_E_ARG;
+            break;
+        case 20:
+            c.bits_per_s = 160;
+            c.sample_time_s = AEO_REAL(1000);
+            break;
+        case 21:
+            c.fd = 1;
+            c.fd_ratio = 1;
+            c.bits_per_s = 999;
+            expected = AEO_E_ARG;
+            break;
+        case 22:
+            c.fd = 1;
+            c.fd_ratio = 1;
+            c.bits_per_s = 1000;
+            c.sample_time_s = AEO_REAL(1000);
+            break;
+        case 23:
+            c.outputs = 0;
+            expected = AEO_E_ARG;
+            break;
+        default:
+            c.channels = NULL;
+            expected = AEO_E_ARG;
+            break;
+        }
+        TEST_ASSERT_EQUAL_INT_MESSAGE(expected, aeo_stream_init(&stream, &c, &port, words, PARAMETERS_MAX), "setting");
+    }
+}
+
+/* While a snapshot is under way every fourth frame is description, as long as one is due. */
+static void a_description_has_every_fourth_frame(void)
+{
+    aeo_stream_config_t config = make_config();
+    unsigned first = 0, last = 0, seen = 0;
+    config.describe_every = 1;
+    config.burst = 255;
+    config.health_every = 60000;
+    start_stream(&config);
+    (void)aeo_stream_step(&stream); /* the first description goes alone */
+    fake.kept = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 0, theta));
+    (void)aeo_stream_step(&stream);
+    TEST_ASSERT_EQUAL_UINT(255, fake.kept);
+    for (unsigned i = 0; i < fake.kept; i++) {
+        if (message_at(i).kind == AEO_KIND_DESCRIPTION) {
+            first = seen == 0u ? i : first;
+            last = i;
+            seen++;
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT(36, seen);
+    TEST_ASSERT_EQUAL_UINT(35u * 4u, last - first);
+}
+
+/* The order of few parameters: the coprime number nearest to 0.618 N, computed elsewhere. */
+static void few_parameters_go_in_the_known_order(void)
+{
+    static const uint32_t stride[16] = {0, 1, 1, 2, 3, 3, 5, 4, 5, 7, 7, 7, 7, 8, 9, 8};
+    for (uint32_t count = 1; count < 16u; count++) {
+        aeo_spread_t spread;
+        aeo_spread_choose(&spread, count, 25);
+        TEST_ASSERT_EQUAL_UINT32(stride[count], spread.stride);
+        TEST_ASSERT_EQUAL_UINT32(1, spread.groups);
+        TEST_ASSERT_EQUAL_UINT32(count / 4u + 8u, spread.repairs);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -172,5 +325,8 @@ int main(void)
     RUN_TEST(bases_leave_room_for_kinds_and_nodes);
     RUN_TEST(counts_fit_their_lengths);
     RUN_TEST(lengths_on_the_bus_are_the_standards);
+    RUN_TEST(settings_end_where_they_should);
+    RUN_TEST(a_description_has_every_fourth_frame);
+    RUN_TEST(few_parameters_go_in_the_known_order);
     return UNITY_END();
 }
