@@ -93,7 +93,6 @@ void aeo_stream_reset(aeo_stream_t *self)
     }
     aeo_stream_lock(self);
     self->phase = PHASE_IDLE;
-    self->cursor = 0;
     self->slot = 0;
     self->described = 0;
     self->describing = 1;
