@@ -23,6 +23,23 @@ static int is_normal_positive(aeo_real_t value)
     return bits >= UINT32_C(0x00800000) && bits < UINT32_C(0x7F800000);
 }
 
+/* 1 when the parameters are those of a predictor of the model set, sizes and mask, and the method makes such ones: a host
+ * cuts theta by these. */
+static int shape_is_sound(const aeo_stream_config_t *config)
+{
+    const uint32_t l = config->outputs, block = config->inputs + l * (1u + (config->model_set & 1u));
+    uint32_t regressors = config->past * block, mask;
+    if (config->model_set > (uint16_t)AEO_VARMAX || config->method > (uint8_t)AEO_METHOD_LATTICE ||
+        (config->method == (uint8_t)AEO_METHOD_ELS && config->model_set != (uint16_t)AEO_VARMAX) ||
+        (config->inputs < 32u && config->feedthrough >> config->inputs != 0u)) {
+        return 0;
+    }
+    for (mask = config->feedthrough; mask != 0u; mask &= mask - 1u) {
+        regressors++;
+    }
+    return config->past == 0u || config->parameters == regressors * l; /* 65535 192 64 + 2^11 < 2^32 */
+}
+
 int aeo_describe_is_sound(const aeo_stream_config_t *config)
 {
     unsigned i;
@@ -31,7 +48,8 @@ int aeo_describe_is_sound(const aeo_stream_config_t *config)
             return 0;
         }
     }
-    return is_normal_positive(config->sample_time_s) && is_finite(config->lambda) && is_finite(config->rho);
+    return shape_is_sound(config) && is_normal_positive(config->sample_time_s) && is_finite(config->lambda) &&
+           is_finite(config->rho);
 }
 
 /* Put up to four characters of part `part` of `text` into `value`; 0 when the text ends before. */
@@ -54,6 +72,13 @@ static int take_text(const char *text, unsigned part, uint32_t *value)
     return i > 0u;
 }
 
+/* Which filter made the parameters. rls in VARX and els in VARMAX have 0, as all streams had when there were no others. */
+static uint8_t find_maker(const aeo_stream_config_t *config)
+{
+    static const uint8_t makers[2][4] = {{0, 0, 1, 2}, {3, 0, 1, 2}};
+    return makers[config->model_set][config->method]; /* aeo_describe_is_sound has judged both */
+}
+
 static void describe_fixed(const aeo_stream_config_t *config, uint32_t hash, aeo_message_t *message)
 {
     switch ((aeo_item_t)message->tag) {
@@ -62,7 +87,7 @@ static void describe_fixed(const aeo_stream_config_t *config, uint32_t hash, aeo
         message->value[0] = hash;
         break;
     case AEO_ITEM_SHAPE:
-        message->index = (uint16_t)config->model_set;
+        message->index = (uint16_t)(config->model_set | ((unsigned)find_maker(config) << 8));
         message->value[0] = (uint32_t)config->inputs | ((uint32_t)config->outputs << 8) |
                             ((uint32_t)config->scheduling << 16) |
                             ((config->fd != 0u ? UINT32_C(14) : UINT32_C(1)) << 24);

@@ -2,6 +2,7 @@
 #include "fast_array.h"
 
 #include "linalg.h"
+#include "root.h"
 #include "triangle.h"
 
 #include <string.h>
@@ -74,8 +75,8 @@ int aeo_fast_array_is_late(const aeo_fast_rls_array_t *array)
 
 #if AEO_REAL_BYTES == 4
 /* y += a x over count terms; rest keeps what rounding cuts off, to be added the next time (Kahan 1965). */
-static void add_with_rest(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, aeo_real_t *restrict rest,
-                          size_t count)
+static void add_with_rest(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y,
+                          aeo_real_t *AEO_RESTRICT rest, size_t count)
 {
     size_t i = 0;
 #ifndef __OPTIMIZE_SIZE__            /* 180 bytes on a Cortex-M4F; the bits are the same without */

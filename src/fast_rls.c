@@ -46,8 +46,8 @@ static int sizes_hold(const aeo_fast_rls_config_t *config, size_t tail)
 
 static aeo_status_t judge_config(const aeo_fast_rls_config_t *config, size_t tail)
 {
-    const aeo_real_t settings[4] = {config->forgetting, config->regularisation, AEO_REAL(0), config->growth_max};
-    const aeo_status_t status = aeo_settings_judge_common(settings);
+    const aeo_status_t status =
+        aeo_settings_judge_common(config->forgetting, config->regularisation, AEO_REAL(0), config->growth_max);
     if (status != AEO_OK) {
         return status;
     }

@@ -112,7 +112,7 @@ static int is_classic(unsigned kind)
     return kind <= AEO_KIND_SEAL;
 }
 
-int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame)
+aeo_status_t aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame)
 {
     const layout_t *layout;
     unsigned kind, i, head;
@@ -174,7 +174,8 @@ static int is_sound(unsigned kind, uint32_t id_without_node, const aeo_can_frame
     return frame->data[CLASSIC_CHECK] == check_classic(id_without_node, frame);
 }
 
-int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node)
+aeo_status_t aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message,
+                              uint8_t *node)
 {
     const layout_t *layout;
     uint32_t offset;

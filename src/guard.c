@@ -3,6 +3,8 @@
 
 #include "aeolid/regressor.h"
 
+#include "root.h"
+
 /* Bounds from which nothing below overflows in float: amplitudes are cut at 1e6, so powers are at most 1e12, what
  * should be at most 1e12 SHARE_MAX = 1e18, and four limits of a hundredfold 4e20. */
 #define AMPLITUDE_MAX AEO_SCALED_MAX

@@ -10,6 +10,8 @@
 
 #include "aeolid/config.h"
 
+#include "root.h"
+
 #if !defined(AEO_NO_VECTORS) && defined(__GNUC__) && (defined(__SSE2__) || defined(__aarch64__))
 #ifdef __AVX__
 #define AEO_LANES_BYTES 32

@@ -42,7 +42,8 @@ static int sizes_hold(const aeo_lattice_config_t *config)
 
 aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config)
 {
-    const aeo_status_t status = aeo_settings_judge_common(&config->forgetting);
+    const aeo_status_t status = aeo_settings_judge_common(config->forgetting, config->regularisation,
+                                                          config->excitation_min, config->growth_max);
     if (status != AEO_OK) {
         return status;
     }

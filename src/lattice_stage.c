@@ -3,8 +3,8 @@
 #include "linalg.h"
 
 /* Four rows a turn, their errors in registers: a third of the instructions of two passes over memory. */
-static void correct_four(aeo_real_t *restrict weight, const aeo_real_t *restrict v, aeo_real_t *restrict x,
-                         size_t count, size_t m, const aeo_real_t *restrict gain, aeo_real_t step)
+static void correct_four(aeo_real_t *AEO_RESTRICT weight, const aeo_real_t *AEO_RESTRICT v, aeo_real_t *AEO_RESTRICT x,
+                         size_t count, size_t m, const aeo_real_t *AEO_RESTRICT gain, aeo_real_t step)
 {
     aeo_real_t x0 = x[0], x1 = x[1], x2 = x[2], x3 = x[3];
     const aeo_real_t *column = weight;

@@ -143,7 +143,7 @@ int aeo_linalg_find_error(const aeo_real_t *rows, const aeo_real_t *z, size_t n,
     return aeo_linalg_all_within(error, count, AEO_LINALG_ERROR_MAX);
 }
 
-void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, size_t count)
+void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y, size_t count)
 {
     const aeo_lanes_t factor = aeo_lanes_spread(a);
     size_t i = 0;
@@ -159,7 +159,7 @@ void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *res
     }
 }
 
-void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *restrict x, aeo_real_t *restrict y, size_t count)
+void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y, size_t count)
 {
     for (size_t i = 0; i < count; i++) {
         y[i] = a * x[i];

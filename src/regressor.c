@@ -32,50 +32,78 @@ static int sizes_hold(const aeo_regressor_config_t *config)
            config->period_us <= UINT32_C(4000000000);
 }
 
-static aeo_status_t check_tables(const aeo_regressor_config_t *config)
+/* What the config says of one channel, from whichever description it has. */
+enum { OFFSET, SCALE, MINIMUM, MAXIMUM, COLUMNS };
+
+static void read_channel(const aeo_regressor_config_t *config, size_t i, aeo_real_t row[COLUMNS])
+{
+    if (config->channels != NULL) {
+        const aeo_channel_t *const channel = &config->channels[i];
+        /* both ends 0: no range. A NaN is neither above nor below and must not pass for 0 */
+        const int open = aeo_linalg_all_within(&channel->minimum, 1, REAL_MIN) &&
+                         aeo_linalg_all_within(&channel->maximum, 1, REAL_MIN);
+        row[OFFSET] = channel->offset;
+        row[SCALE] = channel->scale;
+        row[MINIMUM] = open ? -REAL_MAX : channel->minimum;
+        row[MAXIMUM] = open ? REAL_MAX : channel->maximum;
+        return;
+    }
+    row[OFFSET] = config->offset != NULL ? config->offset[i] : AEO_REAL(0);
+    row[SCALE] = config->scale != NULL ? config->scale[i] : AEO_REAL(1);
+    row[MINIMUM] = config->minimum != NULL ? config->minimum[i] : -REAL_MAX;
+    row[MAXIMUM] = config->maximum != NULL ? config->maximum[i] : REAL_MAX;
+}
+
+static aeo_status_t check_channels(const aeo_regressor_config_t *config)
 {
     const size_t channels = (size_t)config->inputs + config->outputs;
-    const aeo_real_t *tables[4] = {config->offset, config->scale, config->minimum, config->maximum};
-    for (int t = 0; t < 4; t++) {
-        if (tables[t] != NULL && !aeo_linalg_all_finite(tables[t], channels)) {
+    aeo_status_t status = AEO_OK;
+    aeo_real_t row[COLUMNS];
+    for (size_t i = 0; i < channels; i++) {
+        read_channel(config, i, row);
+        if (!aeo_linalg_all_finite(row, COLUMNS)) {
             return AEO_E_NOT_FINITE;
         }
-    }
-    for (size_t i = 0; i < channels; i++) {
         /* The reciprocal must be a normal number too: a table that can hold 1e-30 must not be allowed 1e-39. */
-        if (config->scale != NULL &&
-            (config->scale[i] < REAL_MIN * AEO_REAL(4) || config->scale[i] > REAL_MAX / AEO_REAL(16))) {
-            return AEO_E_ARG;
-        }
-        if (config->minimum != NULL && config->maximum != NULL && config->minimum[i] > config->maximum[i]) {
-            return AEO_E_ARG;
+        if (!aeo_is_between(row[SCALE], REAL_MIN * AEO_REAL(4), REAL_MAX / AEO_REAL(16)) ||
+            row[MINIMUM] > row[MAXIMUM]) {
+            status = AEO_E_ARG; /* unless a number that follows is none */
         }
     }
-    return AEO_OK;
+    return status;
 }
 
 static void fill_tables(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory)
 {
     const size_t channels = (size_t)config->inputs + config->outputs;
+    aeo_real_t row[COLUMNS];
     self->offset = memory;
     self->inverse = memory + channels;
     self->minimum = memory + 2 * channels;
     self->maximum = memory + 3 * channels;
     for (size_t i = 0; i < channels; i++) {
-        self->offset[i] = config->offset != NULL ? config->offset[i] : AEO_REAL(0);
-        self->inverse[i] = config->scale != NULL ? AEO_REAL(1) / config->scale[i] : AEO_REAL(1);
-        self->minimum[i] = config->minimum != NULL ? config->minimum[i] : -REAL_MAX;
-        self->maximum[i] = config->maximum != NULL ? config->maximum[i] : REAL_MAX;
+        read_channel(config, i, row);
+        self->offset[i] = row[OFFSET];
+        self->inverse[i] = AEO_REAL(1) / row[SCALE]; /* scale >= 4 REAL_MIN */
+        self->minimum[i] = row[MINIMUM];
+        self->maximum[i] = row[MAXIMUM];
     }
+}
+
+/* 1 when no channel is described twice. */
+static int description_is_one(const aeo_regressor_config_t *config)
+{
+    return config->channels == NULL ||
+           (config->offset == NULL && config->scale == NULL && config->minimum == NULL && config->maximum == NULL);
 }
 
 aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory,
                                 size_t words)
 {
-    if (self == NULL || config == NULL || memory == NULL || !sizes_hold(config)) {
+    if (self == NULL || config == NULL || memory == NULL || !sizes_hold(config) || !description_is_one(config)) {
         return AEO_E_ARG;
     }
-    const aeo_status_t status = check_tables(config);
+    const aeo_status_t status = check_channels(config);
     if (status != AEO_OK) {
         return status;
     }

@@ -62,14 +62,12 @@ aeo_status_t aeo_regressor_save(const aeo_regressor_t *self, aeo_real_t *saved, 
     return status;
 }
 
-aeo_status_t aeo_regressor_restore(aeo_regressor_t *self, const aeo_real_t *saved, size_t length)
+/* Judge a saved window; numbers (written) are its numbers. */
+static aeo_status_t judge(const aeo_regressor_t *self, const aeo_real_t *saved, size_t length,
+                          uint32_t numbers[NUMBERS])
 {
-    if (self == NULL) {
-        return AEO_E_ARG;
-    }
     aeo_saved_form_t form;
     uint16_t sizes[SIZES];
-    uint32_t numbers[NUMBERS];
     describe(self, sizes, &form);
     const aeo_status_t status = aeo_saved_judge(&form, saved, length, numbers);
     if (status != AEO_OK) {
@@ -81,12 +79,32 @@ aeo_status_t aeo_regressor_restore(aeo_regressor_t *self, const aeo_real_t *save
         !aeo_linalg_all_within(body, room + self->block_length, AEO_SCALED_MAX)) {
         return AEO_E_DAMAGED;
     }
+    return AEO_OK;
+}
+
+aeo_status_t aeo_regressor_judge_saved(const aeo_regressor_t *self, const aeo_real_t *saved, size_t length)
+{
+    uint32_t numbers[NUMBERS];
+    return judge(self, saved, length, numbers);
+}
+
+aeo_status_t aeo_regressor_restore(aeo_regressor_t *self, const aeo_real_t *saved, size_t length)
+{
+    if (self == NULL) {
+        return AEO_E_ARG;
+    }
+    uint32_t numbers[NUMBERS];
+    const aeo_status_t status = judge(self, saved, length, numbers);
+    if (status != AEO_OK) {
+        return status;
+    }
+    const aeo_real_t *const body = saved + AEO_REGRESSOR_SAVED_HEAD(self->inputs, self->outputs);
     self->filled = (uint16_t)numbers[FILLED];
     self->pending = (uint8_t)numbers[PENDING];
     self->time_us = (uint64_t)numbers[TIME] << 32 | numbers[TIME + 1];
     memcpy(&self->count, numbers + COUNTS, sizeof self->count);
     memcpy(self->z, body, self->length * sizeof *body);
-    memcpy(self->block, body + room, self->block_length * sizeof *body);
+    memcpy(self->block, body + (self->block - self->z), self->block_length * sizeof *body);
     return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

@@ -2,26 +2,19 @@
 #include "aeolid/rls.h"
 
 #include "linalg.h"
-#include "saved.h"
+#include "rls_state.h"
 #include "settings.h"
 #include "strips.h"
 
 #include <string.h>
 
-/* Bounds from which nothing below overflows in float. Samples are at most 1e6 (checked), variances at most
- * 2 growth_max / rho <= 2e10 (checked at init, kept by bound_variances), so entries of S are below 1.5e5 and
- *   |S'z|_j <= n 1.5e5 1e6 < 2e14,   alpha <= 1 + n (2e14)^2 < 5e31,   g_i <= P_ii^(1/2) / (2 lambda^(1/2)) < 1.1e5.
- * An innovation beyond INNOVATION_MAX forces a fresh start before it is used, so theta moves by less than 1.1e17 an
- * update, stays below 1e29 for 1e11 updates, and theta z stays below n 1e29 1e6 < 1.1e38 < FLT_MAX. */
-#define INNOVATION_MAX AEO_LINALG_ERROR_MAX
-#define FACTOR_MAX     AEO_REAL(2e5) /* (4 growth_max / rho)^(1/2) */
-#define THETA_MAX      AEO_REAL(1e29)
-
-static aeo_status_t judge_config(const aeo_rls_config_t *config)
+aeo_status_t aeo_rls_judge_config(const aeo_rls_config_t *config)
 {
-    const aeo_status_t status = aeo_settings_judge_common(&config->forgetting);
-    if (config->regressors - 1u >= AEO_RLS_REGRESSORS_MAX || config->outputs - 1u >= AEO_RLS_OUTPUTS_MAX) {
-        return status == AEO_OK ? AEO_E_ARG : status; /* 0 less 1 is the largest number there is */
+    const aeo_status_t status = aeo_settings_judge_common(config->forgetting, config->regularisation,
+                                                          config->excitation_min, config->growth_max);
+    if (status == AEO_OK && (config->regressors < 1u || config->regressors > AEO_RLS_REGRESSORS_MAX ||
+                             config->outputs < 1u || config->outputs > AEO_RLS_OUTPUTS_MAX)) {
+        return AEO_E_ARG;
     }
     return status;
 }
@@ -39,7 +32,7 @@ aeo_status_t aeo_rls_init(aeo_rls_t *self, const aeo_rls_config_t *config, aeo_r
     if (self == NULL || config == NULL || memory == NULL) {
         return AEO_E_ARG;
     }
-    const aeo_status_t status = judge_config(config);
+    const aeo_status_t status = aeo_rls_judge_config(config);
     if (status != AEO_OK) {
         return status;
     }
@@ -176,11 +169,11 @@ aeo_status_t aeo_rls_update(aeo_rls_t *self, const aeo_real_t *z, const aeo_real
     if (status != AEO_OK) {
         return status;
     }
-    /* The second time theta = 0: the innovation is y, at most 1e6. */
-    for (int i = 0; i < 2 && !find_innovation(self, z, y); i++) {
+    if (!find_innovation(self, z, y)) {
         aeo_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_RLS_REINITIALISED;
+        (void)find_innovation(self, z, y); /* theta = 0: it is y, at most 1e6 */
     }
     const aeo_real_t news = aeo_strips_project(self->factor, z, self->config.regressors, self->work);
     const int quiet = news < self->gate;
@@ -231,97 +224,5 @@ void aeo_rls_clear_health(aeo_rls_t *self)
     if (self != NULL) {
         self->health = 0u;
     }
-}
-
-/* A factor that the proofs above admit: finite, its diagonal above 0, no variance beyond four times the bound, which is
- * below 1024 FACTOR_MAX^2. */
-static int factor_holds(const aeo_real_t *factor, size_t n, aeo_real_t variance_max)
-{
-    int holds = aeo_linalg_all_within(factor, AEO_RLS_FACTOR_WORDS(n), FACTOR_MAX) && aeo_strips_hold(factor, n);
-    for (size_t i = 0; i < n && holds; i++) {
-        holds = aeo_strips_norm2(factor, n, i) <= AEO_REAL(4) * variance_max;
-    }
-    return holds;
-}
-
-int aeo_rls_invariants_hold(const aeo_rls_t *self)
-{
-    if (self == NULL || judge_config(&self->config) != AEO_OK) {
-        return 0;
-    }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    return self->theta == self->factor + AEO_RLS_FACTOR_WORDS(n) && self->watched == self->theta + n * l + 2 * l &&
-           self->work == self->watched + AEO_WATCH_WORDS(l) && self->scan_row < n &&
-           aeo_linalg_all_finite(self->theta, n * l + 2 * l + AEO_WATCH_WORDS(l) + AEO_RLS_WORK_WORDS(n)) &&
-           aeo_watch_holds(&self->watch, self->watched, l) && factor_holds(self->factor, n, self->variance_max);
-}
-
-/* The saved array: version, bytes of a real, n, l, four settings; health, six counters, scan row, the watch's five
- * numbers; factor, theta, innovation, residual and the watch's words as they lie in memory (saved.h). */
-enum { SCAN_ROW = 7, WATCH, NUMBERS = WATCH + 5 };
-
-static size_t count_kept(const aeo_rls_t *self)
-{
-    return AEO_RLS_KEPT_WORDS(self->config.regressors, self->config.outputs);
-}
-
-static void describe(const aeo_rls_t *self, aeo_saved_form_t *form)
-{
-    form->version = AEO_RLS_SAVED_VERSION;
-    form->size_count = 2;
-    form->setting_count = 4;
-    form->number_count = NUMBERS;
-    form->sizes = &self->config.regressors;
-    form->settings = &self->config.forgetting;
-    form->words = AEO_RLS_SAVED_WORDS(self->config.regressors, self->config.outputs);
-}
-
-aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t length)
-{
-    if (self == NULL) {
-        return AEO_E_ARG;
-    }
-    aeo_saved_form_t form;
-    describe(self, &form);
-    const aeo_status_t status = aeo_saved_begin(&form, &self->health, saved, length);
-    if (status == AEO_OK) {
-        memcpy(saved + AEO_RLS_SAVED_HEAD, self->factor, count_kept(self) * sizeof *saved);
-        aeo_saved_seal(saved, form.words);
-    }
-    return status;
-}
-
-/* What follows the head, all finite: such as a filter can have, or the proofs would not hold from here on. */
-static int body_holds(const aeo_rls_t *self, const uint32_t *numbers, const aeo_real_t *body)
-{
-    aeo_watch_t watch;
-    memcpy(&watch, numbers + WATCH, sizeof watch);
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    const aeo_real_t *const theta = body + AEO_RLS_FACTOR_WORDS(n);
-    return numbers[SCAN_ROW] < n && factor_holds(body, n, self->variance_max) &&
-           aeo_linalg_all_within(theta, n * l, THETA_MAX) &&
-           aeo_linalg_all_within(theta + n * l, 2 * l, INNOVATION_MAX) &&
-           aeo_watch_holds(&watch, theta + n * l + 2 * l, l);
-}
-
-aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length)
-{
-    if (self == NULL) {
-        return AEO_E_ARG;
-    }
-    aeo_saved_form_t form;
-    uint32_t numbers[NUMBERS];
-    describe(self, &form);
-    const aeo_status_t status = aeo_saved_judge(&form, saved, length, numbers);
-    if (status != AEO_OK) {
-        return status;
-    }
-    const aeo_real_t *const body = saved + AEO_RLS_SAVED_HEAD;
-    if (!body_holds(self, numbers, body)) {
-        return AEO_E_DAMAGED;
-    }
-    memcpy((unsigned char *)self + offsetof(aeo_rls_t, health), numbers, form.number_count * sizeof *numbers);
-    memcpy(self->factor, body, count_kept(self) * sizeof *body);
-    return AEO_OK;
 }
 /* SPDX-License-Identifier: MIT */

@@ -8,12 +8,14 @@
 #define AEOLID_SAVED_H
 
 #include "aeolid/config.h"
+#include "aeolid/regressor.h"
 #include "aeolid/status.h"
 
 #ifdef AEO_REAL_DOUBLE
-#define aeo_saved_begin aeo_saved_begin_f64
-#define aeo_saved_judge aeo_saved_judge_f64
-#define aeo_saved_seal  aeo_saved_seal_f64
+#define aeo_saved_begin           aeo_saved_begin_f64
+#define aeo_saved_judge           aeo_saved_judge_f64
+#define aeo_saved_seal            aeo_saved_seal_f64
+#define aeo_regressor_judge_saved aeo_regressor_judge_saved_f64
 #endif
 
 /* What the saved array of one filter is like. */
@@ -35,6 +37,9 @@ void aeo_saved_seal(aeo_real_t *saved, size_t words);
  * be its numbers. AEO_E_ARG, AEO_E_MEMORY as above; AEO_E_NOT_FINITE: any of form->words; AEO_E_VERSION,
  * AEO_E_MISMATCH: another head; AEO_E_DAMAGED: the seal is broken, or a number is none. */
 aeo_status_t aeo_saved_judge(const aeo_saved_form_t *form, const aeo_real_t *saved, size_t length, uint32_t *numbers);
+
+/* Judge a saved window as aeo_regressor_restore does, and write nothing. */
+aeo_status_t aeo_regressor_judge_saved(const aeo_regressor_t *self, const aeo_real_t *saved, size_t length);
 
 #endif
 /* SPDX-License-Identifier: MIT */

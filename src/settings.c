@@ -19,15 +19,17 @@ aeo_status_t aeo_settings_judge(const aeo_real_t *settings, const aeo_real_t (*r
     return AEO_OK;
 }
 
-aeo_status_t aeo_settings_judge_common(const aeo_real_t *settings)
+aeo_status_t aeo_settings_judge_common(aeo_real_t forgetting, aeo_real_t regularisation, aeo_real_t excitation_min,
+                                       aeo_real_t growth_max)
 {
     static const aeo_real_t RANGES[4][2] = {{AEO_REAL(0.5), AEO_REAL(1)},
                                             {AEO_REAL(1e-8), AEO_REAL(1e8)},
                                             {AEO_REAL(0), AEO_REAL(1)},
                                             {AEO_REAL(4), AEO_REAL(1e6)}};
+    const aeo_real_t settings[4] = {forgetting, regularisation, excitation_min, growth_max};
     const aeo_status_t status = aeo_settings_judge(settings, RANGES, 4);
     /* regularisation >= 1e-8 */
-    return status == AEO_OK && settings[3] / settings[1] > VARIANCE_MAX ? AEO_E_ARG : status;
+    return status == AEO_OK && growth_max / regularisation > VARIANCE_MAX ? AEO_E_ARG : status;
 }
 
 uint32_t aeo_settings_find_scan_step(unsigned count, aeo_real_t lambda)

@@ -5,6 +5,8 @@
 #include "aeolid/config.h"
 #include "aeolid/status.h"
 
+#include "root.h"
+
 #ifdef AEO_REAL_DOUBLE
 #define aeo_settings_judge          aeo_settings_judge_f64
 #define aeo_settings_judge_common   aeo_settings_judge_common_f64
@@ -30,8 +32,9 @@ static inline aeo_real_t aeo_inverse_root(aeo_real_t lambda)
  * above ranges[i][1]. */
 aeo_status_t aeo_settings_judge(const aeo_real_t *settings, const aeo_real_t (*ranges)[2], size_t count);
 
-/* Judge what the filters have in common, side by side: forgetting, regularisation, excitation_min, growth_max. */
-aeo_status_t aeo_settings_judge_common(const aeo_real_t *settings);
+/* Judge what the filters have in common. */
+aeo_status_t aeo_settings_judge_common(aeo_real_t forgetting, aeo_real_t regularisation, aeo_real_t excitation_min,
+                                       aeo_real_t growth_max);
 
 /* Return how many of count variances to check a sample so that each comes round before forgetting can double it. */
 uint32_t aeo_settings_find_scan_step(unsigned count, aeo_real_t lambda);

@@ -25,7 +25,13 @@ const char *aeo_status_text(aeo_status_t status)
     case AEO_E_MISMATCH:
         return "saved by a filter with other dimensions or settings";
     case AEO_E_DAMAGED:
-        return "saved words are damaged";
+        return "saved words or a frame are damaged";
+    case AEO_E_BUSY:
+        return "the snapshot before is still being sent";
+    case AEO_E_BUDGET:
+        return "the share of the bus is too small for what is to be sent";
+    case AEO_E_REFUSED:
+        return "frames of a sample were dropped";
     }
     return "unknown status";
 }

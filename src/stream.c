@@ -54,8 +54,8 @@ static int address_is_valid(const aeo_address_t *address)
     return aeo_frame_pack(address, &probe, &frame) == AEO_OK;
 }
 
-int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
-                    uint32_t words)
+aeo_status_t aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port,
+                             uint32_t *memory, uint32_t words)
 {
     uint32_t steps;
     aeo_spread_t spread;
@@ -93,7 +93,6 @@ void aeo_stream_reset(aeo_stream_t *self)
     }
     aeo_stream_lock(self);
     self->phase = PHASE_IDLE;
-    self->cursor = 0;
     self->slot = 0;
     self->described = 0;
     self->describing = 1;
@@ -114,7 +113,7 @@ void aeo_stream_reset(aeo_stream_t *self)
 /* ---- what the control task brings -------------------------------------------------------------------------------- */
 
 /* The copy is made without the lock: while the phase is idle the step reads nothing that is written here. */
-int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
+aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta)
 {
     uint32_t i, crc;
     int idle;
@@ -145,7 +144,7 @@ int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *th
     return AEO_OK;
 }
 
-int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count)
+aeo_status_t aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count)
 {
     if (self == NULL || count > AEO_STREAM_COUNTERS || (counter == NULL && count > 0u)) {
         return AEO_E_ARG;

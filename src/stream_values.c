@@ -72,7 +72,7 @@ static int send_seal(aeo_stream_t *self, unsigned tag, uint32_t index, uint32_t 
     return taken;
 }
 
-static int send_values(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, const values_t *values)
+static aeo_status_t send_values(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, const values_t *values)
 {
     const int fd = self->config.fd != 0u;
     const unsigned tag = values->count | (kind == AEO_KIND_INNOVATION ? AEO_SEAL_INNOVATION : 0u);
@@ -90,7 +90,8 @@ static int send_values(aeo_stream_t *self, aeo_kind_t kind, uint32_t index, cons
     return all ? AEO_OK : AEO_E_REFUSED;
 }
 
-int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y, const aeo_real_t *s)
+aeo_status_t aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
+                               const aeo_real_t *s)
 {
     const aeo_stream_config_t *config;
     values_t values;
@@ -115,7 +116,7 @@ int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, c
     return send_values(self, AEO_KIND_SAMPLE, index, &values);
 }
 
-int aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e)
+aeo_status_t aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e)
 {
     values_t values;
     if (self == NULL || e == NULL) {

@@ -214,9 +214,9 @@ static void find_turns(const aeo_real_t *a, aeo_real_t *sums, aeo_real_t *turn, 
     }
     memcpy(sums + count, &root, sizeof *sums);
     for (size_t j = 0; j < count; j += AEO_LANES) {
-        const aeo_lanes_t new = aeo_lanes_load(sums + j), old = aeo_lanes_load(sums + j + 1);
-        aeo_lanes_store(turn + j, aeo_lanes_load(a + j) / (old * new) * factor);
-        aeo_lanes_store(sums + j, old / new *factor); /* a root by itself is 1 */
+        const aeo_lanes_t after = aeo_lanes_load(sums + j), before = aeo_lanes_load(sums + j + 1);
+        aeo_lanes_store(turn + j, aeo_lanes_load(a + j) / (before * after) * factor);
+        aeo_lanes_store(sums + j, before / after * factor); /* a root by itself is 1 */
     }
 }
 #endif
@@ -243,9 +243,10 @@ typedef struct {
     const aeo_lanes_t a = aeo_lanes_spread(as[j]), c = aeo_lanes_spread(cs[j]), k = aeo_lanes_spread(ks[j])
 
 /* Rotate the first `count` columns of a strip, the last of them first; gain receives the strip's part of it. */
-static void rotate_strip(aeo_real_t *restrict strip, turns_t turns, size_t count, aeo_real_t *gain)
+static void rotate_strip(aeo_real_t *AEO_RESTRICT strip, turns_t turns, size_t count, aeo_real_t *gain)
 {
-    const aeo_real_t *restrict const as = turns.a, *restrict const cs = turns.c, *restrict const ks = turns.k;
+    const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
+                                         *AEO_RESTRICT const ks = turns.k;
     aeo_lanes_t b[AEO_PARTS];
     AEO_EACH_PART(CLEAR)
     for (size_t j = count; j-- > 0u;) {
@@ -259,10 +260,11 @@ static void rotate_strip(aeo_real_t *restrict strip, turns_t turns, size_t count
 #define IN_PAIRS 1
 /* The same for two strips, the one above with its first `both` columns: neither waits for its own sums, and a turn is
  * spread over lanes once. */
-static void rotate_two(aeo_real_t *restrict strip, aeo_real_t *restrict above, turns_t turns, size_t count, size_t both,
-                       aeo_real_t *gain)
+static void rotate_two(aeo_real_t *AEO_RESTRICT strip, aeo_real_t *AEO_RESTRICT above, turns_t turns, size_t count,
+                       size_t both, aeo_real_t *gain)
 {
-    const aeo_real_t *restrict const as = turns.a, *restrict const cs = turns.c, *restrict const ks = turns.k;
+    const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
+                                         *AEO_RESTRICT const ks = turns.k;
     aeo_lanes_t b[AEO_PARTS], d[AEO_PARTS];
     size_t j = count;
     AEO_EACH_PART(CLEAR)

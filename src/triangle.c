@@ -2,6 +2,7 @@
 #include "triangle.h"
 
 #include "linalg.h"
+#include "root.h"
 
 #include <string.h>
 
@@ -41,14 +42,14 @@ static turn_t find_turn(aeo_real_t a, aeo_real_t scale, aeo_real_t *alpha, aeo_r
 
 /* An entry in a row in which the pivot is 0 still, as in that of a diagonal entry: columns further right have no entry
  * there. So a diagonal entry is only scaled by c > 0 and stays above 0. */
-static void rotate_first(aeo_real_t *restrict s, aeo_real_t *restrict b, turn_t turn)
+static void rotate_first(aeo_real_t *AEO_RESTRICT s, aeo_real_t *AEO_RESTRICT b, turn_t turn)
 {
     *b = turn.a * *s;
     *s = turn.c * *s;
 }
 
 /* One entry s of a column and b of the pivot in its row. */
-static void rotate_entry(aeo_real_t *restrict s, aeo_real_t *restrict b, turn_t turn)
+static void rotate_entry(aeo_real_t *AEO_RESTRICT s, aeo_real_t *AEO_RESTRICT b, turn_t turn)
 {
     const aeo_real_t last = *s;
     *s = turn.c * last - turn.k * *b;
@@ -56,7 +57,7 @@ static void rotate_entry(aeo_real_t *restrict s, aeo_real_t *restrict b, turn_t 
 }
 
 /* Column s, then column t on its left, over the same rows of count: the pivot is fetched once for both. */
-static void rotate_two(aeo_real_t *restrict s, aeo_real_t *restrict t, aeo_real_t *restrict b, size_t count,
+static void rotate_two(aeo_real_t *AEO_RESTRICT s, aeo_real_t *AEO_RESTRICT t, aeo_real_t *AEO_RESTRICT b, size_t count,
                        const turn_t *first, const turn_t *second)
 {
     const aeo_real_t a = first->a, c = first->c, k = first->k, d = second->a, e = second->c, m = second->k;

@@ -29,8 +29,8 @@ __all__ = [
     "get_requires_for_build_wheel", "prepare_metadata_for_build_editable", "prepare_metadata_for_build_wheel",
 ]  # fmt: skip
 
-LIBRARY = ("CMakeLists.txt", "LICENSE", "README.md", "CHANGELOG.md", "include", "src", "port", "tools/native",
-           "tools/aeolid.dbc")  # fmt: skip
+LIBRARY = ("CMakeLists.txt", "LICENSE", "README.md", "CHANGELOG.md", "include", "src", "port", "packaging",
+           "tools/native", "tools/aeolid.dbc")  # fmt: skip
 PACKAGE = ("build_backend.py", "src")
 LEFT_OUT = shutil.ignore_patterns("__pycache__", "*.pyc", "*.egg-info")
 

@@ -13,14 +13,17 @@
 enum { INPUTS = 1, OUTPUTS = 2, PAST = 12, N = AEO_REGRESSOR_LENGTH(INPUTS, OUTPUTS, PAST, 0, 0) };
 enum { PERIOD_US = 100000 };
 
-static aeo_real_t window[AEO_REGRESSOR_WORDS(INPUTS, OUTPUTS, PAST, 0)], words[AEO_RLS_WORDS(N, OUTPUTS)];
+static aeo_real_t words[AEO_ESTIMATOR_RLS_WORDS(INPUTS, OUTPUTS, PAST, 0, 0)];
 static uint32_t snapshot[AEO_STREAM_WORDS(OUTPUTS * N)];
-static aeo_regressor_t regressor;
-static aeo_rls_t filter;
+static aeo_estimator_t estimator;
 static aeo_stream_t stream;
 
-static const aeo_stream_channel_t channels[INPUTS + OUTPUTS] = {
-    {"pitch", "deg", 0, 1}, {"tower_fore_aft", "m/s2", 0, 1}, {"generator_speed", "rpm", 0, 1}};
+/* All there is to say of the channels: inputs first. Offset and scale are near mean and standard deviation; beyond minimum
+ * and maximum lies a sensor's fault. */
+static const aeo_channel_t channels[INPUTS + OUTPUTS] = {
+    {.name = "pitch", .unit = "deg", .offset = 0, .scale = 1, .minimum = -90, .maximum = 90},
+    {.name = "tower_fore_aft", .unit = "m/s2", .offset = 0, .scale = 1, .minimum = -50, .maximum = 50},
+    {.name = "generator_speed", .unit = "rpm", .offset = 0, .scale = 1, .minimum = -100, .maximum = 100}};
 
 /* The bus: one line a frame, as candump -l writes it. 1: taken. */
 typedef struct {
@@ -38,47 +41,38 @@ static int send_frame(void *context, const aeo_can_frame_t *frame)
     return fprintf(bus->file, "\n") > 0;
 }
 
-static int identification_init(bus_t *bus)
+static int identification_init(bus_t *file)
 {
-    const aeo_regressor_config_t layout = {.inputs = INPUTS, .outputs = OUTPUTS, .past = PAST, .period_us = PERIOD_US};
-    const aeo_rls_config_t settings = {.regressors = N,
-                                       .outputs = OUTPUTS,
-                                       .forgetting = 1.0f,
-                                       .regularisation = 0.1f,
-                                       .excitation_min = 0.05f,
-                                       .growth_max = 10.0f};
-    const aeo_stream_config_t wire = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
-                                      .inputs = INPUTS,
-                                      .outputs = OUTPUTS,
-                                      .past = PAST,
-                                      .parameters = OUTPUTS * N,
-                                      .sample_time_s = 0.1f,
-                                      .lambda = 1.0f,
-                                      .rho = 0.1f,
-                                      .channels = channels,
-                                      .sample_every = 1,
-                                      .health_every = 10,
-                                      .describe_every = 100,
-                                      .repair_percent = 25,
-                                      .seal = 1,
-                                      .burst = 16,
-                                      .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
-    const aeo_port_t port = {.context = bus, .send = send_frame};
-    return aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window) == AEO_OK &&
-           aeo_rls_init(&filter, &settings, words, sizeof words / sizeof *words) == AEO_OK &&
-           aeo_stream_init(&stream, &wire, &port, snapshot, sizeof snapshot / sizeof *snapshot) == AEO_OK;
+    const aeo_estimator_config_t settings = {.inputs = INPUTS,
+                                             .outputs = OUTPUTS,
+                                             .past = PAST,
+                                             .period_us = PERIOD_US,
+                                             .channels = channels,
+                                             .forgetting = 1.0f,
+                                             .regularisation = 0.1f,
+                                             .excitation_min = 0.05f,
+                                             .growth_max = 10.0f};
+    const aeo_stream_config_t bus = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
+                                     .sample_every = 1,
+                                     .health_every = 10,
+                                     .describe_every = 100,
+                                     .repair_percent = 25,
+                                     .seal = 1,
+                                     .burst = 16,
+                                     .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
+    const aeo_port_t port = {.context = file, .send = send_frame};
+    return aeo_estimator_init(&estimator, aeo_estimator_rls, &settings, words, sizeof words / sizeof *words) ==
+               AEO_OK &&
+           aeo_estimator_announce(&estimator, &stream, &bus, &port, snapshot, sizeof snapshot / sizeof *snapshot) ==
+               AEO_OK;
 }
 
 /* What a control task calls after its own work, every 0.1 s. */
 static void identify_sample(uint32_t k, const aeo_real_t *u, const aeo_real_t *y)
 {
-    if (aeo_regressor_push(&regressor, u, y, UINT64_C(1) * PERIOD_US * k) == AEO_OK) {
-        aeo_rls_update(&filter, aeo_regressor_z(&regressor), aeo_regressor_y(&regressor));
-    }
-    aeo_stream_sample(&stream, k, u, y, NULL);
-    aeo_stream_health(&stream, aeo_rls_health(&filter), NULL, 0);
+    aeo_estimator_send(&estimator, &stream, k, u, y, NULL, UINT64_C(1) * PERIOD_US * k);
     if (k % 300 == 299) {
-        aeo_stream_snapshot(&stream, k, aeo_rls_theta(&filter)); /* every 30 s */
+        aeo_estimator_snapshot(&estimator, &stream, k); /* every 30 s */
     }
     aeo_stream_step(&stream);
 }
@@ -132,7 +126,7 @@ int main(int count, char **arguments)
         bus.time_s = 0.1 * (double)k;
         aeo_stream_step(&stream);
     }
-    printf("%" PRIu32 " samples, health %" PRIu32 ", %" PRIu32 " frames\n", samples, aeo_rls_health(&filter),
+    printf("%" PRIu32 " samples, health %" PRIu32 ", %" PRIu32 " frames\n", samples, aeo_estimator_health(&estimator),
            stream.counters.sent);
     return fclose(bus.file) == 0 ? 0 : 1;
 }

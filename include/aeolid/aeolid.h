@@ -9,8 +9,10 @@
 #ifndef AEOLID_AEOLID_H
 #define AEOLID_AEOLID_H
 
+#include "aeolid/channel.h"
 #include "aeolid/config.h"
 #include "aeolid/els.h"
+#include "aeolid/estimator.h"
 #include "aeolid/fast_rls.h"
 #include "aeolid/frame.h"
 #include "aeolid/lattice.h"

@@ -16,9 +16,12 @@
  *                      macro below. Default: none. Example: -DAEO_CONFIG_HEADER='"my_aeolid_config.h"'.
  *   AEO_REAL_DOUBLE    defined (to anything): aeo_real_t is double. Default: not defined, aeo_real_t is float.
  *   AEO_SQRT(x)        square root of an aeo_real_t that is finite and not negative, correctly rounded; sqrtf or sqrt.
- *                      Define it to an intrinsic where the C library's one is slow; never to an estimate.
+ *                      Define it to an intrinsic where the C library's one is slow; never to an estimate. Not
+ *                      defined, sources include <math.h>, public headers do not: they are freestanding.
  *   AEO_NO_VECTORS     defined: no vectors of the compiler's, whatever the processor has; the bits are the same. Default:
  *                      not defined; gcc and clang use SSE2 or AVX on x86 and Advanced SIMD on 64-bit Arm.
+ *   AEO_RESTRICT       C's restrict; in C++ and for MSVC, which have it under another name, __restrict. Define it to nothing
+ *                      for a compiler that has neither.
  *   AEO_ASSERT(c)      checks a bound that a comment in a source proves; default: nothing. A debug build may define it
  *                      to assert(c). It is never the only guard against a wrong argument or a bad sample.
  */
@@ -58,11 +61,18 @@ typedef float aeo_real_t;
 
 #ifndef AEO_SQRT
 #define AEO_SQRT_PLAIN /* several roots at once are as good */
-#include <math.h>
 #ifdef AEO_REAL_DOUBLE
 #define AEO_SQRT(x) sqrt(x)
 #else
 #define AEO_SQRT(x) sqrtf(x)
+#endif
+#endif
+
+#ifndef AEO_RESTRICT
+#if defined(__cplusplus) || defined(_MSC_VER)
+#define AEO_RESTRICT __restrict
+#else
+#define AEO_RESTRICT restrict
 #endif
 #endif
 

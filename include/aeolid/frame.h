@@ -59,6 +59,7 @@
 #define AEOLID_FRAME_H
 
 #include <aeolid/config.h>
+#include <aeolid/status.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -207,13 +208,14 @@ typedef struct {
 /* Pack `message` into `frame` for the node at `address`; CAN FD kinds make a CAN FD frame with the fast data phase.
  * AEO_E_ARG: null pointer, base without room for kinds and node or used by others and not forced, node too high, kind
  * that does not exist, count that does not fit it. */
-int aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
+aeo_status_t aeo_frame_pack(const aeo_address_t *address, const aeo_message_t *message, aeo_can_frame_t *frame);
 
 /* Unpack `frame` into `message` if it belongs to any node at address->base; its number goes to *node.
  * AEO_E_ARG: null pointer or bad base. AEO_E_MISMATCH: a frame of somebody else (identifier, flags, length).
  * AEO_E_DAMAGED: the check is wrong, or the count does not fit the length. On failure message and node are unchanged.
  */
-int aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message, uint8_t *node);
+aeo_status_t aeo_frame_unpack(const aeo_address_t *address, const aeo_can_frame_t *frame, aeo_message_t *message,
+                              uint8_t *node);
 
 /* Return the binary32 pattern of a number; the double build rounds to nearest first. */
 uint32_t aeo_float_bits(aeo_real_t value);

@@ -28,6 +28,7 @@
 #ifndef AEOLID_REGRESSOR_H
 #define AEOLID_REGRESSOR_H
 
+#include "aeolid/channel.h"
 #include "aeolid/config.h"
 #include "aeolid/status.h"
 
@@ -87,6 +88,8 @@ typedef struct {
                                   the true size by more than 100 cost that much of the float's precision */
     const aeo_real_t *minimum; /* r + l values, plausible range in the channels' units; null: no lower end */
     const aeo_real_t *maximum; /* r + l values, not below the minimum; null: no upper end */
+    const aeo_channel_t
+        *channels; /* r + l channels that say all this in place of the four arrays, which are null then */
 } aeo_regressor_config_t;
 
 /* Counters never decrease; at 4,294,967,295 they stay. */
@@ -120,7 +123,7 @@ typedef struct {
 
 /* Make self ready for its first sample, in the memory given (words values, written; 4- or 8-byte aligned as the type).
  * The config and its arrays are copied and may vanish afterwards. Memory must outlive self and serve nothing else.
- * AEO_E_ARG: a null pointer, a size, period, scale or range out of bounds, a mask bit at or above r.
+ * AEO_E_ARG: a null pointer, a size, period, scale or range out of bounds, a mask bit at or above r, channels and arrays.
  * AEO_E_NOT_FINITE: an offset, scale or range end is NaN or infinite.
  * AEO_E_MEMORY: words < AEO_REGRESSOR_WORDS(r, l, p, e). On failure neither self nor memory is written. */
 aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory,

@@ -8,7 +8,8 @@
  *
  * CONTRACT
  *   Memory: none. Thread and interrupt rule: aeo_status_text reads constants only and may be called from anywhere.
- *   Numbers are never reused. -32 ... -47 belong to the streamer (stream.h), -48 ... -63 to ports (port.h).
+ *   Numbers are never reused. -32 ... -47 belong to the streamer (stream.h), -48 ... -63 to ports (port.h), which define
+ *   them. AEO_E_GAP is the one negative code whose sample was taken: it says that those before it are lost.
  *   A positive code is a success that still has something to say.
  */
 #ifndef AEOLID_STATUS_H
@@ -29,12 +30,15 @@ typedef enum {
     AEO_E_GAP = -6,        /* samples are missing before this one; the past window starts again with it */
     AEO_E_VERSION = -7,    /* saved by a version of the format that this one does not read */
     AEO_E_MISMATCH = -8,   /* saved by a filter of other dimensions, settings or precision */
-    AEO_E_DAMAGED = -9     /* saved words contradict each other */
+    AEO_E_DAMAGED = -9,    /* saved words contradict each other, or a frame's check is wrong */
+    AEO_E_BUSY = -32,      /* the snapshot before this one is still being sent; it stays what it was */
+    AEO_E_BUDGET = -33, /* what is to be sent needs more than nine tenths of the budget, or snapshots do not fit in */
+    AEO_E_REFUSED = -34 /* at least one frame of a sample or its seal was dropped; counters.dropped tells how many */
 } aeo_status_t;
 
 /* Return one English sentence without a full stop for a code, "unknown status" for any other; never null. The text
- * lives for ever and is for people only: programs compare numbers. Codes of the streamer and of ports answer
- * "unknown status" here; their headers say what they mean. */
+ * lives for ever and is for people only: programs compare numbers. Codes of ports answer "unknown status" here; their
+ * headers say what they mean. */
 const char *aeo_status_text(aeo_status_t status);
 
 #ifdef __cplusplus

@@ -44,6 +44,7 @@
 #define AEOLID_STREAM_H
 
 #include <aeolid/port.h>
+#include <aeolid/regressor.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -118,19 +119,11 @@ extern "C" {
 #define AEO_STREAM_NAME_MAX 32 /* characters of a channel name that are sent */
 #define AEO_STREAM_UNIT_MAX 16 /* characters of a unit that are sent */
 
-enum {
-    AEO_E_BUSY = -32,   /* the snapshot before this one is still being sent; it stays what it was */
-    AEO_E_BUDGET = -33, /* what is to be sent needs more than nine tenths of the budget, or snapshots do not fit in */
-    AEO_E_REFUSED = -34 /* at least one frame of this sample or its seal was dropped; counters.dropped tells how many */
-};
+/* One channel; inputs first, then outputs, then scheduling, whose range is nobody's business here. */
+typedef aeo_channel_t aeo_stream_channel_t;
 
-/* One channel; inputs first, then outputs, then scheduling. */
-typedef struct {
-    const char *name;  /* ASCII, cut after 32 characters; read during every step, so it must live on; null: none */
-    const char *unit;  /* ASCII, cut after 16 characters; as the name */
-    aeo_real_t offset; /* the filter works on (channel - offset) / scale */
-    aeo_real_t scale;  /* above 0 */
-} aeo_stream_channel_t;
+/* Which filter makes the parameters; numbers travel in descriptions and never change. */
+typedef enum { AEO_METHOD_RLS = 0, AEO_METHOD_ELS = 1, AEO_METHOD_FAST_RLS = 2, AEO_METHOD_LATTICE = 3 } aeo_method_t;
 
 typedef struct {
     aeo_address_t address;
@@ -143,9 +136,11 @@ typedef struct {
     uint8_t fd;       /* 1: samples, innovations and parameters as CAN FD frames; every node of the bus must bear it */
     uint8_t fd_ratio; /* CAN FD: data bit rate over nominal bit rate, rounded down, 1 ... 16; too large: the share is
                              exceeded. Start: 1 */
-    uint16_t model_set;                   /* aeo_model_set_t of regressor.h, for the description only */
-    uint16_t past;                        /* p */
-    uint32_t parameters;                  /* N = l n, 1 ... 65536 */
+    uint8_t method;   /* aeo_method_t, for the description; els is VARMAX alone */
+    uint16_t model_set;                   /* aeo_model_set_t of regressor.h, for the description */
+    uint16_t past;                        /* p; 0: no predictor, any number of parameters, which no host identifies */
+    uint32_t parameters;                  /* N = l n, 1 ... 65536, with n = p (r + l) + d for VARX, p (r + 2 l) + d for
+                                             VARMAX, d bits of the mask: a filter announced as another is refused */
     uint32_t feedthrough;                 /* bit j: input j has a current-sample parameter */
     aeo_real_t sample_time_s;             /* 2e-5 ... 1000 s */
     aeo_real_t lambda;                    /* forgetting factor of the filter, for the description only */
@@ -232,30 +227,31 @@ typedef struct {
 #endif
 
 /* Start a stream; nothing is sent yet. config and port are copied, memory (words >= AEO_STREAM_WORDS(parameters)) is
- * used until the end. AEO_E_ARG: null pointer, setting out of its range, port without send, lock without unlock.
+ * used until the end. AEO_E_ARG: null pointer, setting out of its range, parameters that are not those of the model
+ * set, sizes and mask, port without send, lock without unlock.
  * AEO_E_MEMORY: too few words. AEO_E_BUDGET: samples, seals, innovations, health and description together leave less than
  * a tenth of bits_per_s or of `burst` frames a step, or a snapshot takes more than snapshot_every steps; raise
  * sample_every, health_every or describe_every, or bits_per_s and burst. On failure self is unchanged. */
-int aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port, uint32_t *memory,
-                    uint32_t words);
+aeo_status_t aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port,
+                             uint32_t *memory, uint32_t words);
 
 /* Send sample `index` and its seal: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as
  * binary32; a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
  * AEO_E_REFUSED. */
-int aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
-                      const aeo_real_t *s);
+aeo_status_t aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
+                               const aeo_real_t *s);
 
 /* Send the innovation e (outputs) of sample `index`; nothing when config.innovations is 0. Returns as
  * aeo_stream_sample. */
-int aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e);
+aeo_status_t aeo_stream_innovation(aeo_stream_t *self, uint32_t index, const aeo_real_t *e);
 
 /* Copy theta (parameters values: l x n by rows) as binary32 and begin to send it; `index` is the last sample in it.
  * Call between two updates. AEO_E_ARG: null pointer. AEO_E_BUSY: nothing is changed but counters.busy. */
-int aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta);
+aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_real_t *theta);
 
 /* Keep flags (bits 0 ... 14) and `count` counters (0 ... AEO_STREAM_COUNTERS) for the health frames to come.
  * AEO_E_ARG. */
-int aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count);
+aeo_status_t aeo_stream_health(aeo_stream_t *self, uint32_t flags, const uint32_t *counter, unsigned count);
 
 /* Send what credit and port allow; call once a sample time, or more often with port.time_us. Returns the frames sent,
  * or AEO_E_ARG for a null pointer. */

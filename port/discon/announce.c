@@ -1,5 +1,7 @@
 #include "announce.h"
 
+#include "../common/method_names.h"
+
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -71,13 +73,13 @@ static void add_bus(line_t *line, const observer_t *observer)
 
 void announce_start(const observer_t *observer)
 {
-    static const char *const method[] = {"rls", "els", "fast-rls", "lattice"}; /* the order of chosen_method_t */
     const settings_t *s = observer->settings;
     line_t line = {"", 0};
     add(&line, "aeolid-discon: turbine %u: ", observer->turbine);
     add_channels(&line, s);
     add(&line, "; %g samples a second; filter %s, past %u, %u x %u parameters", 1e6 / (double)observer->period_us,
-        method[s->method], s->past, s->taps[ROLE_OUTPUT], (unsigned)observer->filter.regressors);
+        method_name((unsigned)s->method), s->past, s->taps[ROLE_OUTPUT],
+        (unsigned)observer->estimator.regressor.length);
     add_excitation(&line, "pitch", &s->pitch);
     add_excitation(&line, "torque", &s->torque);
     add_bus(&line, observer);
@@ -86,7 +88,7 @@ void announce_start(const observer_t *observer)
 
 void announce_end(const observer_t *observer, int whole)
 {
-    const aeo_regressor_count_t *count = &observer->regressor.count;
+    const aeo_regressor_count_t *count = &observer->estimator.regressor.count;
     const aeo_stream_counters_t *sent = &observer->stream.counters;
     line_t line = {"", 0};
     add(&line, "aeolid-discon: turbine %u: %s: %u samples filtered, %u refused (%u beyond min or max); ",

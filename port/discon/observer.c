@@ -2,6 +2,8 @@
 
 #include "announce.h"
 
+#include "../common/method_names.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,16 +24,18 @@ static int fail(observer_t *self, const char *what, char *why, size_t room)
 
 /* ---- start ------------------------------------------------------------------------------------------------------- */
 
-static chosen_config_t choose_filter(const settings_t *s)
+static aeo_estimator_config_t describe(const observer_t *self)
 {
-    chosen_config_t config;
+    const settings_t *s = self->settings;
+    aeo_estimator_config_t config;
     memset(&config, 0, sizeof config);
-    config.method = (chosen_method_t)s->method;
-    config.model_set = s->varmax ? AEO_VARMAX : AEO_VARX;
     config.inputs = (uint16_t)s->taps[ROLE_INPUT];
     config.outputs = (uint16_t)s->taps[ROLE_OUTPUT];
     config.past = (uint16_t)s->past;
+    config.model_set = s->varmax ? AEO_VARMAX : AEO_VARX;
     config.feedthrough = s->feedthrough;
+    config.period_us = self->period_us;
+    config.channels = self->channel;
     config.forgetting = s->lambda;
     config.regularisation = s->rho;
     config.excitation_min = AEO_REAL(0.05);
@@ -41,32 +45,6 @@ static chosen_config_t choose_filter(const settings_t *s)
     config.forgetting_rate = AEO_REAL(0.99);
     config.guard_ratio = AEO_REAL(4.0);
     return config;
-}
-
-static aeo_status_t start_regressor(observer_t *self, aeo_real_t *memory, size_t words)
-{
-    const settings_t *s = self->settings;
-    aeo_real_t offset[SETTINGS_CHANNELS_MAX], scale[SETTINGS_CHANNELS_MAX];
-    aeo_real_t minimum[SETTINGS_CHANNELS_MAX], maximum[SETTINGS_CHANNELS_MAX];
-    aeo_regressor_config_t layout;
-    for (unsigned i = 0; i < settings_taps(s); i++) {
-        offset[i] = s->tap[i].offset;
-        scale[i] = s->tap[i].scale;
-        minimum[i] = s->tap[i].minimum;
-        maximum[i] = s->tap[i].maximum;
-    }
-    memset(&layout, 0, sizeof layout);
-    layout.inputs = (uint16_t)s->taps[ROLE_INPUT];
-    layout.outputs = (uint16_t)s->taps[ROLE_OUTPUT];
-    layout.past = (uint16_t)s->past;
-    layout.model_set = s->varmax ? AEO_VARMAX : AEO_VARX;
-    layout.feedthrough = s->feedthrough;
-    layout.period_us = self->period_us;
-    layout.offset = offset;
-    layout.scale = scale;
-    layout.minimum = minimum;
-    layout.maximum = maximum;
-    return aeo_regressor_init(&self->regressor, &layout, memory, words);
 }
 
 static uint16_t choose_steps(double steps)
@@ -96,7 +74,7 @@ static uint8_t choose_burst(double bits)
     return (uint8_t)(frames > 16.0 ? 16.0 : frames);
 }
 
-static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters, uint32_t *memory)
+static aeo_status_t start_stream(observer_t *self, unsigned turbine, uint32_t parameters, uint32_t *memory)
 {
     const settings_t *s = self->settings;
     aeo_stream_config_t config;
@@ -105,21 +83,11 @@ static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters,
     config.address.base = AEO_FRAME_BASE_EXTENDED;
     config.address.node = (uint8_t)((s->node_id + turbine - 1u) % 254u);
     config.address.extended = 1;
-    config.inputs = (uint8_t)s->taps[ROLE_INPUT];
-    config.outputs = (uint8_t)s->taps[ROLE_OUTPUT];
     config.scheduling = (uint8_t)s->taps[ROLE_SCHEDULING];
     config.innovations = (uint8_t)s->innovations;
     config.seal = (uint8_t)(s->seal && !s->fd);
     config.fd = (uint8_t)s->fd;
     config.fd_ratio = (uint8_t)s->fd_ratio;
-    config.model_set = chosen_filter_wire_set(&self->filter.config);
-    config.past = (uint16_t)s->past;
-    config.parameters = parameters;
-    config.feedthrough = s->feedthrough;
-    config.sample_time_s = (aeo_real_t)(self->clock.step_s * s->decimation);
-    config.lambda = s->lambda;
-    config.rho = s->rho;
-    config.channels = self->channel;
     config.sample_every = (uint16_t)s->sample_every;
     config.health_every = choose_health_every(s, (double)s->bit_rate * s->share / 100.0 * self->clock.step_s);
     config.describe_every = choose_describe_every(s, self->clock.step_s);
@@ -130,7 +98,7 @@ static int start_stream(observer_t *self, unsigned turbine, uint32_t parameters,
         return AEO_E_BUDGET; /* less is no stream (stream.h) */
     }
     bus_port(&self->bus, &port);
-    return aeo_stream_init(&self->stream, &config, &port, memory, parameters);
+    return aeo_estimator_announce(&self->estimator, &self->stream, &config, &port, memory, parameters);
 }
 
 static void name_channels(observer_t *self)
@@ -141,34 +109,36 @@ static void name_channels(observer_t *self)
         self->channel[i].unit = tap->unit;
         self->channel[i].offset = tap->offset;
         self->channel[i].scale = tap->scale;
+        self->channel[i].minimum = tap->minimum;
+        self->channel[i].maximum = tap->maximum;
     }
 }
 
-/* Regressor, filter and streamer in one array. */
+/* Estimator and streamer in one array. */
 static int start_filter(observer_t *self, unsigned turbine, char *why, size_t room)
 {
     const settings_t *s = self->settings;
-    const chosen_config_t config = choose_filter(s);
-    const size_t window = AEO_REGRESSOR_WORDS(s->taps[ROLE_INPUT], s->taps[ROLE_OUTPUT], s->past, s->varmax ? 1u : 0u);
-    const size_t words = chosen_filter_words(&config);
-    const size_t parameters = chosen_filter_regressors(&config) * s->taps[ROLE_OUTPUT];
+    const aeo_estimator_config_t config = describe(self);
+    const aeo_estimator_method_t method = method_of((unsigned)s->method);
+    const size_t words = aeo_estimator_words(method, &config), regressors = aeo_estimator_regressors(&config);
+    const size_t parameters = regressors * s->taps[ROLE_OUTPUT];
     aeo_real_t *memory;
-    int result;
-    if (chosen_filter_regressors(&config) > AEO_REGRESSOR_LENGTH_MAX) {
+    aeo_status_t result;
+    if (regressors > AEO_REGRESSOR_LENGTH_MAX) {
         return fail(self, "past: the window has more than 1024 entries; choose a shorter one", why, room);
     }
-    self->memory = calloc(window + words + AEO_STREAM_WORDS(parameters), sizeof(aeo_real_t));
+    self->memory = calloc(words + AEO_STREAM_WORDS(parameters), sizeof(aeo_real_t));
     memory = self->memory;
     if (memory == NULL) {
         return fail(self, "filter: out of memory; choose a shorter past or fewer channels", why, room);
     }
-    if (start_regressor(self, memory, window) != AEO_OK) {
-        return fail(self, "regressor: past, scale, offset or sample time out of range (regressor.h)", why, room);
+    if (aeo_estimator_init(&self->estimator, method, &config, memory, words) != AEO_OK) {
+        return fail(self,
+                    "filter: past, scale, offset, sample time, forget or regularize out of range (regressor.h, the "
+                    "filter's header)",
+                    why, room);
     }
-    if (chosen_filter_init(&self->filter, &config, memory + window, words) != AEO_OK) {
-        return fail(self, "filter: past, forget or regularize out of range (the filter's header)", why, room);
-    }
-    result = start_stream(self, turbine, (uint32_t)parameters, (uint32_t *)(void *)(memory + window + words));
+    result = start_stream(self, turbine, (uint32_t)parameters, (uint32_t *)(void *)(memory + words));
     if (result == AEO_E_BUDGET) {
         return fail(self, "share: samples, health and description need more than nine tenths; raise it or sample_every",
                     why, room);
@@ -271,26 +241,10 @@ clock_tick_t observer_before(observer_t *self, const float *swap)
     return tick;
 }
 
-static void report_health(observer_t *self)
-{
-    const aeo_regressor_count_t *count = &self->regressor.count;
-    const uint32_t counter[AEO_STREAM_COUNTERS] = {count->samples,
-                                                   count->not_finite,
-                                                   count->range,
-                                                   count->time,
-                                                   count->gaps,
-                                                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
-                                                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_RELEASED)};
-    (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
-}
-
 /* Begin to send the parameters of this instant; 0 while those before are under way or where there are none. */
 static int send_snapshot(observer_t *self)
 {
-    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
-    return theta != NULL && aeo_stream_snapshot(&self->stream, self->clock.index, theta) == AEO_OK;
+    return aeo_estimator_snapshot(&self->estimator, &self->stream, self->clock.index) == AEO_OK;
 }
 
 /* Tell what the scales hide, once a channel and kind. */
@@ -309,16 +263,12 @@ static void take_sample(observer_t *self, double time_s)
     const settings_t *s = self->settings;
     const float *u = self->value, *y = u + s->taps[ROLE_INPUT], *scheduling = y + s->taps[ROLE_OUTPUT];
     const uint32_t index = self->clock.index;
-    if (aeo_regressor_push(&self->regressor, u, y, (uint64_t)index * self->period_us) == AEO_OK &&
-        chosen_filter_take(&self->filter, &self->regressor) == AEO_OK) {
-        (void)aeo_stream_innovation(&self->stream, index, chosen_filter_innovation(&self->filter));
-    }
-    (void)aeo_stream_sample(&self->stream, index, u, y, s->taps[ROLE_SCHEDULING] > 0u ? scheduling : NULL);
+    (void)aeo_estimator_send(&self->estimator, &self->stream, index, u, y,
+                             s->taps[ROLE_SCHEDULING] > 0u ? scheduling : NULL, (uint64_t)index * self->period_us);
     self->since_snapshot++;
     if (self->snapshot_samples > 0u && self->since_snapshot >= self->snapshot_samples && send_snapshot(self)) {
         self->since_snapshot = 0;
     }
-    report_health(self);
     if (scale_watch_take(&self->watch, self->value, time_s)) {
         judge_scales(self, 0);
         scale_watch_next(&self->watch);

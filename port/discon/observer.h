@@ -15,14 +15,13 @@
 #ifndef AEOLID_DISCON_OBSERVER_H
 #define AEOLID_DISCON_OBSERVER_H
 
-#include "../common/chosen_filter.h"
 #include "bus.h"
 #include "demands.h"
 #include "sample_clock.h"
 #include "scale_watch.h"
 #include "settings.h"
 
-#include <aeolid/stream.h>
+#include <aeolid/estimator.h>
 
 typedef struct {
     const settings_t *settings;
@@ -30,12 +29,11 @@ typedef struct {
     int on;  /* 1: filters and streams */
     int due; /* clock_tick_t of the call under way */
     sample_clock_t clock;
-    aeo_regressor_t regressor;
-    chosen_filter_t filter;
+    aeo_estimator_t estimator;
     aeo_stream_t stream;
     bus_t bus;
     scale_watch_t watch;
-    aeo_stream_channel_t channel[SETTINGS_CHANNELS_MAX];
+    aeo_channel_t channel[SETTINGS_CHANNELS_MAX];
     float value[SETTINGS_CHANNELS_MAX]; /* of the sample under way */
     uint32_t period_us;
     uint32_t snapshot_samples; /* between two snapshots; 0 none */

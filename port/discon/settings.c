@@ -1,6 +1,6 @@
 #include "settings.h"
 
-#include "../common/chosen_filter.h"
+#include "../common/method_names.h"
 #include "settings_channel.h"
 #include "settings_text.h"
 
@@ -126,7 +126,7 @@ static int find_word(const char *const *list, const char *value)
 }
 
 static const char *const yes_no[] = {"no", "yes", NULL};
-static const char *const methods[] = {"rls", "els", "fast-rls", "lattice", NULL};     /* the order of chosen_method_t */
+static const char *const methods[] = {"rls", "els", "fast-rls", "lattice", NULL};     /* the order of aeo_method_t */
 static const char *const signals[] = {"off", "prbs", "multisine", NULL};              /* of excitation_signal_t */
 static const char *const forms[] = {"collective", "individual", "tilt", "yaw", NULL}; /* of excitation_form_t */
 
@@ -347,8 +347,8 @@ static void take_numbers(reading_t *self)
     s->records = (unsigned)n[RECORDS].value;
     s->decimation = (unsigned)n[DECIMATION].value;
     s->past = (unsigned)n[PAST].value;
-    s->varmax = s->varmax || s->method == (int)CHOSEN_ELS;
-    s->lambda = n[FORGET].value > 0 ? (float)n[FORGET].value : s->method == (int)CHOSEN_FAST_RLS ? 0.999F : 1.0F;
+    s->varmax = s->varmax || s->method == (int)AEO_METHOD_ELS;
+    s->lambda = n[FORGET].value > 0 ? (float)n[FORGET].value : s->method == (int)AEO_METHOD_FAST_RLS ? 0.999F : 1.0F;
     s->rho = (float)n[REGULARIZE].value;
     s->varx_samples = (uint32_t)n[VARX_SAMPLES].value;
     if (s->varx_samples == 0u) {

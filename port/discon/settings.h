@@ -69,7 +69,7 @@ typedef struct {
     tap_t tap[SETTINGS_CHANNELS_MAX]; /* inputs, then outputs, then scheduling */
     unsigned taps[3];                 /* of each role */
     unsigned records, decimation, past;
-    int method, varmax; /* chosen_method_t */
+    int method, varmax; /* aeo_method_t */
     uint32_t varx_samples, feedthrough;
     float lambda, rho;
     bus_kind_t bus;

@@ -10,9 +10,7 @@
  *     qemu-system-arm -M mps2-an386 -display none -serial tcp:127.0.0.1:29536,server=on,wait=on \
  *         -semihosting-config enable=on,target=native,arg=turbine_node,arg=100000 -kernel build/mps2/turbine_node
  */
-#include <aeolid/regressor.h>
-#include <aeolid/rls.h>
-#include <aeolid/stream.h>
+#include <aeolid/estimator.h>
 
 #include "mps2_board.h"
 #include "mps2_port.h"
@@ -29,11 +27,9 @@ enum {
     ROOM = LINE * (BURST + 2 * CHANNELS)
 };
 
-static aeo_real_t window[AEO_REGRESSOR_WORDS(TURBINE_INPUTS, TURBINE_OUTPUTS, TURBINE_PAST, 0)];
-static aeo_real_t words[AEO_RLS_WORDS(N, TURBINE_OUTPUTS)];
+static aeo_real_t words[AEO_ESTIMATOR_RLS_WORDS(TURBINE_INPUTS, TURBINE_OUTPUTS, TURBINE_PAST, 0, 0)];
 static uint32_t snapshot[AEO_STREAM_WORDS(PARAMETERS)];
-static aeo_regressor_t regressor;
-static aeo_rls_t filter;
+static aeo_estimator_t estimator;
 static aeo_stream_t stream;
 static aeo_port_t port;
 static mps2_port_t uart;
@@ -47,26 +43,13 @@ static volatile uint32_t closed;   /* 1: the last snapshot is on its way and the
 
 /* ---- the control task -------------------------------------------------------------------------------------------- */
 
-static void report_health(void)
-{
-    const uint32_t counter[AEO_STREAM_COUNTERS] = {
-        regressor.count.samples, regressor.count.not_finite, regressor.count.range,
-        regressor.count.time,    regressor.count.gaps,       filter.count.withheld,
-        filter.count.bounded,    filter.count.reinitialised, filter.count.released};
-    (void)aeo_stream_health(&stream, aeo_rls_health(&filter), counter, AEO_STREAM_COUNTERS);
-}
-
 static void take_sample(uint32_t index)
 {
     const aeo_real_t *u = turbine_values[index], *y = u + TURBINE_INPUTS;
-    if (aeo_regressor_push(&regressor, u, y, (uint64_t)index * TURBINE_PERIOD_US) == AEO_OK) {
-        (void)aeo_rls_update(&filter, aeo_regressor_z(&regressor), aeo_regressor_y(&regressor));
-    }
-    (void)aeo_stream_sample(&stream, index, u, y, NULL);
+    (void)aeo_estimator_send(&estimator, &stream, index, u, y, NULL, (uint64_t)index * TURBINE_PERIOD_US);
     if (index % SNAPSHOT_EVERY == SNAPSHOT_EVERY - 1u) {
-        (void)aeo_stream_snapshot(&stream, index, aeo_rls_theta(&filter));
+        (void)aeo_estimator_snapshot(&estimator, &stream, index);
     }
-    report_health();
 }
 
 void mps2_systick(void)
@@ -80,7 +63,7 @@ void mps2_systick(void)
         take_sample(taken);
         taken++;
     } else if (closed == 0u && !aeo_stream_pending(&stream)) { /* the snapshot before has left: one of the last theta */
-        (void)aeo_stream_snapshot(&stream, TURBINE_SAMPLES - 1u, aeo_rls_theta(&filter));
+        (void)aeo_estimator_snapshot(&estimator, &stream, TURBINE_SAMPLES - 1u);
         aeo_stream_finish(&stream);
         closed = 1;
     }
@@ -99,58 +82,33 @@ static uint32_t count_time(void *context)
     return ticks * TURBINE_PERIOD_US;
 }
 
-/* Beyond a hundred standard deviations a number is a sensor's fault and not a sample. */
-static aeo_real_t minimum[TURBINE_INPUTS + TURBINE_OUTPUTS], maximum[TURBINE_INPUTS + TURBINE_OUTPUTS];
-
-static void fill_ranges(void)
-{
-    for (unsigned i = 0; i < TURBINE_INPUTS + TURBINE_OUTPUTS; i++) {
-        minimum[i] = turbine_offset[i] - AEO_REAL(100) * turbine_scale[i];
-        maximum[i] = turbine_offset[i] + AEO_REAL(100) * turbine_scale[i];
-    }
-}
-
 static int start(uint32_t period_us)
 {
-    const aeo_regressor_config_t layout = {.inputs = TURBINE_INPUTS,
-                                           .outputs = TURBINE_OUTPUTS,
-                                           .past = TURBINE_PAST,
-                                           .period_us = TURBINE_PERIOD_US,
-                                           .offset = turbine_offset,
-                                           .scale = turbine_scale,
-                                           .minimum = minimum,
-                                           .maximum = maximum};
-    const aeo_rls_config_t settings = {.regressors = N,
-                                       .outputs = TURBINE_OUTPUTS,
-                                       .forgetting = 1.0f,
-                                       .regularisation = 0.1f,
-                                       .excitation_min = 0.05f,
-                                       .growth_max = 10.0f};
-    const aeo_stream_config_t config = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
-                                        .inputs = TURBINE_INPUTS,
-                                        .outputs = TURBINE_OUTPUTS,
-                                        .seal = 1,
-                                        .past = TURBINE_PAST,
-                                        .parameters = PARAMETERS,
-                                        .sample_time_s = 1e-6f * TURBINE_PERIOD_US,
-                                        .lambda = 1.0f,
-                                        .rho = 0.1f,
-                                        .channels = turbine_channels,
-                                        .sample_every = 1,
-                                        .health_every = 10,
-                                        .describe_every = 100,
-                                        .repair_percent = 25,
-                                        .burst = BURST,
-                                        .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
+    const aeo_estimator_config_t settings = {.inputs = TURBINE_INPUTS,
+                                             .outputs = TURBINE_OUTPUTS,
+                                             .past = TURBINE_PAST,
+                                             .period_us = TURBINE_PERIOD_US,
+                                             .channels = turbine_channels,
+                                             .forgetting = 1.0f,
+                                             .regularisation = 0.1f,
+                                             .excitation_min = 0.05f,
+                                             .growth_max = 10.0f};
+    const aeo_stream_config_t bus = {.address = {AEO_FRAME_BASE_EXTENDED, 1, 1},
+                                     .seal = 1,
+                                     .sample_every = 1,
+                                     .health_every = 10,
+                                     .describe_every = 100,
+                                     .repair_percent = 25,
+                                     .burst = BURST,
+                                     .bits_per_s = AEO_STREAM_SHARE(500000, 50)};
     mps2_port_init(&uart, &port, 921600);
     read_clock = port.time_us;
     if (period_us != TURBINE_PERIOD_US) {
         port.time_us = count_time;
     }
-    fill_ranges();
-    return aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window) == AEO_OK &&
-           aeo_rls_init(&filter, &settings, words, sizeof words / sizeof *words) == AEO_OK &&
-           aeo_stream_init(&stream, &config, &port, snapshot, PARAMETERS) == AEO_OK;
+    return aeo_estimator_init(&estimator, aeo_estimator_rls, &settings, words, sizeof words / sizeof *words) ==
+               AEO_OK &&
+           aeo_estimator_announce(&estimator, &stream, &bus, &port, snapshot, PARAMETERS) == AEO_OK;
 }
 
 /* Sleep until the ring has room for all that one sample can send. */
@@ -196,8 +154,8 @@ static void write_facts(void)
 {
     const aeo_stream_counters_t *c = &stream.counters;
     write_fact("node {\"samples\": ", taken);
-    write_fact(", \"accepted\": ", regressor.count.samples);
-    write_fact(", \"updates\": ", filter.count.updates);
+    write_fact(", \"accepted\": ", aeo_estimator_count(&estimator, AEO_COUNT_SAMPLES));
+    write_fact(", \"updates\": ", aeo_estimator_count(&estimator, AEO_COUNT_UPDATES));
     write_fact(", \"ticks\": ", ticks);
     write_fact(", \"elapsed_us\": ", last_us - first_us);
     write_fact(", \"latest\": ", latest);

@@ -7,7 +7,7 @@
  * 3.
  * SIGINT and SIGTERM: no further samples; what is under way is sent to its end.
  */
-#include "../common/chosen_filter.h"
+#include "../common/method_names.h"
 #include "node_bus.h"
 #include "node_options.h"
 
@@ -30,8 +30,7 @@ typedef struct {
     node_options_t options;
     node_bus_t bus;
     aeo_stream_t stream;
-    aeo_regressor_t regressor;
-    chosen_filter_t filter;
+    aeo_estimator_t estimator;
     uint32_t snapshot_steps; /* samples between two snapshots */
     uint32_t since_snapshot;
     uint64_t samples;
@@ -66,51 +65,34 @@ static int fail(const char *what, const char *why)
  * 0 and scale 1, has no such range. */
 #define PLAUSIBLE 100.0
 
-static int init_regressor(node_t *self)
+static void fill_ranges(node_t *self)
 {
-    const node_options_t *o = &self->options;
-    aeo_real_t offset[AEO_STREAM_CHANNELS_MAX], scale[AEO_STREAM_CHANNELS_MAX];
-    aeo_real_t minimum[AEO_STREAM_CHANNELS_MAX], maximum[AEO_STREAM_CHANNELS_MAX];
-    aeo_regressor_config_t layout;
-    const size_t words = AEO_REGRESSOR_WORDS(o->inputs, o->outputs, o->past, o->varmax);
-    unsigned i;
-    for (i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
-        offset[i] = o->channel[i].offset;
-        scale[i] = o->channel[i].scale;
-        const double low = (double)offset[i], wide = (double)scale[i];
-        const double reach = low < 0 || low > 0 || wide < 1 || wide > 1 ? PLAUSIBLE * wide : 3e38;
-        minimum[i] = (aeo_real_t)(low - reach);
-        maximum[i] = (aeo_real_t)(low + reach);
+    node_options_t *o = &self->options;
+    for (unsigned i = 0; i < (unsigned)o->inputs + o->outputs; i++) {
+        aeo_channel_t *const channel = &o->channel[i];
+        const double middle = (double)channel->offset, wide = (double)channel->scale;
+        if (middle < 0 || middle > 0 || wide < 1 || wide > 1) {
+            channel->minimum = (aeo_real_t)(middle - PLAUSIBLE * wide);
+            channel->maximum = (aeo_real_t)(middle + PLAUSIBLE * wide);
+        }
     }
-    memset(&layout, 0, sizeof layout);
-    layout.inputs = o->inputs;
-    layout.outputs = o->outputs;
-    layout.past = o->past;
-    layout.model_set = o->varmax ? AEO_VARMAX : AEO_VARX;
-    layout.feedthrough = o->feedthrough;
-    layout.period_us = (uint32_t)(o->sample_time_s * 1e6 + 0.5);
-    layout.offset = offset;
-    layout.scale = scale;
-    layout.minimum = minimum;
-    layout.maximum = maximum;
-    if (aeo_regressor_init(&self->regressor, &layout, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
-        return fail("regressor", "inputs, outputs, past window or feedthrough mask out of range (regressor.h)");
-    }
-    return 0;
 }
 
-static int init_filter(node_t *self, uint32_t *parameters)
+static int init_estimator(node_t *self)
 {
     const node_options_t *o = &self->options;
-    chosen_config_t config;
+    const aeo_estimator_method_t method = method_of((unsigned)o->method);
+    aeo_estimator_config_t config;
     size_t words;
+    fill_ranges(self);
     memset(&config, 0, sizeof config);
-    config.method = (chosen_method_t)o->method;
-    config.model_set = o->varmax ? AEO_VARMAX : AEO_VARX;
     config.inputs = o->inputs;
     config.outputs = o->outputs;
     config.past = o->past;
+    config.model_set = o->varmax ? AEO_VARMAX : AEO_VARX;
     config.feedthrough = o->feedthrough;
+    config.period_us = (uint32_t)(o->sample_time_s * 1e6 + 0.5);
+    config.channels = o->channel;
     config.forgetting = o->lambda;
     config.regularisation = o->rho;
     config.excitation_min = AEO_REAL(0.05);
@@ -119,11 +101,12 @@ static int init_filter(node_t *self, uint32_t *parameters)
     config.forgetting_start = o->lambda_start;
     config.forgetting_rate = AEO_REAL(0.99);
     config.guard_ratio = AEO_REAL(4.0);
-    words = chosen_filter_words(&config);
-    if (chosen_filter_init(&self->filter, &config, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
-        return fail("filter", "past window, forgetting or regularisation out of range (the filter's header)");
+    words = aeo_estimator_words(method, &config);
+    if (aeo_estimator_init(&self->estimator, method, &config, calloc(words, sizeof(aeo_real_t)), words) != AEO_OK) {
+        return fail("filter",
+                    "inputs, outputs, past window, feedthrough mask, forgetting or regularisation out of range "
+                    "(regressor.h, the filter's header)");
     }
-    *parameters = (uint32_t)chosen_filter_regressors(&config) * config.outputs;
     return 0;
 }
 
@@ -156,30 +139,21 @@ static uint32_t choose_snapshot_steps(double seconds, double sample_time_s)
     return steps < 1.0 ? 1u : steps >= 4294967295.0 ? UINT32_MAX : (uint32_t)steps;
 }
 
-static int init_stream(node_t *self, uint32_t parameters)
+static int init_stream(node_t *self)
 {
     const node_options_t *o = &self->options;
+    const uint32_t parameters = (uint32_t)self->estimator.regressor.length * o->outputs;
     aeo_stream_config_t config;
     aeo_port_t port;
-    int result;
+    aeo_status_t result;
     memset(&config, 0, sizeof config);
     config.address.base = o->base;
     config.address.node = o->node;
     config.address.extended = (uint8_t)((o->base >= 0x800u) | (o->force_base ? AEO_ADDRESS_FORCED : 0u));
-    config.inputs = o->inputs;
-    config.outputs = o->outputs;
     config.innovations = o->innovations;
     config.seal = o->seal;
     config.fd = o->fd;
     config.fd_ratio = o->fd_ratio;
-    config.model_set = chosen_filter_wire_set(&self->filter.config);
-    config.past = o->past;
-    config.parameters = parameters;
-    config.feedthrough = o->feedthrough;
-    config.sample_time_s = (aeo_real_t)o->sample_time_s;
-    config.lambda = o->lambda;
-    config.rho = o->rho;
-    config.channels = o->channel;
     config.sample_every = o->sample_every;
     config.health_every = choose_health_every(o);
     config.describe_every = choose_describe_every(o);
@@ -187,7 +161,8 @@ static int init_stream(node_t *self, uint32_t parameters)
     config.burst = BURST;
     config.bits_per_s = o->bits_per_s;
     node_bus_port(&self->bus, &port);
-    result = aeo_stream_init(&self->stream, &config, &port, calloc(parameters, sizeof(uint32_t)), parameters);
+    result = aeo_estimator_announce(&self->estimator, &self->stream, &config, &port,
+                                    calloc(parameters, sizeof(uint32_t)), parameters);
     if (result == AEO_E_BUDGET) {
         return fail("stream", "samples, health and description need more than nine tenths of the share of the bus; "
                               "raise --share or --sample-every");
@@ -248,26 +223,11 @@ static void wait_until_due(node_t *self, uint64_t number)
     } while (left > 1e-3 && !stopped);
 }
 
-static void report_health(node_t *self)
-{
-    const uint32_t counter[AEO_STREAM_COUNTERS] = {self->regressor.count.samples,
-                                                   self->regressor.count.not_finite,
-                                                   self->regressor.count.range,
-                                                   self->regressor.count.time,
-                                                   self->regressor.count.gaps,
-                                                   chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
-                                                   chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
-                                                   chosen_filter_count(&self->filter, CHOSEN_RELEASED)};
-    (void)aeo_stream_health(&self->stream, chosen_filter_health(&self->filter), counter, AEO_STREAM_COUNTERS);
-}
-
 /* Begin to send the parameters of this instant; 0 while the snapshot before is still under way, or where a lattice has
  * no finite ones. */
 static int send_snapshot(node_t *self)
 {
-    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
-    return theta != NULL && aeo_stream_snapshot(&self->stream, self->index, theta) == AEO_OK;
+    return aeo_estimator_snapshot(&self->estimator, &self->stream, self->index) == AEO_OK;
 }
 
 static void take_sample(node_t *self, const double *record)
@@ -282,16 +242,12 @@ static void take_sample(node_t *self, const double *record)
         y[i] = (aeo_real_t)record[2u + r + i];
     }
     self->index = (uint32_t)record[0];
-    if (aeo_regressor_push(&self->regressor, u, y, (uint64_t)(record[1] * 1e6 + 0.5)) == AEO_OK &&
-        chosen_filter_take(&self->filter, &self->regressor) == AEO_OK) {
-        (void)aeo_stream_innovation(&self->stream, self->index, chosen_filter_innovation(&self->filter));
-    }
-    (void)aeo_stream_sample(&self->stream, self->index, u, y, NULL);
+    (void)aeo_estimator_send(&self->estimator, &self->stream, self->index, u, y, NULL,
+                             (uint64_t)(record[1] * 1e6 + 0.5));
     self->since_snapshot++;
     if (self->snapshot_steps > 0u && self->since_snapshot >= self->snapshot_steps && send_snapshot(self)) {
         self->since_snapshot = 0;
     }
-    report_health(self);
     (void)aeo_stream_step(&self->stream);
     self->samples++;
 }
@@ -381,7 +337,7 @@ static int say_goodbye(node_t *self)
 
 static int dump(node_t *self)
 {
-    const aeo_real_t *theta = chosen_filter_theta(&self->filter);
+    const aeo_real_t *theta = aeo_estimator_theta(&self->estimator);
     FILE *file = fopen(self->options.dump, "wb");
     uint32_t i;
     int error = file == NULL ? errno : theta == NULL ? ERANGE : 0;
@@ -400,18 +356,18 @@ static int dump(node_t *self)
 static void print_health(const node_t *self)
 {
     const aeo_stream_counters_t *c = &self->stream.counters;
-    const aeo_regressor_count_t *g = &self->regressor.count;
+    const aeo_regressor_count_t *g = &self->estimator.regressor.count;
     (void)fprintf(stderr,
                   "health {\"samples\": %llu, \"accepted\": %u, \"not_finite\": %u, \"range\": %u, \"time\": %u, "
                   "\"gaps\": %u, \"withheld\": %u, \"bounded\": %u, \"reinitialised\": %u, "
                   "\"released\": %u, \"flags\": %u, "
                   "\"sent\": %u, \"refused\": %u, \"dropped\": %u, \"snapshots\": %u, \"busy\": %u, \"overrun\": %u",
                   (unsigned long long)self->samples, g->samples, g->not_finite, g->range, g->time, g->gaps,
-                  chosen_filter_count(&self->filter, CHOSEN_WITHHELD),
-                  chosen_filter_count(&self->filter, CHOSEN_BOUNDED),
-                  chosen_filter_count(&self->filter, CHOSEN_REINITIALISED),
-                  chosen_filter_count(&self->filter, CHOSEN_RELEASED), chosen_filter_health(&self->filter), c->sent,
-                  c->refused, c->dropped, c->snapshots, c->busy, node_bus_dropped(&self->bus));
+                  aeo_estimator_count(&self->estimator, AEO_COUNT_WITHHELD),
+                  aeo_estimator_count(&self->estimator, AEO_COUNT_BOUNDED),
+                  aeo_estimator_count(&self->estimator, AEO_COUNT_REINITIALISED),
+                  aeo_estimator_count(&self->estimator, AEO_COUNT_RELEASED), aeo_estimator_health(&self->estimator),
+                  c->sent, c->refused, c->dropped, c->snapshots, c->busy, node_bus_dropped(&self->bus));
     node_bus_print_counters(&self->bus);
     (void)fprintf(stderr, "}\n");
 }
@@ -420,7 +376,6 @@ int main(int argc, char **argv)
 {
     static node_t self;
     struct sigaction action;
-    uint32_t parameters = 0;
     int result, ended;
     if (node_options_read(&self.options, argc, argv) != 0) {
         return 2;
@@ -430,8 +385,7 @@ int main(int argc, char **argv)
     (void)sigaction(SIGINT, &action, NULL);
     (void)sigaction(SIGTERM, &action, NULL);
     self.snapshot_steps = choose_snapshot_steps(self.options.snapshot_s, self.options.sample_time_s);
-    if (init_regressor(&self) != 0 || init_filter(&self, &parameters) != 0 || open_bus(&self) != 0 ||
-        init_stream(&self, parameters) != 0) {
+    if (init_estimator(&self) != 0 || open_bus(&self) != 0 || init_stream(&self) != 0) {
         return 3;
     }
     while (self.options.wait && !stopped && node_bus_listeners(&self.bus) == 0u) {

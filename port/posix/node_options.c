@@ -1,6 +1,6 @@
 #include "node_options.h"
 
-#include "../common/chosen_filter.h"
+#include "../common/method_names.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -29,7 +29,7 @@ static int read_number(const char *option, const char *text, double low, double 
 static int read_channel(node_options_t *self, char **argv, int is_input)
 {
     double offset, scale;
-    aeo_stream_channel_t *channel;
+    aeo_channel_t *channel;
     if (is_input && self->outputs > 0u) {
         return refuse(argv[0], argv[1], "all inputs before the first output");
     }
@@ -74,7 +74,7 @@ static int read_bus(node_options_t *self, const char *text)
 
 static int read_method(node_options_t *self, const char *text)
 {
-    self->method = chosen_filter_method(text);
+    self->method = method_number(text);
     return self->method >= 0 ? 0 : refuse("--method", text, "rls, els, fast-rls or lattice");
 }
 
@@ -114,10 +114,10 @@ static void take_settings(node_options_t *self, const setting_t *setting)
 {
     self->sample_time_s = setting[SAMPLE_TIME].value;
     self->past = (uint16_t)setting[PAST].value;
-    self->varmax = self->varmax || self->method == (int)CHOSEN_ELS;
+    self->varmax = self->varmax || self->method == (int)AEO_METHOD_ELS;
     self->lambda = (float)setting[FORGET].value;
     if (!(self->lambda > 0)) {
-        self->lambda = self->method == (int)CHOSEN_FAST_RLS ? 0.999F : 1.0F;
+        self->lambda = self->method == (int)AEO_METHOD_FAST_RLS ? 0.999F : 1.0F;
     }
     self->lambda_start = self->lambda < 0.99F ? self->lambda : 0.99F;
     self->rho = (float)setting[REGULARIZE].value;

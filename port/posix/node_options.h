@@ -38,10 +38,10 @@
 
 typedef struct {
     uint8_t inputs, outputs;
-    aeo_stream_channel_t channel[AEO_STREAM_CHANNELS_MAX]; /* inputs first */
+    aeo_channel_t channel[AEO_STREAM_CHANNELS_MAX]; /* inputs first */
     double sample_time_s;
     uint16_t past;
-    int method; /* chosen_method_t */
+    int method; /* aeo_method_t */
     int varmax; /* 1: VARMAX regressors */
     float lambda, lambda_start, rho;
     uint32_t varx_samples;

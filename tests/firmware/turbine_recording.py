@@ -18,6 +18,7 @@ from aeolid.plants import hawt
 from aeolid.record import Record
 
 SAMPLES, SEED, PAST, NOISE = 3000, 20091130, 10, 0.1
+PLAUSIBLE = 100  # standard deviations: beyond them a number is a sensor's fault and not a sample
 
 
 def make_recording(samples: int = SAMPLES) -> Record:
@@ -37,7 +38,7 @@ def write_header(record: Record, path: Path) -> None:
     channels = feed.inputs + feed.outputs
     offset, scale = feed.offset.astype(np.float32), feed.scale.astype(np.float32)
     described = [
-        f'    {{"{c.name}", "{c.unit}", {float(o).hex()}f, {float(s).hex()}f}},'
+        f'    {{"{c.name}", "{c.unit}", {_list([o, s, o - PLAUSIBLE * s, o + PLAUSIBLE * s])[1:-1]}}},'
         for c, o, s in zip(channels, offset, scale, strict=True)
     ]
     rows = [f"    {_list(row)}," for row in record.columns([c.name for c in channels])]
@@ -45,9 +46,7 @@ def write_header(record: Record, path: Path) -> None:
         f"/* Made by {Path(__file__).name}: {record.source}. */",
         f"enum {{ TURBINE_SAMPLES = {len(record)}, TURBINE_INPUTS = {len(feed.inputs)}, TURBINE_PAST = {PAST},",
         f"       TURBINE_OUTPUTS = {len(feed.outputs)}, TURBINE_PERIOD_US = {round(record.sample_time_s * 1e6)} }};",
-        f"static const aeo_real_t turbine_offset[] = {_list(offset)};",
-        f"static const aeo_real_t turbine_scale[] = {_list(scale)};",
-        "static const aeo_stream_channel_t turbine_channels[] = {",
+        "static const aeo_channel_t turbine_channels[] = {",
         *described,
         "};",
         f"static const aeo_real_t turbine_values[][{len(channels)}] = {{",

@@ -190,7 +190,7 @@ static void drive(aeo_stream_t *stream, input_t *input)
 
 static void fuzz_streamer(input_t *input)
 {
-    static aeo_stream_channel_t channel[AEO_STREAM_CHANNELS_MAX];
+    static aeo_channel_t channel[AEO_STREAM_CHANNELS_MAX];
     aeo_stream_config_t config;
     uint32_t *memory, words;
     aeo_stream_t stream;
@@ -212,7 +212,13 @@ static void fuzz_streamer(input_t *input)
         config.inputs %= 30u;
         config.outputs = (uint8_t)(config.outputs % 20u + 1u);
         config.scheduling %= 10u;
-        config.parameters = config.parameters % 400u + 1u;
+        config.model_set &= 1u;
+        config.method = (uint8_t)(config.method & (config.model_set != 0u ? 3u : 2u)); /* els is VARMAX alone */
+        config.past = (uint16_t)(config.past % 8u); /* 0: no predictor, any number of parameters */
+        config.feedthrough = 0;
+        config.parameters = config.past == 0u ? config.parameters % 400u + 1u
+                                              : config.outputs * config.past *
+                                                    (config.inputs + config.outputs * (1u + config.model_set));
         config.sample_time_s = config.lambda = config.rho = AEO_REAL(0.125);
         config.health_every |= 1u;
         config.describe_every |= 1u;

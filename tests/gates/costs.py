@@ -95,7 +95,7 @@ def measure(pc: bool) -> dict[str, dict[str, int]]:
             "words": words,
             "cortex_m4f": board,
             **({"pc": count} if pc else {}),
-            "text": text.get(name, 0),
+            "text": text.get(f"{name}_with_saving", text.get(name, 0)),
             "stack": deepest.get(name, 0),
         }
         for (name, n, words, board), count in zip(rows, counts, strict=True)

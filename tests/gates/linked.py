@@ -6,11 +6,15 @@ import gate
 
 # What a program of each part names; the linker adds what these call.
 PARTS = {
-    "rls": {"rls", "regressor", "regressor_saved"},
+    "rls": {"rls", "regressor"},
+    "rls_with_saving": {"rls", "rls_saved", "regressor", "regressor_saved"},
     "els": {"els", "regressor", "regressor_saved"},
-    "fast_rls": {"fast_rls", "fast_rls_saved", "regressor", "regressor_saved"},
-    "lattice": {"lattice", "lattice_read", "regressor", "regressor_saved"},
+    "fast_rls": {"fast_rls", "regressor"},
+    "fast_rls_with_saving": {"fast_rls", "fast_rls_saved", "regressor", "regressor_saved"},
+    "lattice": {"lattice", "lattice_read", "regressor"},
+    "lattice_with_saving": {"lattice", "lattice_read", "lattice_saved", "regressor", "regressor_saved"},
     "stream": {"stream", "stream_values"},
+    "estimator": {"estimator", "estimator_rls"},  # rls by one description, saving included
 }
 
 

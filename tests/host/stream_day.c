@@ -37,8 +37,11 @@ static int count(void *context, const aeo_can_frame_t *frame)
 /* Samples, snapshots with repairs, innovations, descriptions and health, at 5 % of 500 kbit/s; the status of init. */
 int day_run(day_t *day, uint32_t base, uint32_t node, uint32_t extended, uint32_t forced, uint32_t fd, uint32_t samples)
 {
-    static const aeo_stream_channel_t channels[5] = {
-        {"a", "", 0, 1}, {"b", "", 0, 1}, {"c", "", 0, 1}, {"d", "", 0, 1}, {"e", "", 0, 1}};
+    static const aeo_stream_channel_t channels[5] = {{.name = "a", .unit = "", .scale = 1},
+                                                     {.name = "b", .unit = "", .scale = 1},
+                                                     {.name = "c", .unit = "", .scale = 1},
+                                                     {.name = "d", .unit = "", .scale = 1},
+                                                     {.name = "e", .unit = "", .scale = 1}};
     static uint32_t memory[450];
     static aeo_stream_t stream;
     static const float theta[450];

@@ -16,8 +16,9 @@ LEVEL = {"errors": 0, "record": 1, "models": 2, "identify": 3, "diagnose": 4, "f
          "begin": 5, "challenge": 5, "api": 5, "cli": 6, "demo": 7}  # fmt: skip
 MOST_LINES, MOST_BODY = 350, 40
 SIDE = {"can", "formats", "filters", "native", "plants"}  # hang off record; models are below them
-TOP = {"CMakeLists.txt", "src", "include", "port", "tests", "tools", "docs", "examples", "README.md", "DESIGN.md",
-       "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "LICENSE", ".clang-format", ".ci", ".gitignore"}  # fmt: skip
+TOP = {"CMakeLists.txt", "src", "include", "port", "tests", "tools", "docs", "examples", "packaging", "zephyr",
+       "library.json", "idf_component.yml", "README.md", "DESIGN.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md",
+       "LICENSE", ".clang-format", ".ci", ".gitignore"}  # fmt: skip
 
 
 def tracked() -> list[Path]:

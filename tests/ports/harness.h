@@ -7,7 +7,7 @@
 #define HARNESS_H
 
 #include <aeolid/config.h>
-#include <aeolid/frame.h>
+#include <aeolid/port.h>
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +15,7 @@
 /* Of the blocks. */
 int identification_init(void);
 void control_task(const aeo_real_t u[2], const aeo_real_t y[3], uint64_t time_us);
+int stream_init(const aeo_port_t *port);
 void take_sample(const aeo_real_t u[2], const aeo_real_t y[3], uint32_t k);
 int can_start(void);
 void mailbox_is_free_interrupt(void);

@@ -17,7 +17,7 @@ int main(int argc, char **argv)
         control_task(z, z + INPUTS, UINT64_C(100000) * k);
         (void)fwrite(z, sizeof *z, INPUTS + OUTPUTS, stdout);
         if (k % 100u == 99u) {
-            (void)fwrite(aeo_rls_theta(&filter), sizeof *z, N * OUTPUTS, stdout);
+            (void)fwrite(aeo_estimator_theta(&estimator), sizeof *z, estimator.regressor.length * OUTPUTS, stdout);
         }
     }
     return fflush(stdout) == 0 ? 0 : 1;

@@ -122,7 +122,9 @@ static void restore_names_what_is_wrong(void)
                   {factor + M * (M + 1) / 2 + M * M, 1e21},     /* 1 / gamma that no array goes on with */
                   {AEO_FAST_RLS_SAVED_HEAD + 2 * M * N, 1e30},  /* a gain that could move A out of bounds */
                   {AEO_FAST_RLS_SAVED_HEAD + AEO_FAST_RLS_ARRAY_WORDS(P, M, D), -2e30}, /* a rest that could overflow */
-                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}}; /* the window */
+                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L, 1.2e6}, /* the window */
+                  {AEO_FAST_RLS_SAVED_HEAD + 2 * AEO_FAST_RLS_ARRAY_WORDS(P, M, D) + N * L + N + M - 1, -1.2e6},
+                  {factor + M * (M + 1) / 2 + M * M, 2.5e20}}; /* 1 / gamma just beyond */
     for (size_t t = 0; t < sizeof damage / sizeof damage[0]; t++) {
         const aeo_real_t good = saved[damage[t].at];
         saved[damage[t].at] = (aeo_real_t)damage[t].value;

@@ -234,7 +234,8 @@ static void do_nothing(void *context)
 
 static void a_stream_sends_with_no_address_but_the_one_held(void)
 {
-    static const aeo_stream_channel_t channels[2] = {{"u", "", 0, 1}, {"y", "", 0, 1}};
+    static const aeo_stream_channel_t channels[2] = {{.name = "u", .unit = "", .scale = 1},
+                                                     {.name = "y", .unit = "", .scale = 1}};
     static uint32_t memory[4];
     static aeo_stream_t stream;
     const aeo_real_t u = 1, y = 2;

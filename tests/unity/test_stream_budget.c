@@ -39,6 +39,7 @@ static aeo_stream_config_t draw_config(void)
     config.fd_ratio = (uint8_t)(config.fd != 0u ? PICK(1, 2, 4, 16) : 0u);
     config.seal = (uint8_t)PICK(0, 1);
     config.innovations = (uint8_t)PICK(0, 0, 1);
+    config.past = 0;
     config.parameters = PICK(1, 14, 15, 150, N);
     config.sample_time_s = AEO_REAL(1e-6) * (aeo_real_t)PICK(500, 1000, 5000, 20000, 100000, 1000000);
     config.sample_every = (uint16_t)PICK(0, 1, 2, 10, 100, 1000);

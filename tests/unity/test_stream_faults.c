@@ -21,6 +21,7 @@ static void refuse_each_call(uint8_t fd)
     aeo_stream_config_t config = make_config();
     unsigned total, sent, lasting, k;
     config.parameters = 40;
+    config.past = 0;
     config.seal = 1;
     config.fd = fd;
     config.fd_ratio = 1;

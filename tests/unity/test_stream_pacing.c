@@ -21,6 +21,7 @@ static void share_is_kept(uint32_t bits_per_s, uint32_t period_us, int with_cloc
     config.bits_per_s = bits_per_s;
     config.fd = fd_ratio > 0u;
     config.fd_ratio = fd_ratio;
+    config.past = 0;
     config.parameters = fd_ratio > 0u ? 4000u : N; /* a snapshot takes many steps: there is always something to send */
     config.seal = 1;
     slack = 16.0 * (fd_ratio > 0u ? AEO_FRAME_FD_BITS_EXTENDED(64u, fd_ratio) : AEO_FRAME_BITS_EXTENDED) +

@@ -124,6 +124,7 @@ static void frames_are_as_many_as_the_formula_says(void)
             aeo_stream_config_t config = make_config();
             config.describe_every = (variant & 4u) != 0u ? 4 : config.describe_every;
             config.parameters = sizes[s];
+            config.past = 0;
             config.fd = variant & 1u;
             config.fd_ratio = 2;
             config.repair_percent = (variant & 2u) != 0u ? 25 : 0;

@@ -76,6 +76,7 @@ static void every_part_of_a_sample_may_be_empty(void)
 {
     const aeo_real_t s[2] = {7, 8}, out[1] = {6};
     aeo_stream_config_t config = make_config();
+    config.past = 0;
     config.inputs = 0;
     config.outputs = 1;
     config.scheduling = 2;
@@ -106,6 +107,7 @@ static void can_fd_carries_fourteen_channels_a_frame(void)
         out[i % 20u] = (aeo_real_t)(40u + i % 20u);
         s[i % 4u] = (aeo_real_t)(60u + i % 4u);
     }
+    config.past = 0;
     config.inputs = 40;
     config.outputs = 20;
     config.scheduling = 4;

@@ -3,12 +3,9 @@
  * One structure carries everything, so the caller needs no other declaration. No allocation here either: the caller
  * asks aeo_replay_bytes and hands over that much memory, aligned for double.
  */
-#include "chosen_filter.h"
+#include "method_names.h"
 
 #include "aeolid/markov.h"
-#include "aeolid/regressor.h"
-
-#include <string.h>
 
 #if defined(__GNUC__)
 #define EXPORTED __attribute__((visibility("default")))
@@ -27,18 +24,18 @@ typedef struct {
     const double *minimum;   /* r + l */
     const double *maximum;   /* r + l */
     uint32_t inputs, outputs, past, model_set, feedthrough, period_us;
-    uint32_t method; /* chosen_method_t */
+    uint32_t method; /* aeo_method_t */
     double forgetting, regularisation, excitation_min, growth_max;
     uint32_t varx_samples; /* from here on for els only */
     double forgetting_start, forgetting_rate, guard_ratio;
-    double *innovation;                  /* N x l, channel units, a priori; untouched where no update took place */
-    double *residual;                    /* N x l, a posteriori */
-    int8_t *status;                      /* N, aeo_status_t of the sample */
-    double *theta;                       /* l x n, channel units */
-    double *theta_scaled;                /* l x n */
-    uint32_t regressors;                 /* n, written */
-    uint32_t health;                     /* flags, written */
-    uint32_t count[5 + CHOSEN_COUNTERS]; /* samples, not_finite, range, time, gaps; then those of chosen_filter.h */
+    double *innovation;           /* N x l, channel units, a priori; untouched where no update took place */
+    double *residual;             /* N x l, a posteriori */
+    int8_t *status;               /* N, aeo_status_t of the sample */
+    double *theta;                /* l x n, channel units */
+    double *theta_scaled;         /* l x n */
+    uint32_t regressors;          /* n, written */
+    uint32_t health;              /* flags, written */
+    uint32_t count[AEO_COUNTERS]; /* of aeo_counter_t */
 } aeo_replay_t;
 
 EXPORTED size_t aeo_replay_bytes(const aeo_replay_t *replay);
@@ -47,28 +44,23 @@ EXPORTED int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes);
 
 /* What one replay keeps between samples, at the start of the caller's memory; words of the filters follow. */
 typedef struct {
-    aeo_regressor_t regressor;
-    chosen_filter_t filter;
-    aeo_real_t table[4][AEO_REGRESSOR_CHANNELS_MAX * 2];
+    aeo_estimator_t estimator;
+    aeo_channel_t channel[AEO_REGRESSOR_CHANNELS_MAX * 2];
     aeo_real_t u[AEO_REGRESSOR_CHANNELS_MAX];
     aeo_real_t y[AEO_REGRESSOR_CHANNELS_MAX];
     double words[]; /* double only for its alignment */
 } workspace_t;
 
-static size_t count_regressor_words(const aeo_replay_t *replay)
+static aeo_estimator_config_t describe(const aeo_replay_t *replay, const aeo_channel_t *channels)
 {
-    return AEO_REGRESSOR_WORDS(replay->inputs, replay->outputs, replay->past, replay->model_set);
-}
-
-static chosen_config_t describe_filter(const aeo_replay_t *replay)
-{
-    const chosen_config_t config = {
-        .method = (chosen_method_t)replay->method,
-        .model_set = replay->model_set == 0u ? AEO_VARX : AEO_VARMAX,
+    const aeo_estimator_config_t config = {
         .inputs = (uint16_t)replay->inputs,
         .outputs = (uint16_t)replay->outputs,
         .past = (uint16_t)replay->past,
+        .model_set = (aeo_model_set_t)replay->model_set,
         .feedthrough = replay->feedthrough,
+        .period_us = replay->period_us,
+        .channels = channels,
         .forgetting = (aeo_real_t)replay->forgetting,
         .regularisation = (aeo_real_t)replay->regularisation,
         .excitation_min = (aeo_real_t)replay->excitation_min,
@@ -81,10 +73,16 @@ static chosen_config_t describe_filter(const aeo_replay_t *replay)
     return config;
 }
 
+static size_t count_words(const aeo_replay_t *replay)
+{
+    const aeo_estimator_config_t config = describe(replay, NULL);
+    const aeo_estimator_method_t method = method_of(replay->method);
+    return method == NULL ? 0u : aeo_estimator_words(method, &config);
+}
+
 size_t aeo_replay_bytes(const aeo_replay_t *replay)
 {
-    const chosen_config_t config = describe_filter(replay);
-    return sizeof(workspace_t) + (count_regressor_words(replay) + chosen_filter_words(&config)) * sizeof(aeo_real_t);
+    return sizeof(workspace_t) + count_words(replay) * sizeof(aeo_real_t);
 }
 
 const char *aeo_replay_status_text(int status)
@@ -99,33 +97,19 @@ static void narrow(const double *from, aeo_real_t *to, size_t count)
     }
 }
 
-static aeo_status_t init_regressor(const aeo_replay_t *replay, workspace_t *work)
+static aeo_status_t start(const aeo_replay_t *replay, workspace_t *work)
 {
-    const size_t channels = (size_t)replay->inputs + replay->outputs;
-    const double *tables[4] = {replay->offset, replay->scale, replay->minimum, replay->maximum};
-    for (int t = 0; t < 4; t++) {
-        narrow(tables[t], work->table[t], channels);
+    for (size_t i = 0; i < (size_t)replay->inputs + replay->outputs; i++) {
+        aeo_channel_t *const channel = &work->channel[i];
+        channel->name = channel->unit = NULL;
+        channel->offset = (aeo_real_t)replay->offset[i];
+        channel->scale = (aeo_real_t)replay->scale[i];
+        channel->minimum = (aeo_real_t)replay->minimum[i];
+        channel->maximum = (aeo_real_t)replay->maximum[i];
     }
-    const aeo_regressor_config_t config = {
-        .inputs = (uint16_t)replay->inputs,
-        .outputs = (uint16_t)replay->outputs,
-        .past = (uint16_t)replay->past,
-        .model_set = (aeo_model_set_t)replay->model_set,
-        .feedthrough = replay->feedthrough,
-        .period_us = replay->period_us,
-        .offset = work->table[0],
-        .scale = work->table[1],
-        .minimum = work->table[2],
-        .maximum = work->table[3],
-    };
-    return aeo_regressor_init(&work->regressor, &config, (aeo_real_t *)work->words, count_regressor_words(replay));
-}
-
-static aeo_status_t init_filter(const aeo_replay_t *replay, workspace_t *work)
-{
-    const chosen_config_t config = describe_filter(replay);
-    aeo_real_t *memory = (aeo_real_t *)work->words + count_regressor_words(replay);
-    return chosen_filter_init(&work->filter, &config, memory, chosen_filter_words(&config));
+    const aeo_estimator_config_t config = describe(replay, work->channel);
+    return aeo_estimator_init(&work->estimator, method_of(replay->method), &config, (aeo_real_t *)work->words,
+                              count_words(replay));
 }
 
 static aeo_status_t step(const aeo_replay_t *replay, workspace_t *work, size_t k)
@@ -133,38 +117,34 @@ static aeo_status_t step(const aeo_replay_t *replay, workspace_t *work, size_t k
     const size_t r = replay->inputs, l = replay->outputs;
     narrow(replay->u + k * r, work->u, r);
     narrow(replay->y + k * l, work->y, l);
-    aeo_status_t status = aeo_regressor_push(&work->regressor, work->u, work->y, replay->time_us[k]);
-    if (status != AEO_OK) {
-        return status;
-    }
-    status = chosen_filter_take(&work->filter, &work->regressor);
+    const aeo_status_t status = aeo_estimator_take(&work->estimator, work->u, work->y, replay->time_us[k]);
     if (status != AEO_OK) {
         return status;
     }
     for (size_t i = 0; i < l; i++) {
-        const double scale = (double)work->table[1][r + i];
-        replay->innovation[k * l + i] = (double)chosen_filter_innovation(&work->filter)[i] * scale;
-        replay->residual[k * l + i] = (double)chosen_filter_residual(&work->filter)[i] * scale;
+        const double scale = (double)work->channel[r + i].scale;
+        replay->innovation[k * l + i] = (double)aeo_estimator_innovation(&work->estimator)[i] * scale;
+        replay->residual[k * l + i] = (double)aeo_estimator_residual(&work->estimator)[i] * scale;
     }
     return AEO_OK;
 }
 
 static aeo_status_t read_out(aeo_replay_t *replay, workspace_t *work)
 {
-    const aeo_real_t *theta = chosen_filter_theta(&work->filter);
-    const size_t count = AEO_MARKOV_WORDS(work->regressor.length, replay->outputs);
+    const aeo_real_t *theta = aeo_estimator_theta(&work->estimator);
+    const aeo_regressor_t *const layout = &work->estimator.regressor;
+    const size_t count = AEO_MARKOV_WORDS(layout->length, replay->outputs);
     if (theta == NULL) {
         return AEO_E_RANGE;
     }
     for (size_t i = 0; i < count; i++) {
         replay->theta_scaled[i] = (double)theta[i];
-        replay->theta[i] = (double)aeo_markov_at(&work->regressor, theta, i);
+        replay->theta[i] = (double)aeo_markov_at(layout, theta, i);
     }
-    replay->regressors = work->regressor.length;
-    replay->health = chosen_filter_health(&work->filter);
-    memcpy(replay->count, &work->regressor.count, 5 * sizeof *replay->count);
-    for (unsigned i = 0; i < CHOSEN_COUNTERS; i++) {
-        replay->count[5 + i] = chosen_filter_count(&work->filter, i);
+    replay->regressors = layout->length;
+    replay->health = aeo_estimator_health(&work->estimator);
+    for (unsigned i = 0; i < AEO_COUNTERS; i++) {
+        replay->count[i] = aeo_estimator_count(&work->estimator, (aeo_counter_t)i);
     }
     return AEO_OK;
 }
@@ -181,10 +161,7 @@ int aeo_replay_run(aeo_replay_t *replay, void *memory, size_t bytes)
         return AEO_E_MEMORY;
     }
     workspace_t *work = memory;
-    aeo_status_t status = init_regressor(replay, work);
-    if (status == AEO_OK) {
-        status = init_filter(replay, work);
-    }
+    const aeo_status_t status = start(replay, work);
     if (status != AEO_OK) {
         return status;
     }

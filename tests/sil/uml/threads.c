@@ -101,7 +101,8 @@ static unsigned read_all(int receiver)
 
 int main(int argc, char **argv)
 {
-    static const aeo_stream_channel_t channels[2] = {{"u", "m", 0, 1}, {"y", "m", 0, 1}};
+    static const aeo_stream_channel_t channels[2] = {{.name = "u", .unit = "m", .scale = 1},
+                                                     {.name = "y", .unit = "m", .scale = 1}};
     aeo_stream_config_t config;
     pthread_t control, background;
     aeo_port_t port;

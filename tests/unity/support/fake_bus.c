@@ -11,12 +11,12 @@ aeo_stream_t stream;
 uint32_t words[PARAMETERS_MAX];
 aeo_real_t theta[PARAMETERS_MAX], u[INPUTS], y[OUTPUTS];
 
-const aeo_stream_channel_t channels[CHANNELS] = {
-    {"pitch", "deg", AEO_REAL(0), AEO_REAL(1)},
-    {"generator_torque", "Nm", AEO_REAL(0), AEO_REAL(1000)},
-    {"a name of exactly 32 characters!", "rad/s", AEO_REAL(1.25), AEO_REAL(0.02)},
-    {NULL, NULL, AEO_REAL(0), AEO_REAL(1)},
-    {"y3", "", AEO_REAL(-1), AEO_REAL(2)}};
+const aeo_channel_t channels[CHANNELS] = {
+    {.name = "pitch", .unit = "deg", .scale = AEO_REAL(1)},
+    {.name = "generator_torque", .unit = "Nm", .scale = AEO_REAL(1000)},
+    {.name = "a name of exactly 32 characters!", .unit = "rad/s", .offset = AEO_REAL(1.25), .scale = AEO_REAL(0.02)},
+    {.scale = AEO_REAL(1)},
+    {.name = "y3", .unit = "", .offset = AEO_REAL(-1), .scale = AEO_REAL(2)}};
 
 static int send(void *context, const aeo_can_frame_t *frame)
 {

@@ -22,7 +22,7 @@ extern aeo_port_t port;
 extern aeo_stream_t stream;
 extern uint32_t words[PARAMETERS_MAX];
 extern aeo_real_t theta[PARAMETERS_MAX], u[INPUTS], y[OUTPUTS];
-extern const aeo_stream_channel_t channels[CHANNELS];
+extern const aeo_channel_t channels[CHANNELS];
 
 /* For setUp and tearDown: an empty bus with a lock and no clock; no lock held and none taken twice. */
 void set_up_bus(void);
