@@ -496,7 +496,9 @@ def test_a_free_run_finds_swapped_turned_and_scaled_channels(kind: str, tmp_path
 @pytest.mark.parametrize(
     ("name", "kind", "verdict"),
     [
-        ("drive rate", "equations", "named"),
+        pytest.param(
+            "drive rate", "equations", "named", marks=pytest.mark.nightly
+        ),  # whole diagnoses by day: test_diagnose_effects.py, three challenge cases; this limit's laws: below
         pytest.param(
             "sensor sign", "state_space", "named", marks=pytest.mark.nightly
         ),  # test_diagnose_channel_faults.py asks it of plants that nobody chose

@@ -53,11 +53,12 @@ def prepared_of(folder: Path) -> Prepared:
         ),
         ("shake", 0.03, "a force at state:v that swings at ([0-9.]+) Hz times the position", 0.37),
         ("teeth", 2.5, "a force at state:v that repeats every ([0-9.]+) of the position", 0.05),
-        (
+        pytest.param(
             "relaxing",
             8.0,
             "a force at state:v that follows changes of the position and relaxes within ([0-9.]+) s",
             None,
+            marks=pytest.mark.nightly,  # as dear as the four by day together
         ),
         ("eddies", 0.6, "a force at state:v in a narrow band around ([0-9.]+) Hz, which nobody recorded", 2.3),
         ("stiffer", 0.3, "(state:v|like push) that follows push times the position", None),  # at one mass one model

@@ -111,7 +111,7 @@ def test_several_effects_are_all_found(count: int, samples: int, tmp_path: Path)
     case = study.write_case(
         tmp_path / "case", study.Hidden("several", "equations", effects, noise=(0.3, 0.05, 0.005)), samples, 3
     )
-    assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "0"]) == 0
+    assert main(["diagnose", str(case), "--out", str(tmp_path / "out"), "--sham", "0", "--no-report"]) == 0
     d = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     found = {e["id"]: {k: v["value"] for k, v in e["parameters"].items()} for e in d["effects"]}
     assert d["verdict"] == "multiple" and d["sealed"]["interval"][0] > 0

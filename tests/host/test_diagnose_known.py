@@ -26,7 +26,7 @@ needs_dryer = pytest.mark.skipif(not DRYER.exists(), reason="../shared/data/drye
 
 
 def diagnose(case: Path, out: Path) -> dict[str, Any]:
-    assert main(["diagnose", str(case), "--out", str(out), "--sham", "0"]) == 0
+    assert main(["diagnose", str(case), "--out", str(out), "--sham", "0", "--no-report"]) == 0
     loaded: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
     return loaded
 

@@ -110,7 +110,7 @@ def write_case(folder: Path, kind: str, same: bool, lag: float, samples: int = S
 
 
 def diagnose(case: Path, out: Path) -> dict[str, Any]:
-    assert main(["diagnose", str(case), "--out", str(out), "--sham", "0", "--allow-fmu"]) == 0
+    assert main(["diagnose", str(case), "--out", str(out), "--sham", "0", "--allow-fmu", "--no-report"]) == 0
     loaded: dict[str, Any] = json.loads((out / "diagnosis.json").read_text())
     return loaded
 

@@ -137,6 +137,22 @@ def test_sensitivities_are_the_derivatives(gain: bool, order: int) -> None:
         )  # the gain's own tolerance is 1e-10/1e-10
 
 
+@pytest.mark.parametrize("gain", [False, True], ids=["Kalman gain", "free gain"])
+def test_what_is_kept_of_a_point_is_what_a_new_predictor_says_of_it(gain: bool) -> None:
+    """Points in any order, each asked for again: innovations, noise and likelihood, to the last bit."""
+    segments, rng = (recording(1), recording(2, 200)), np.random.default_rng(4)
+    kept = predictor(segments, 2)
+    points = [moved(point(2, gain=gain), "theta", (0,), by) for by in (0.0, 0.1, -0.2)]
+    for k in rng.integers(0, 3, 30):
+        new = predictor(segments, 2)
+        assert kept.objective(points[k]) == new.objective(points[k])
+        mine, its = kept.innovations(points[k]), new.innovations(points[k])
+        assert all(np.array_equal(a, b) for a, b in zip(mine, its, strict=True))
+        noise, same = kept.noise_of(mine), new.noise_of(its)
+        assert noise is not None and same is not None
+        assert np.array_equal(noise.var, same.var) and np.array_equal(noise.factor, same.factor)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_what_moves_nothing_but_rounding_has_no_slope(seed: int) -> None:
     """The pole of a disturbance without a gain: its slope was 1e-9 of rounding, its first step as far as it could go.

@@ -23,7 +23,7 @@ study = load_study("known")
 @pytest.mark.parametrize("name", PAIRS)
 def test_what_the_simulator_lacks_is_named_and_nothing_else(name: str, tmp_path: Path) -> None:
     """Verdict, names, place, and values within the tolerance that comes with the case."""
-    assert main(["diagnose", str(KNOWN / name), "--out", str(tmp_path), "--sham", "0"]) == 0
+    assert main(["diagnose", str(KNOWN / name), "--out", str(tmp_path), "--sham", "0", "--no-report"]) == 0
     said = json.loads((tmp_path / "diagnosis.json").read_text())
     truth = json.loads((KNOWN / name / "truth.json").read_text())
     row = study.judge(truth, said)

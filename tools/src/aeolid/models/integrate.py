@@ -15,7 +15,7 @@ from aeolid.models.equations import Equations
 from aeolid.models.input_filters import CHANGING, KINDS, QUARTERS, SPLIT, WHOLE
 from aeolid.models.intersample import MOVING, as_held, slopes, slopes_of_quarters
 from aeolid.models.machine_code import LANES, MachineCode, translate
-from aeolid.models.march import march, outputs, reading_jacobian, settle, slope, state_jacobian
+from aeolid.models.march import fastest_at_most, march, outputs, reading_jacobian, settle, slope, state_jacobian
 
 Array = NDArray[np.float64]
 _MAX_SUBSTEPS = 200  # beyond that the model is stiff and the equations, not the sampling, need a look
@@ -27,6 +27,11 @@ class Compiled:
 
     model: Equations
     code: MachineCode
+
+    @cached_property
+    def start(self) -> Array:
+        """Return the model's initial state (n + memories,), memories NaN; shared, not to be written into."""
+        return self.model.x0
 
     @cached_property
     def velocities(self) -> list[int]:
@@ -55,6 +60,11 @@ class Compiled:
     def stepping(self) -> set[str]:
         """Return the held inputs that change within a sample all the same, behind a lag or late by part of one."""
         return {f.channel for f in self.model.filters if f.kind in CHANGING} - self.moving
+
+    @cached_property
+    def behind_steps(self) -> Equations:
+        """Return the model with the filters of those inputs alone."""
+        return replace(self.model, filters=tuple(f for f in self.model.filters if f.channel in self.stepping))
 
     @property
     def ramps(self) -> bool:
@@ -184,21 +194,15 @@ def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: f
     rest = x0.copy()
     rest[compiled.velocities] = 0.0
     places = [x0, rest] if np.any(x0[compiled.velocities]) else [x0]
-    jacobians = [numeric_jacobian(compiled, x, middle, theta) for x in places]
+    settled = np.array([compiled.settled(x, middle, theta) for x in places])
+    u, th, n = contiguous(middle), contiguous(theta), len(compiled.model.states)
+    if fastest_at_most(compiled.code.flow, n, settled, u, th) * step <= 0.5:
+        return 1
+    jacobians = [state_jacobian(compiled.code.flow, n, x, u, th) for x in settled]
     if not all(math.isfinite(float(j.sum())) for j in jacobians):
         return 4
-    if all(_at_most(j) * step <= 0.5 for j in jacobians):
-        return 1
     fastest = max(float(np.max(np.abs(np.linalg.eigvals(j)), initial=0.0)) for j in jacobians)
     return int(min(_MAX_SUBSTEPS, max(1, math.ceil(fastest * step / 0.5))))
-
-
-def _at_most(jacobian: Array) -> float:
-    """Return what no eigenvalue exceeds, ‖J⁴‖^(1/4), at a quarter of their cost; not finite where it overflows."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = jacobian @ jacobian
-        fourth = (square @ square).ravel()
-        return math.sqrt(math.sqrt(math.sqrt(float(fourth @ fourth))))
 
 
 def numeric_jacobian(compiled: Compiled, x: Array, u: Array, theta: Array) -> Array:
@@ -242,10 +246,7 @@ def _change_within(compiled: Compiled, u: Array, means: Array, theta: Array, ste
     found = slopes(means, compiled.which_move(means.shape[1])) if compiled.moving else np.zeros(u.shape)
     own = [i for i, s in enumerate(compiled.model.inputs) if s.name in compiled.stepping]
     if own:
-        filters = tuple(f for f in compiled.model.filters if f.channel in compiled.stepping)
-        quarters = apply_filters(
-            replace(compiled.model, filters=filters), np.repeat(u, 4, axis=0), theta, step, QUARTERS
-        )
+        quarters = apply_filters(compiled.behind_steps, np.repeat(u, 4, axis=0), theta, step, QUARTERS)
         found[:, own] = slopes_of_quarters(quarters[:, own])
     return found
 

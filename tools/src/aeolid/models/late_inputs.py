@@ -18,7 +18,9 @@ def late(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
     u (N·p,): the same over the pieces of a sample.
     """
-    return filtered(u, np.array([values[0], 0.0]), step, pieces)
+    if not math.isfinite(values[0]):
+        return np.full_like(u, np.nan)
+    return _late(np.ascontiguousarray(u), float(values[0]) / step, pieces)
 
 
 def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
@@ -37,6 +39,20 @@ def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
     at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces
     share = (_step_integral(at + pieces, delay) - _step_integral(at, delay)) / pieces
     return _with_changes(np.ascontiguousarray(u), share - 1.0, first, len(pieces))
+
+
+@njit(cache=True)
+def _late(u: Array, offset: float, pieces: Array) -> Array:
+    """Return `filtered` without a filter, whose step response is a step: its integral is the time since."""
+    most = len(u) / len(pieces) + 1.0
+    offset = min(max(offset, -most), most)
+    first, count, end = math.floor(offset), len(pieces), np.cumsum(pieces)
+    lacking = np.empty((2, count))
+    for j in range(count):
+        for i in range(2):
+            at = (first + i - offset) + end[j] - pieces[j]
+            lacking[i, j] = (max(at + pieces[j], 0.0) - max(at, 0.0)) / pieces[j] - 1.0
+    return _with_changes(u, lacking, first, count)
 
 
 @njit(cache=True)

@@ -40,6 +40,9 @@ class Evaluator:
         self.scales = scales
         self.var_order = var_order
         self._acting: dict[int, tuple[bytes, Array]] = {}
+        self._last: tuple[tuple[Point, list[Array]], ...] = ()
+        self._noise: tuple[Sequence[Array], Noise | None] | None = None
+        self._rows: dict[int, tuple[NDArray[np.bool_], NDArray[np.bool_]]] = {}
 
     def on(self, segments: Sequence[Segment]) -> Self:
         """Return the same predictor for other data."""
@@ -113,18 +116,32 @@ class Evaluator:
         return K if point.K is None else K + point.K
 
     def innovations(self, point: Point) -> list[Array]:
-        """Return the innovations (N, l) of every segment, the burn-in included."""
+        """Return the innovations (N, l) of every segment, the burn-in included; not to be written into.
+
+        Those of the last two points are kept: a fit asks for a point again where it takes the next step.
+        """
+        for known, kept in self._last:
+            if known is point:
+                return kept
         K, found = self.gain(point), []
         for i, s in enumerate(self.segments):
             u, count = self.ready(point, i)
             found.append(self.compiled.innovations(u, s.y, point.theta, K, point.x0[i], s.fine_step, count, s.stride))
+        self._last = ((point, found), *self._last[:1])
         return found
 
     def noise_of(self, innovations: Sequence[Array]) -> Noise | None:
-        """Estimate the noise model of innovations; None where they are not finite."""
+        """Estimate the noise model of innovations; None where they are not finite. The last one is kept."""
+        if self._noise is None or self._noise[0] is not innovations:
+            self._noise = innovations, self._estimated(innovations)
+        return self._noise[1]
+
+    def _estimated(self, innovations: Sequence[Array]) -> Noise | None:
         for e, segment in zip(innovations, self.segments, strict=True):
-            bounded = np.abs(e[segment.burn :]) < 1e12
-            if not np.all(bounded) and np.any(np.isfinite(segment.y[segment.burn :][~bounded])):
+            scored = np.abs(e[segment.burn :])
+            if scored.max(initial=0.0) < 1e12:
+                continue
+            if np.any(np.isfinite(segment.y[segment.burn :][~(scored < 1e12)])):
                 return None
         order = self.var_order if self.var_order is not None else 0
         return estimate_noise(innovations, [s.burn for s in self.segments], order)
@@ -186,9 +203,11 @@ class Evaluator:
 
         order: of the noise model; a row that a missing measurement touches is not scored.
         """
-        known = [~touched(s.y, order)[s.burn :] for s in self.segments]
-        early = [np.arange(s.burn, len(s.y)) < order for s in self.segments]
-        return np.concatenate(known), np.concatenate(early)
+        if order not in self._rows:
+            known = [~touched(s.y, order)[s.burn :] for s in self.segments]
+            early = [np.arange(s.burn, len(s.y)) < order for s in self.segments]
+            self._rows[order] = np.concatenate(known), np.concatenate(early)
+        return self._rows[order]
 
     def choose_var_order(self, point: Point) -> int:
         """Return the noise-model order that BIC prefers; 0 where the gain is free and colours noise itself."""

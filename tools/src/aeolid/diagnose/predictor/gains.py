@@ -27,14 +27,14 @@ def kalman_gain(
     solution.
     """
     x_size, spread = sizes
-    model, n = compiled.model, len(x_size)
-    x = np.concatenate([model.x0[:n] + x_size, np.full(len(model.memories), np.nan)])
+    n, x = len(x_size), compiled.start.copy()
+    x[:n] += x_size
     units = np.where(x_size > 0, x_size, 1.0)
     process, sensor = (amplitude[:n] * x_size / units) ** 2, (amplitude[n:] * spread) ** 2
     gain = np.zeros((n, len(spread)))
     for floor in FLOORS:
         if _solve_at(
-            addresses(compiled.code), model.sample_time_s > 0, x, contiguous(u), contiguous(theta), units,
+            addresses(compiled.code), compiled.model.sample_time_s > 0, x, contiguous(u), contiguous(theta), units,
             process, sensor, step, floor, gain,
         ):  # fmt: skip
             break

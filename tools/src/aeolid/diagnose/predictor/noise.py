@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,12 +30,12 @@ class Noise:
     covariance: Array
     whole: Array
 
-    @property
+    @cached_property
     def factor(self) -> Array:
         """Return L with L Lᵀ = Σ⁻¹, so that ε L is white with unit variance."""
         return np.linalg.cholesky(np.linalg.inv(self.covariance))
 
-    @property
+    @cached_property
     def early_factor(self) -> Array:
         """Return L with L Lᵀ = Γ⁻¹, Γ the covariance of all of the noise: for rows whose lags are not known."""
         return np.linalg.cholesky(np.linalg.inv(self.whole))
@@ -43,19 +44,8 @@ class Noise:
 def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: int) -> Noise:
     """Fit a VAR(order) to innovations by least squares; rows touched by a missing sample are left out."""
     outputs = innovations[0].shape[1]
-    targets, lags, rows = [], [], []
-    for e, burn in zip(innovations, burns, strict=True):
-        first = max(burn, order)
-        targets.append(e[first:])
-        finite = np.all(np.isfinite(e), axis=1)
-        rows.append(np.logical_and.reduce([finite[first - i : len(e) - i] for i in range(order + 1)]))
-        lags.append(
-            np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)] or [np.zeros((len(e) - first, 0))])
-        )
-    y, z = np.concatenate(targets), np.concatenate(lags)
-    good = np.concatenate(rows)
-    if not np.all(good):
-        y, z = y[good], z[good]
+    parts = [_explained(e, max(burn, order), order) for e, burn in zip(innovations, burns, strict=True)]
+    y, z = parts[0] if len(parts) == 1 else (np.concatenate(p) for p in zip(*parts, strict=True))
     var, whole = np.zeros((order, outputs, outputs)), y.T @ y / max(len(y), 1)
     if order:
         gram = z.T @ z
@@ -66,6 +56,18 @@ def estimate_noise(innovations: Sequence[Array], burns: Sequence[int], order: in
     # a perfectly predicted output keeps a finite likelihood
     kept = [c + 1e-12 * max(float(np.trace(c)), 1e-300) * np.eye(outputs) for c in (covariance, whole)]
     return Noise(var, *kept)
+
+
+def _explained(e: Array, first: int, order: int) -> tuple[Array, Array]:
+    """Return the rows of e (N, l) from `first` on and the `order` rows before each, side by side; whole ones only."""
+    y = e[first:]
+    z = np.hstack([e[first - i : len(e) - i] for i in range(1, order + 1)]) if order else np.zeros((len(y), 0))
+    finite = np.isfinite(e)
+    if finite.all():
+        return y, z
+    rows = np.all(finite, axis=1)
+    good = np.logical_and.reduce([rows[first - i : len(e) - i] for i in range(order + 1)])
+    return y[good], z[good]
 
 
 def preferred_order(innovations: Sequence[Array], burns: Sequence[int], *, stateless: bool = False) -> int:

@@ -109,27 +109,30 @@ def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -
 
     What would leave its range ends there, and the others follow: cut off afterwards, its share would spoil theirs.
     """
-    count, size = len(limits.value), np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    scaled = gram / np.outer(size, size) + (damping + 1e-10) * np.eye(len(size))
+    count, size = len(limits.value), np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    scaled = gram / (size[:, None] * size)
+    scaled.flat[:: len(size) + 1] += damping + 1e-10
     walls, push = limits.slopes / size, downhill / size
     low, high = ((end - limits.value) * size[:count] for end in (limits.low, limits.high))
     side, held = np.zeros(len(downhill), dtype=int), np.zeros(len(limits.slack), dtype=bool)
     step = np.zeros(len(downhill))
     for _ in range(_ROUNDS):
-        moving = side == 0
-        step[:] = 0.0
-        step[:count] = np.where(side[:count] < 0, low, np.where(side[:count] > 0, high, 0.0))
-        active = walls[held]
-        room = limits.slack[held] - active @ step
-        step[moving], force = _solve(
-            scaled[np.ix_(moving, moving)], (push - scaled @ step)[moving], active[:, moving], room
-        )
+        moving, active, freed = side == 0, walls[held], np.zeros(count, dtype=bool)
+        if moving.all():
+            step, force = _solve(scaled, push, active, limits.slack[held])
+        else:
+            step[:] = 0.0
+            step[:count] = np.where(side[:count] < 0, low, np.where(side[:count] > 0, high, 0.0))
+            room = limits.slack[held] - active @ step
+            step[moving], force = _solve(
+                scaled[np.ix_(moving, moving)], (push - scaled @ step)[moving], active[:, moving], room
+            )
+            pull = (push - scaled @ step - active.T @ force)[:count]
+            freed = ((side[:count] < 0) & (pull > 0)) | ((side[:count] > 0) & (pull < 0))
         own, free = step[:count], moving[:count]
         below, above = free & (own < low), free & (own > high)
         through = (walls @ step > limits.slack) & ~held
-        pull = (push - scaled @ step - active.T @ force)[:count]
-        freed = ((side[:count] < 0) & (pull > 0)) | ((side[:count] > 0) & (pull < 0))
-        if not np.any(below | above | freed) and not np.any(through):
+        if not (below | above | freed).any() and not through.any():
             break
         side[:count] = np.where(freed, 0, np.where(below, -1, np.where(above, 1, side[:count])))
         held |= through
@@ -140,10 +143,10 @@ def limited_step(gram: Array, downhill: Array, damping: float, limits: Limits) -
 
 def _solve(matrix: Array, push: Array, walls: Array, slack: Array) -> tuple[Array, Array]:
     """Minimise ½ sᵀ M s − pᵀ s with W s = slack; returns s and the walls' multipliers (w,)."""
+    if not len(slack):
+        return np.asarray(np.linalg.solve(matrix, push[:, None])[:, 0], dtype=np.float64), slack
     solved = np.asarray(np.linalg.solve(matrix, np.column_stack([push, walls.T])), dtype=np.float64)
     step, back = solved[:, 0], solved[:, 1:]
-    if not len(slack):
-        return step, np.zeros(0)
     needed = np.linalg.lstsq(walls @ back, walls @ step - slack, rcond=None)[0]
     force = np.maximum(np.asarray(needed, dtype=np.float64), 0.0)
     return step - back @ force, force
