@@ -27,13 +27,14 @@ def candidate(fit_gain: float, select_gain: float, *, plausible: bool = True, pa
         (12.0, 15.0, True, True),
         (12.0, 6.0, True, False),
         (81.0, 7.0, True, True),
-        (81.0, -0.5, True, False),
+        (81.0, -4.5, True, True),
+        (81.0, -5.5, True, False),
         (20.5, 7.0, True, False),
         (81.0, 30.0, False, False),
         (-3.0, 30.0, True, False),
         (3.5, 30.0, True, False),
     ],
-    ids=["selection proves it", "within its scatter", "clear on the fit", "refuted", "not clear", "not physical",
+    ids=["selection proves it", "within its scatter", "clear on the fit", "silent", "refuted", "not clear", "not physical",
          "worse on the fit", "less on the fit than it costs"],
 )  # fmt: skip
 def test_a_candidate_is_proven_on_selection_data_or_clear_and_not_refuted(
