@@ -445,9 +445,46 @@ static void schedules_fit_their_numbers(void)
     TEST_ASSERT_TRUE(before > 200000000u);
 }
 
+/* The wait is four samples a regressor, or a tenth of a memory where that is less: 166 of 1,667 for n = 50. */
+static void a_break_waits_for_a_tenth_of_a_memory(void)
+{
+    enum { SHORT_WORDS = AEO_FAST_RLS_WORDS(10, 5, 0, 3) };
+    static aeo_real_t memory[SHORT_WORDS];
+    static const struct {
+        double rate;
+        uint32_t wait;
+    } known[] = {{0.0004, 200}, {0.0006, 166}, {0.0008, 125}, {0.01, 10}};
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+        aeo_fast_rls_t filter;
+        const aeo_fast_rls_config_t config = {.past = 10,
+                                              .block = 5,
+                                              .outputs = 3,
+                                              .forgetting = AEO_REAL(1) - (aeo_real_t)known[i].rate,
+                                              .regularisation = AEO_REAL(1),
+                                              .growth_max = AEO_REAL(100)};
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&filter, &config, memory, SHORT_WORDS));
+        TEST_ASSERT_UINT32_WITHIN(1, known[i].wait, filter.wait);
+    }
+}
+
+/* The second window of all has nothing to do with the first: a break, though most of the window is not known yet. */
+static void a_break_right_behind_the_start_is_noticed(void)
+{
+    const aeo_fast_rls_config_t config = make_config(R + L, 0, 0.999, 1.0, 100);
+    aeo_real_t z[P * (R + L)], y[L] = {0};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    for (uint32_t k = 0; k < 3u; k++) {
+        fill(z, P * (R + L), &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_EQUAL_UINT32(k, fast.count.restarted);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
+    RUN_TEST(a_break_waits_for_a_tenth_of_a_memory);
+    RUN_TEST(a_break_right_behind_the_start_is_noticed);
     RUN_TEST(words_are_known_at_compile_time);
     RUN_TEST(agrees_with_square_root_rls);
     RUN_TEST(errors_die_out);

@@ -329,13 +329,49 @@ static void a_saved_window_has_no_chance_in_it(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, other, KEPT));
     TEST_ASSERT_EQUAL_MEMORY(one, other, sizeof one);
     TEST_ASSERT_TRUE(aeo_regressor_invariants_hold(&regressor));
-    for (unsigned place = 0; place < 3u; place++) { /* each part alone */
-        aeo_real_t *const at = place == 0u ? regressor.offset : place == 1u ? regressor.z : regressor.block;
+    aeo_real_t *const parts[] = {regressor.offset, regressor.inverse + 3, regressor.maximum + 3, regressor.z,
+                                 regressor.block};
+    for (unsigned place = 0; place < sizeof parts / sizeof *parts; place++) { /* each part alone */
+        aeo_real_t *const at = parts[place];
         const aeo_real_t good = *at;
         *at = make_not_finite(0);
         TEST_ASSERT_FALSE(aeo_regressor_invariants_hold(&regressor));
         *at = good;
     }
+}
+
+/* A range of one value is a range: what the channel is stuck at is all it may have. */
+static void a_range_may_be_one_value(void)
+{
+    static aeo_real_t window[AEO_REGRESSOR_WORDS(1, 1, 1, 0)];
+    static const aeo_real_t only[2] = {2, -3};
+    const aeo_regressor_config_t layout = {
+        .inputs = 1, .outputs = 1, .past = 1, .period_us = 1000, .minimum = only, .maximum = only};
+    aeo_regressor_t regressor;
+    aeo_real_t u[1] = {2}, y[1] = {-3};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &layout, window, sizeof window / sizeof *window));
+    TEST_ASSERT_EQUAL_INT(AEO_FILLING, aeo_regressor_push(&regressor, u, y, 0));
+    u[0] = AEO_REAL(2.5);
+    TEST_ASSERT_EQUAL_INT(AEO_E_RANGE, aeo_regressor_push(&regressor, u, y, 1000));
+}
+
+/* A filter that forgets nothing has no memory to compare with: nothing is watched, nothing released. */
+static void without_forgetting_nothing_is_watched(void)
+{
+    static aeo_real_t memory[AEO_RLS_WORDS(ORDER, 1)];
+    const aeo_rls_config_t config = {ORDER, 1, AEO_REAL(1), AEO_REAL(1), AEO_REAL(0), AEO_REAL(8)};
+    aeo_rls_t rls;
+    aeo_real_t z[ORDER];
+    start_lattice(1.0, 0, 1000);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, sizeof memory / sizeof *memory));
+    for (int k = 0; k < 20; k++) {
+        feed_lattice(1.0, 0.1);
+        fill(z, ORDER, &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, z));
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, lattice.watch.age);
+    TEST_ASSERT_EQUAL_UINT32(0, rls.watch.age);
+    TEST_ASSERT_EQUAL_UINT32(0, rls.scan_row);
 }
 
 static void a_scan_beyond_the_last_row_is_damage(void)
@@ -398,6 +434,8 @@ int main(void)
     RUN_TEST(a_block_is_suspect_from_half_and_from_a_tenth_on);
     RUN_TEST(held_a_hundred_times_over_is_suspect);
     RUN_TEST(a_saved_window_has_no_chance_in_it);
+    RUN_TEST(a_range_may_be_one_value);
+    RUN_TEST(without_forgetting_nothing_is_watched);
     RUN_TEST(a_scan_beyond_the_last_row_is_damage);
     RUN_TEST(what_a_fresh_covariance_would_take_is_told_to_the_watch);
     RUN_TEST(what_fresh_covariances_would_take_is_told_to_the_watch);

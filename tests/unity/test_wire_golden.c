@@ -315,6 +315,19 @@ static void few_parameters_go_in_the_known_order(void)
     }
 }
 
+/* Time before the start earns nothing, whatever the clock says: credit is for the time since init. */
+static void the_past_earns_no_credit(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 25000;
+    port.time_us = read_clock;
+    fake.now_us = 123456789;
+    start_stream(&config);
+    TEST_ASSERT_EQUAL_INT(0, aeo_stream_step(&stream));
+    fake.now_us += 100000; /* 2,500 bits: fifteen frames of 160 */
+    TEST_ASSERT_EQUAL_INT(15, aeo_stream_step(&stream));
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -328,5 +341,6 @@ int main(void)
     RUN_TEST(settings_end_where_they_should);
     RUN_TEST(a_description_has_every_fourth_frame);
     RUN_TEST(few_parameters_go_in_the_known_order);
+    RUN_TEST(the_past_earns_no_credit);
     return UNITY_END();
 }
