@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from aeolid.identify.markov import estimate_markov
-from aeolid.identify.order import worth_a_state
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order
 from aeolid.identify.truncation import LARGEST_ORDER, held_out_power, order_loss
 from aeolid.identify.windows import WindowFactor
@@ -59,14 +58,14 @@ def ask_predicted(halves: Halves, through: tuple[bool, ...], i: int, level: floa
     """Say whether what the past tells of input i shows in the outputs beyond the states, and F can spoil little.
 
     halves, through: as in `ask_states`; level: of the χ² test of D by two-stage least squares on the held-out part,
-    with what the fitted part says of states and input. Yes asks more: the estimate by least squares is nearer to that
+    with what the fitted part says of states and input; as many states as predict best, for one left out shows as D.
+    Yes asks more: the estimate by least squares is nearer to that
     of two stages than zero is, and leaving D out costs more of the error than all of the correlation within the sample.
     """
     fitted, held_out = halves
     through = (*through[:i], True, *through[i + 1 :])
     basis, losses = _losses(halves, through)
-    order = int(np.flatnonzero(losses <= losses.min() + worth_a_state(held_out.windows))[0]) + 1
-    T, width = basis.state_map(order), fitted.past * fitted.channels
+    T, width = basis.state_map(int(np.argmin(losses)) + 1), fitted.past * fitted.channels
     others = [j for j in range(fitted.inputs) if through[j] and j != i]
     known = np.hstack([held_out.R[:, :width] @ T.T, held_out.u_now[:, others]])
     told = np.linalg.lstsq(fitted.R[:, :width], fitted.u_now[:, i], rcond=1e-9)[0]
