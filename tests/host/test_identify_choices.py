@@ -8,7 +8,8 @@ import pytest
 from aeolid.cli.main import main
 from aeolid.errors import UsageError
 from aeolid.identify.choices import choose
-from aeolid.identify.choose_past import longest_past, read_past
+from aeolid.identify.choose_past import climb, longest_past, read_past
+from aeolid.identify.plant_states import ask_predicted, ask_states
 from aeolid.identify.residuals import run_residual_tests
 from aeolid.identify.short_factors import product_factor, shorter
 from aeolid.identify.windows import factorise, find_scaling
@@ -126,6 +127,23 @@ def test_turbine_gets_the_pitch(samples):
     )
     for one in (record, bare):
         assert "pitch" in choose([one], 20, "auto", checked=False).feedthrough
+
+
+@pytest.mark.parametrize(("seed", "noise"), [(7001, 0.0), (7015, 0.01)])
+def test_turbine_gets_the_torque_where_the_excitation_is_not_recorded(seed, noise):
+    """The torque is computed from the speed of the sample and acts within it: few states need its feedthrough."""
+    record = simulate_closed_loop(4000, seed, excitation=Excitation(noise=noise))
+    bare = Record(record.time_s, record.values[:, :5], record.channels[:5], record.sample_time_s, "bare", "")
+    assert choose([bare], 30, "auto", checked=False).feedthrough == ("pitch", "generator_torque")
+
+
+@pytest.mark.parametrize("ask", [ask_states, ask_predicted])
+def test_few_states_need_no_feedthrough_of_what_is_computed_from_the_output(ask):
+    """Neither question says D where there is F alone, up to where the loop is hardly stable."""
+    for feedback, seed in ((0.03, 1), (0.06, 2), (0.08, 3)):
+        record = two_modes(3000, 0.1, seed, feedback=feedback, late=False)
+        halves = climb([record], find_scaling([record]), 25).at(25)[0]
+        assert not ask(halves, (False,), 0, 0.01)
 
 
 def test_a_mask_that_leaves_out_what_acts_is_said_and_the_bands_do_not_hold(tmp_path, capsys):

@@ -77,7 +77,8 @@ def choose(
     tested: tuple[Feedthrough, ...] = ()
     at = min(given if given is not None else max(round(TESTED * ladder.longest), 1), ladder.longest)
     if checked or feedthrough == "auto":
-        tested = choose_feedthrough(records, scaling, ladder.at(at)[1])
+        halves, whole = ladder.at(at)
+        tested = choose_feedthrough(records, scaling, whole, halves)
     on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)
     missing = () if feedthrough == "auto" else tuple(t for t in tested if t.on and t.name not in on)
     said = _said(tested, missing, feedthrough == "auto")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from aeolid.identify.feedthrough import (
     lag_zero,
     loop_p_value,
 )
+from aeolid.identify.plant_states import Halves, ask_predicted, ask_states
 from aeolid.identify.windows import Scaling, WindowFactor, window_rows
 from aeolid.record import Record
 
@@ -24,11 +26,14 @@ CHUNK = 8192
 LONGEST = 100_000  # windows whose innovations are looked at; more change nothing but the time it takes
 
 
-def choose_feedthrough(records: Sequence[Record], scaling: Scaling, factor: WindowFactor) -> tuple[Feedthrough, ...]:
-    """Say for each input whether it acts on the outputs within the sample and is not computed from them.
+def choose_feedthrough(
+    records: Sequence[Record], scaling: Scaling, factor: WindowFactor, halves: Halves
+) -> tuple[Feedthrough, ...]:  # fmt: skip
+    """Say for each input whether the model is better with its feedthrough than without.
 
-    records: as the windows are taken from them; factor: of all their windows, of a length that predicts the outputs.
-    Level 1 % over all inputs together (Bonferroni). Cost: N q (l + r) operations.
+    records: as the windows are taken from them; factor: of all their windows, of a length that predicts the outputs;
+    halves: of the same windows in the part that is fitted and the part held out. Level 1 % over all inputs together
+    (Bonferroni). Cost: N q (l + r) operations.
     """
     e, v, u, x = _innovations(records, scaling, factor)
     count = len(scaling.inputs)
@@ -45,6 +50,27 @@ def choose_feedthrough(records: Sequence[Record], scaling: Scaling, factor: Wind
         else:
             on, sure, reason = _in_loop(factor, e, v, x, i, output)
         found.append(Feedthrough(name, on, sure, float(min(1.0, p_values[i] * count)), output, reason))
+    return _with_states(found, suspected, halves)
+
+
+def _with_states(found: list[Feedthrough], suspected: list[int], halves: Halves) -> tuple[Feedthrough, ...]:
+    """Return the answers with those on that few states need (`plant_states`): asked where the others left off.
+
+    An input that F is told of by the questions before is asked the second only.
+    """
+    level = LEVEL / len(found)
+    for i in suspected:
+        through = tuple(t.on for t in found)
+        if through[i]:
+            continue
+        how = ""
+        if not found[i].sure and ask_states(halves, through, i, level):
+            how = "without it the plant needs the states of the loop's controller too"
+        elif ask_predicted(halves, through, i, level):
+            how = "what the past tells of it shows in the outputs beyond the states"
+        if how:
+            reason = f"acts on {found[i].output} within the sample: {how}"
+            found[i] = replace(found[i], on=True, sure=True, reason=reason)
     return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """Find inputs that act on the outputs within the sample, and tell them from inputs computed from those outputs.
 
 What the past does not tell of y_k and what it does not tell of u_k hang together where u acts on y within the sample
-(D ≠ 0), and also where a controller computes u_k from y_k (F ≠ 0): the correlation alone does not say which. Four
+(D ≠ 0), and also where a controller computes u_k from y_k (F ≠ 0): the correlation alone does not say which. Five
 questions do, in this order, for each input:
 
 1. Is there a correlation? Without one, D and F are below what the recording shows, and the mask does not matter.
@@ -12,6 +12,8 @@ questions do, in this order, for each input:
 4. Does a short memory tell u_k as well as the long one? A controller has few states. With F the short memory does so
    where y_k is in it, and not where it is left out, since y_k has then to be predicted, which takes a long one; with a
    sample of delay it does without y_k.
+
+5. Few states (`plant_states`): asked of inputs that are still without feedthrough.
 
 Where none answers, the input has no feedthrough and a sentence says what to do. The rule fails for a controller of as
 many states as the window, for noise in the controller that is coloured (no short memory is enough: undecided), and for

@@ -190,12 +190,12 @@ def _order(
     fitted, held_out = halves
     basis = find_states(fitted, estimate_markov(fitted, through, regularization).theta, fitted.past)
     most = max(min(most, largest_useful_order(basis)), 1)
-    losses = np.array([_loss(fitted, held_out, basis, n, through) for n in range(1, most + 1)])
+    losses = np.array([order_loss(fitted, held_out, basis, n, through) for n in range(1, most + 1)])
     allowed = worth_a_state(held_out.windows)
     return int(np.flatnonzero(losses <= losses.min() + allowed)[0]) + 1
 
 
-def _loss(
+def order_loss(
     fitted: WindowFactor, held_out: WindowFactor, basis: StateBasis, order: int, through: tuple[bool, ...]
 ) -> float:
     """Return the mean log error power per output of C x + D u, x of the window, on the held-out factor."""
