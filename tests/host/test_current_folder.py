@@ -91,7 +91,9 @@ def test_the_planted_modules_would_be_imported_without_the_guard(folder: Path) -
 
 def test_numba_takes_neither_configuration_nor_cache_of_the_current_folder(folder: Path) -> None:
     asked = "import os, aeolid.compiled as c, numba; print(numba.config.CACHE_DIR); print(numba.config._HAVE_YAML)"
-    lines = run(folder, sys.executable, "-P", "-c", asked, XDG_CACHE_HOME=str(folder / "own")).stdout.splitlines()
+    done = run(folder, sys.executable, "-P", "-c", asked, XDG_CACHE_HOME=str(folder / "own"))
+    lines = done.stdout.splitlines()
+    assert not done.stderr, "a file that is not read is not spoken of either"
     assert lines == [str(folder / "own" / "aeolid" / "numba"), "False"]
     assert (folder / "own" / "aeolid" / "numba").stat().st_mode & 0o077 == 0
 

@@ -12,6 +12,7 @@ import shutil
 import stat
 import sys
 import tempfile
+import warnings
 from pathlib import Path
 
 _CACHE = "NUMBA_CACHE_DIR"
@@ -62,7 +63,9 @@ def _import_numba() -> None:
     reader = sys.modules.get("yaml", missing)
     sys.modules["yaml"] = None  # type: ignore[assignment]  # an import of it now fails
     try:
-        import numba
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "A Numba config file")  # it says so on every command
+            import numba
     finally:
         if reader is missing:
             del sys.modules["yaml"]
