@@ -34,8 +34,8 @@ def candidate(fit_gain: float, select_gain: float, *, plausible: bool = True, pa
         (-3.0, 30.0, True, False),
         (3.5, 30.0, True, False),
     ],
-    ids=["selection proves it", "within its scatter", "clear on the fit", "silent", "refuted", "not clear", "not physical",
-         "worse on the fit", "less on the fit than it costs"],
+    ids=["selection proves it", "within its scatter", "clear on the fit", "silent", "refuted", "not clear",
+         "not physical", "worse on the fit", "less on the fit than it costs"],
 )  # fmt: skip
 def test_a_candidate_is_proven_on_selection_data_or_clear_and_not_refuted(
     fit_gain: float, select_gain: float, plausible: bool, accepted: bool

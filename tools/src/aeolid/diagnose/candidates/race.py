@@ -94,9 +94,9 @@ def is_accepted(candidate: Candidate) -> bool:
 
     The selection data are a fifth of all. An effect worth 81 nats with one parameter gained 7 ± 5 there; nothing of
     that size comes by chance, and the sealed data have the last word as always. One deviation below none they are
-    silent still (a second heater's warmth: 33 nats, −5 ± 7, then four of five recordings in turn). The fit data must speak for it beyond
-    what its parameters cost: where a simulator's model was bent to the fit data, two values worth 5 nats there gained
-    36 and 126 on the other parts, of a recording that lacked nothing.
+    silent still (a second heater's warmth: 33 nats, −5 ± 7, then four of five recordings in turn). The fit data must
+    speak for it beyond what its parameters cost: where a simulator's model was bent to the fit data, two values worth
+    5 nats there gained 36 and 126 on the other parts, of a recording that lacked nothing.
     """
     if not candidate.plausible or candidate.fit_gain <= candidate.handicap:
         return False
