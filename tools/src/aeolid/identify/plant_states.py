@@ -59,8 +59,8 @@ def ask_predicted(halves: Halves, through: tuple[bool, ...], i: int, level: floa
 
     halves, through: as in `ask_states`; level: of the χ² test of D by two-stage least squares on the held-out part,
     with what the fitted part says of states and input; as many states as predict best, for one left out shows as D.
-    Yes asks more: the estimate by least squares is nearer to that
-    of two stages than zero is, and leaving D out costs more of the error than all of the correlation within the sample.
+    Yes asks more: the estimate by least squares is nearer to that of two stages than zero is, and leaving D out costs
+    more of the error than all of the correlation within the sample.
     """
     fitted, held_out = halves
     through = (*through[:i], True, *through[i + 1 :])
