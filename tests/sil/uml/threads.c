@@ -119,7 +119,7 @@ int main(int argc, char **argv)
     config.address.extended = 1;
     config.inputs = 1;
     config.outputs = 1;
-    config.past = 1;
+    config.past = 0; /* no predictor: N values of anything */
     config.parameters = N;
     config.sample_time_s = 0.01F;
     config.channels = channels;
