@@ -482,7 +482,8 @@ def test_a_mass_off_the_axis_stands_out_in_the_bank(kind: str, tmp_path: Path, m
     """With wind and noise and this file's entries: the mass leads, over the family's threshold.
 
     In equations a narrow band at rest beside it changed the Kalman gain by rounding, and its score to 2. On the outputs
-    of a linear model a pitched blade has the same line and one more in the fore-aft motion.
+    of a linear model a pitched blade has the same line and one more in the fore-aft motion. Scores count deviations:
+    three of them are no chance.
     """
     monkeypatch.setattr(prepare, "ENTRIES", tuple(entry(i) for i in IDS))
     trial = TRIALS["mass imbalance", kind]
@@ -490,5 +491,5 @@ def test_a_mass_off_the_axis_stands_out_in_the_bank(kind: str, tmp_path: Path, m
     bank = score_bank(prepared, prepared.hypotheses, 1)
     others = [r for r in bank.rows if kind == "equations" or r.attachment.entry != "aero_imbalance"]
     assert others[0].attachment.entry == "mass_imbalance" and others[0].z > bank.threshold
-    assert all(r.z < 0.5 * others[0].z for r in others[1:])
+    assert all(r.z < others[0].z - 3 for r in others[1:])
     assert all(r.z < others[0].z + 2 for r in bank.rows)  # nor does the further line add anything

