@@ -233,7 +233,7 @@ def check_spoilt(case: Path, folder: Path, *, holes: bool, stuck: bool) -> None:
     assert stuck == any("speed" in note["channel"] and "600" in note["finding"] for note in notes), notes
 
 
-@pytest.mark.parametrize("holes", [True, False])
+@pytest.mark.parametrize("holes", [pytest.param(True, marks=pytest.mark.nightly), False])
 def test_missing_samples_or_a_stuck_sensor_are_survived(case: Path, tmp_path: Path, holes: bool) -> None:
     """What a stuck sensor did not measure is left out and said; the name stays."""
     check_spoilt(case, tmp_path, holes=holes, stuck=not holes)

@@ -171,7 +171,11 @@ def test_a_mode_that_the_simulation_lacks_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spring", "loss", "entries"), [(40.0, 0.5, {"stiffness_change", "added_mass"}), (48.0, 1.2, {"damping_change"})]
+    ("spring", "loss", "entries"),
+    [
+        (40.0, 0.5, {"stiffness_change", "added_mass"}),
+        pytest.param(48.0, 1.2, {"damping_change"}, marks=pytest.mark.nightly),
+    ],
 )
 def test_a_mode_that_moved_is_named_with_its_frequency(spring: float, loss: float, entries: set[str]) -> None:
     found = told(rig(7, spring=spring, loss=loss), rig(1))

@@ -195,14 +195,14 @@ def _all_effects(
 
     Returns the sets, smallest first, what the data do not tell from the largest, what the bank then says.
     """
-    chain, after_bank = _further(prepared, winner, top, seed)
+    chain, after_bank = _further(prepared, winner, candidates, top, seed)
     chain, others = _exchanged(prepared, chain, candidates)
     form = _better_form(prepared, candidates, chain)
     return (chain if form is None else [form]), others, after_bank
 
 
 def _further(
-    prepared: Prepared, winner: Candidate | None, top: Ceiling, seed: int
+    prepared: Prepared, winner: Candidate | None, candidates: Sequence[Candidate], top: Ceiling, seed: int
 ) -> tuple[list[Candidate], Bank | None]:
     """Look for effects beside the first one; returns the sets, smallest first, and what the bank then says.
 
@@ -215,7 +215,7 @@ def _further(
         return [winner], None
     if prepared.surrogate is not None and winner.select_gain > float(top.select.sum()):
         return [winner], what_is_left(prepared, winner, seed)
-    return further_effects(prepared, winner, seed)
+    return further_effects(prepared, winner, candidates, seed)
 
 
 def _exchanged(

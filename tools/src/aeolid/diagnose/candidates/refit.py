@@ -13,6 +13,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
+from aeolid.diagnose.candidates.simulation_starts import simulation_starts
 from aeolid.diagnose.candidates.starts import starts_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
@@ -103,11 +104,12 @@ class Begun:
         return self.prepared.predictor.objective(self.base.point) - self.found[0][0]
 
 
-def begin(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> Begun | None:
+def begin(prepared: Prepared, base: Fit, rows: Sequence[Row], simulated: bool = False) -> Begun | None:
     """Fit effects briefly together with the baseline, from several starts; None where every start diverges.
 
     The effects' values start from the score's estimate and from the entry's own starts, the rest from the fitted
-    and from the declared baseline (a baseline fitted under the wrong structure may sit far from the truth).
+    and from the declared baseline (a baseline fitted under the wrong structure may sit far from the truth). simulated:
+    once more from where the simulation error leads.
     """
     predictor, model = prepared.predictor, prepared.extended
     attachments = tuple(r.attachment for r in rows)
@@ -122,6 +124,8 @@ def begin(prepared: Prepared, base: Fit, rows: Sequence[Row]) -> Begun | None:
         tried = TRIED if prepared.surrogate is None else _TRIED_ON_RUN
         best = fit_briefly(predictor, starts, free, tried)
         found += [best] if best is not None else []
+    far = fit_briefly(predictor, simulation_starts(prepared, base, rows, free), free, 1) if simulated else None
+    found += [far] if far is not None else []
     found.sort(key=lambda pair: pair[0])
     begun = Begun(prepared, base, free, attachments, tuple(found))
     return _without_the_lost(begun) if found else None
@@ -200,10 +204,14 @@ def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Pr
 
 
 def refit(
-    prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array, ahead: float = 0.0
-) -> Candidate | None:
-    """Fit baseline and effects together from several starts; None where every start diverges. ahead: as in `judge`."""
-    begun = begin(prepared, base, rows)
+    prepared: Prepared, base: Fit, rows: Sequence[Row], baseline_select: Array, ahead: float = 0.0,
+    simulated: bool = False,
+) -> Candidate | None:  # fmt: skip
+    """Fit baseline and effects together from several starts; None where every start diverges.
+
+    ahead: as in `judge`; simulated: as in `begin`.
+    """
+    begun = begin(prepared, base, rows, simulated)
     return None if begun is None else finish(begun, baseline_select, ahead)
 
 
