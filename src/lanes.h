@@ -53,18 +53,22 @@ typedef aeo_real_t aeo_one_t, aeo_one_there_t;
 /* What a lane of a sum begins with: -0, to which any number, -0 too, adds itself. So beginning with a product is the same. */
 #define AEO_SUM_START (-AEO_REAL(0))
 
-/* Lanes of a sum, and the vectors that hold them. AEO_EACH_PART(DO) is DO(0) DO(1) ... for all of these: as no loop,
- * since not every level of optimisation keeps what a loop goes over in registers. */
+/* Lanes of a sum, and the vectors that hold them. AEO_EACH_PART(DO) is DO(0) DO(1) ... for all of these, AEO_LAST_FOUR(DO) for
+ * those of the last four lanes, if these are by themselves: as no loop, since not every level of optimisation keeps what a
+ * loop goes over in registers. */
 #define AEO_SUM_LANES 8
 #define AEO_PARTS     (AEO_SUM_LANES / AEO_LANES)
 #if AEO_PARTS == 1
 #define AEO_EACH_PART(DO) DO(0)
 #elif AEO_PARTS == 2
 #define AEO_EACH_PART(DO) DO(0) DO(1)
+#define AEO_LAST_FOUR(DO) DO(1)
 #elif AEO_PARTS == 4
 #define AEO_EACH_PART(DO) DO(0) DO(1) DO(2) DO(3)
+#define AEO_LAST_FOUR(DO) DO(2) DO(3)
 #else
 #define AEO_EACH_PART(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
+#define AEO_LAST_FOUR(DO) DO(4) DO(5) DO(6) DO(7)
 #endif
 /* A kernel without sums over lanes is a macro of the type (lanes, few, one) and of how many of these go abreast, twice,
  * since it gives the same bits in any: two vectors, or four numbers where there are none, then what is left. */

@@ -233,6 +233,19 @@ typedef struct {
     const aeo_real_t *a, *c, *k;
 } turns_t;
 
+/* Half of the rows of a strip by themselves: where they are whole vectors, unless text counts. */
+#if AEO_PARTS > 1 && !AEO_SMALL
+#define IN_HALVES 1
+#else
+#define IN_HALVES 0
+#endif
+
+/* x - y, at least 0 */
+static size_t less(size_t x, size_t y)
+{
+    return x > y ? x - y : 0u;
+}
+
 #define CLEAR(i)  b[i] = aeo_lanes_spread(AEO_REAL(0));
 #define STEP(i)   TURN(b[i], strip + W * j + (i)*AEO_LANES)
 #define KEEP(i)   aeo_lanes_store(gain + (i)*AEO_LANES, b[i]);
@@ -242,50 +255,61 @@ typedef struct {
 #define SPREAD_TURN                                                                                                    \
     const aeo_lanes_t a = aeo_lanes_spread(as[j]), c = aeo_lanes_spread(cs[j]), k = aeo_lanes_spread(ks[j])
 
-/* Rotate the first `count` columns of a strip, the last of them first; gain receives the strip's part of it. */
-static void rotate_strip(aeo_real_t *AEO_RESTRICT strip, turns_t turns, size_t count, aeo_real_t *gain)
+/* From column j on down to column `first`, the parts of a strip that DO names. */
+#define ROTATE(DO, first)                                                                                              \
+    while (j > (first)) {                                                                                              \
+        j--;                                                                                                           \
+        SPREAD_TURN;                                                                                                   \
+        DO                                                                                                             \
+    }
+
+/* Rotate the first `count` of a strip's columns, the last of them first; gain receives the strip's part of it. From column
+ * `half` on its first four rows are 0. */
+static void rotate_strip(aeo_real_t *AEO_RESTRICT strip, turns_t turns, size_t count, size_t half, aeo_real_t *gain)
 {
     const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
                                          *AEO_RESTRICT const ks = turns.k;
     aeo_lanes_t b[AEO_PARTS];
+    size_t j = count;
     AEO_EACH_PART(CLEAR)
-    for (size_t j = count; j-- > 0u;) {
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-    }
+#if IN_HALVES
+    ROTATE(AEO_LAST_FOUR(STEP), half)
+#else
+    (void)half;
+#endif
+    ROTATE(AEO_EACH_PART(STEP), 0u)
     AEO_EACH_PART(KEEP)
 }
 
 #if AEO_PARTS <= 2
 #define IN_PAIRS 1
-/* The same for two strips, the one above with its first `both` columns: neither waits for its own sums, and a turn is
- * spread over lanes once. */
+/* The same for two strips, the one above with as many of its columns as it has: neither waits for its own sums, and a turn
+ * is spread over lanes once. */
 static void rotate_two(aeo_real_t *AEO_RESTRICT strip, aeo_real_t *AEO_RESTRICT above, turns_t turns, size_t count,
-                       size_t both, aeo_real_t *gain)
+                       size_t half, aeo_real_t *gain)
 {
     const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
                                          *AEO_RESTRICT const ks = turns.k;
+    const size_t both = less(half, 4u);
     aeo_lanes_t b[AEO_PARTS], d[AEO_PARTS];
     size_t j = count;
     AEO_EACH_PART(CLEAR)
     AEO_EACH_PART(CLEAR2)
-    while (j > both) {
-        j--;
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-    }
-    while (j > 0u) {
-        j--;
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-        AEO_EACH_PART(STEP2)
-    }
+#if IN_HALVES
+    ROTATE(AEO_LAST_FOUR(STEP), half)
+    ROTATE(AEO_EACH_PART(STEP), both)
+    ROTATE(AEO_EACH_PART(STEP) AEO_LAST_FOUR(STEP2), less(both, 4u))
+#else
+    ROTATE(AEO_EACH_PART(STEP), both)
+#endif
+    ROTATE(AEO_EACH_PART(STEP) AEO_EACH_PART(STEP2), 0u)
     AEO_EACH_PART(KEEP)
     AEO_EACH_PART(KEEP2)
 }
 #else
 #define IN_PAIRS 0
 #endif
+#undef ROTATE
 #undef CLEAR
 #undef STEP
 #undef KEEP
@@ -310,12 +334,11 @@ const aeo_real_t *aeo_strips_rotate(aeo_real_t *factor, size_t n, size_t count, 
 #if IN_PAIRS
         if (end > W) {
             end -= W;
-            rotate_two(strip, factor + find_column(end / W - 1u, pad, pad), turns, columns,
-                       columns < own - W ? columns : own - W, gain + end);
+            rotate_two(strip, factor + find_column(end / W - 1u, pad, pad), turns, columns, less(own, 4u), gain + end);
             continue;
         }
 #endif
-        rotate_strip(strip, turns, columns, gain + end - W);
+        rotate_strip(strip, turns, columns, less(own, 4u), gain + end - W);
     }
     return gain + pad;
 }
