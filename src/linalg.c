@@ -213,7 +213,9 @@ void aeo_linalg_move_rows(aeo_real_t *AEO_RESTRICT rows, const aeo_real_t *AEO_R
                           const aeo_real_t *AEO_RESTRICT x, size_t n, size_t count)
 {
     size_t i = 0;
+#if !AEO_SMALL
     MOVE_ROWS(lanes, AEO_ABREAST, AEO_EACH_OF)
+#endif
     MOVE_ROWS(few, 1, AEO_ALONE)
 #if AEO_FEW > 1
     MOVE_ROWS(one, 1, AEO_ALONE)

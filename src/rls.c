@@ -69,9 +69,8 @@ void aeo_rls_reset(aeo_rls_t *self)
     if (self == NULL) {
         return;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);
-    aeo_watch_start(&self->watch, self->watched, l);
+    memset(self->theta, 0, (size_t)(self->work - self->theta) * sizeof *self->theta);
+    aeo_watch_start(&self->watch, self->watched, self->config.outputs);
     start_factor(self);
 }
 
