@@ -3,6 +3,7 @@
 
 #include "linalg.h"
 #include "root.h"
+#include "rows.h"
 #include "triangle.h"
 
 #include <string.h>
@@ -74,51 +75,60 @@ int aeo_fast_array_is_late(const aeo_fast_rls_array_t *array)
 }
 
 #if AEO_REAL_BYTES == 4
-/* y += a x over count terms; rest keeps what rounding cuts off, to be added the next time (Kahan 1965). */
-static void add_with_rest(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y,
-                          aeo_real_t *AEO_RESTRICT rest, size_t count)
+/* rows += a x', m rows of n values; what rounding cuts off is kept `apart` numbers from each entry, to be added the next
+ * time (Kahan 1965). */
+#define FETCH(type, p) v[p] = AEO_FROM(type, x + i + (p)*AEO_SIZE(type));
+#define MOVE(type, p)                                                                                                  \
+    {                                                                                                                  \
+        aeo_real_t *const entry = row + (p)*AEO_SIZE(type), *const rest = entry + apart;                               \
+        const aeo_##type##_t before = AEO_AT(type, entry), move = v[p] * a[r] + AEO_AT(type, rest);                    \
+        const aeo_##type##_t after = before + move;                                                                    \
+        AEO_AT(type, entry) = after;                                                                                   \
+        AEO_AT(type, rest) = move - (after - before);                                                                  \
+    }
+#define MOVE_ROWS(type, ABREAST, EACH)                                                                                 \
+    for (; i + (ABREAST)*AEO_SIZE(type) <= n; i += (ABREAST)*AEO_SIZE(type)) {                                         \
+        aeo_##type##_t v[ABREAST];                                                                                     \
+        aeo_real_t *row = rows + i;                                                                                    \
+        EACH(FETCH, type)                                                                                              \
+        for (size_t r = 0; r < m; r++) {                                                                               \
+            EACH(MOVE, type)                                                                                           \
+            row += n;                                                                                                  \
+        }                                                                                                              \
+    }
+static void move_with_rests(aeo_real_t *rows, const aeo_real_t *AEO_RESTRICT a, const aeo_real_t *AEO_RESTRICT x,
+                            size_t n, size_t m, ptrdiff_t apart)
 {
     size_t i = 0;
-#ifndef __OPTIMIZE_SIZE__            /* 180 bytes on a Cortex-M4F; the bits are the same without */
-    for (; i + 4 <= count; i += 4) { /* four a turn, as in aeo_linalg_axpy */
-        const aeo_real_t y0 = y[i], y1 = y[i + 1], y2 = y[i + 2], y3 = y[i + 3];
-        const aeo_real_t step0 = a * x[i] + rest[i], step1 = a * x[i + 1] + rest[i + 1];
-        const aeo_real_t step2 = a * x[i + 2] + rest[i + 2], step3 = a * x[i + 3] + rest[i + 3];
-        const aeo_real_t sum0 = y0 + step0, sum1 = y1 + step1, sum2 = y2 + step2, sum3 = y3 + step3;
-        y[i] = sum0;
-        y[i + 1] = sum1;
-        y[i + 2] = sum2;
-        y[i + 3] = sum3;
-        rest[i] = step0 - (sum0 - y0);
-        rest[i + 1] = step1 - (sum1 - y1);
-        rest[i + 2] = step2 - (sum2 - y2);
-        rest[i + 3] = step3 - (sum3 - y3);
-    }
+    MOVE_ROWS(lanes, AEO_ABREAST, AEO_EACH_OF)
+    MOVE_ROWS(few, 1, AEO_ALONE)
+#if AEO_FEW > 1
+    MOVE_ROWS(one, 1, AEO_ALONE)
 #endif
-    for (; i < count; i++) {
-        const aeo_real_t before = y[i], step = a * x[i] + rest[i];
-        y[i] = before + step;
-        rest[i] = step - (y[i] - before);
-    }
 }
+#undef FETCH
+#undef MOVE
+#undef MOVE_ROWS
 #endif
 
-/* row += a g, g in self->step, for a row of A or B. In float these sums need more digits than they have: over a memory
- * of VARMAX data, whose newest e the window foretells but for what theta moves, rounding adds up to an error of 6e-3 in
- * theta. So its rests are kept, where the same row of the other array would be, until that one is needed: 4e-4 is left.
- * -ffast-math takes the rests out again. */
-static void move_row(const aeo_fast_rls_t *self, const aeo_fast_rls_array_t *array, aeo_real_t a, aeo_real_t *row)
+/* rows += a g', g in self->step, for the rows of A or B. In float these sums need more digits than they have: over a
+ * memory of VARMAX data, whose newest e the window foretells but for what theta moves, rounding adds up to an error of 6e-3
+ * in theta. So its rests are kept, where the same rows of the other array would be, until that one is needed: 4e-4 is
+ * left. -ffast-math takes the rests out again. */
+static void move_rows(const aeo_fast_rls_t *self, const aeo_fast_rls_array_t *array, const aeo_real_t *a,
+                      aeo_real_t *rows)
 {
+    const size_t n = self->length, m = self->config.block;
 #if AEO_REAL_BYTES == 4
     const aeo_fast_rls_array_t *const other = &self->array[array == self->array];
     if (other->age == 0u) {
-        add_with_rest(a, self->step, row, row + (other->forward - array->forward), self->length);
+        move_with_rests(rows, a, self->step, n, m, other->forward - array->forward);
         return;
     }
 #else
     (void)array;
 #endif
-    aeo_linalg_axpy(a, self->step, row, self->length);
+    aeo_linalg_move_rows(rows, a, self->step, n, m);
 }
 
 /* From kappa_{k-1} to [t; s], and A and F to sample k. */
@@ -135,12 +145,9 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
     aeo_triangle_rotate(array->factor, f + m, f, m, lambda * array->scalar[INVERSE_GAMMA],
                         self->inverse_root_forgetting);
     aeo_linalg_scale(gamma, array->gain, self->step, n);
-    const aeo_real_t inverse = AEO_REAL(1) / lambda; /* lambda >= 1/2 */
-    for (size_t c = 0; c < m; c++) {
-        array->gain[n + c] = inverse * f[c];
-        aeo_linalg_axpy(-array->gain[n + c], array->forward + c * n, array->gain, n);
-        move_row(self, array, e[c], array->forward + c * n);
-    }
+    aeo_linalg_scale(AEO_REAL(1) / lambda, f, array->gain + n, m); /* lambda >= 1/2 */
+    aeo_rows_correct(array->forward, array->gain + n, array->gain, n, m, NULL, AEO_REAL(0));
+    move_rows(self, array, e, array->forward);
     return 1;
 }
 
@@ -169,13 +176,12 @@ static int find_backward_error(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array
 static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
     const size_t n = self->length, m = self->config.block;
-    for (size_t c = 0; c < m; c++) {
-        aeo_linalg_axpy(array->gain[c], array->backward + c * n, array->gain + m, n);
-    }
-    memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
-    memcpy(array->gain, self->step, n * sizeof *self->step);
     /* scratch: on the stack it would lengthen the deepest chain of calls */
     aeo_real_t *const sum = self->error + 2 * m;
+    aeo_linalg_scale(AEO_REAL(-1), array->gain, sum, m);
+    aeo_rows_correct(array->backward, sum, array->gain + m, n, m, NULL, AEO_REAL(0));
+    memcpy(self->step, array->gain + m, n * sizeof *self->step); /* down by m places: old and new overlap */
+    memcpy(array->gain, self->step, n * sizeof *self->step);
     *sum = aeo_linalg_dot(array->gain, self->window + m, n);
     if (!aeo_linalg_all_within(sum, 1, NEWS_MAX) || *sum < NEWS_LEAST) {
         return 0;
@@ -190,16 +196,16 @@ static int find_gain(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 /* B and E to sample k, and the mean disagreement; returns 0 when that is as large as the errors. */
 static int step_backward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
 {
-    const size_t n = self->length, m = self->config.block;
+    const size_t m = self->config.block;
     const aeo_real_t lambda = self->config.forgetting, gamma = AEO_REAL(1) / array->scalar[INVERSE_GAMMA]; /* >= 1 */
     const aeo_real_t *const r = self->error, *const difference = self->error + m;
+    move_rows(self, array, r, array->backward);
     aeo_real_t apart = AEO_REAL(0), size = AEO_REAL(0);
     for (size_t c = 0; c < m; c++) {
         aeo_real_t *const energy = array->energy + c * m;
         for (size_t j = 0; j < m; j++) {
             energy[j] = lambda * energy[j] + gamma * r[c] * r[j];
         }
-        move_row(self, array, r[c], array->backward + c * n);
         if (energy[c] > AEO_REAL(1e-30)) { /* sizes in units of E_cc, which holds gamma r^2: at most 1 each */
             apart += gamma * (difference[c] / energy[c]) * difference[c];
             size += gamma * (r[c] / energy[c]) * r[c];

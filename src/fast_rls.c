@@ -295,10 +295,8 @@ static void learn(aeo_fast_rls_t *self, const aeo_real_t *z)
         gain = self->update;
     }
     const aeo_real_t left = AEO_REAL(1) - aeo_linalg_dot(gain, z, n);
-    for (size_t i = 0; i < l; i++) {
-        aeo_linalg_axpy(self->innovation[i], gain, self->theta + i * n, n);
-        self->residual[i] = self->innovation[i] * left;
-    }
+    aeo_linalg_move_rows(self->theta, self->innovation, gain, n, l);
+    aeo_linalg_scale(left, self->innovation, self->residual, l);
 }
 
 /* The array in charge has lost its way: its follower takes over when it has absorbed a quarter of what makes it warm,

@@ -34,6 +34,18 @@ typedef int32_t aeo_lanes_bits_t __attribute__((vector_size(AEO_LANES_BYTES)));
 typedef aeo_real_t aeo_lanes_t, aeo_lanes_there_t;
 #endif
 
+/* For what a vector is too long for: four floats where it has eight, else no other vector; and a number by itself. */
+#if AEO_LANES == 8
+#define AEO_FEW 4
+typedef aeo_real_t aeo_few_t __attribute__((vector_size(16)));
+typedef aeo_real_t aeo_few_there_t __attribute__((vector_size(16), aligned(AEO_REAL_BYTES), may_alias));
+#else
+#define AEO_FEW AEO_LANES
+typedef aeo_lanes_t aeo_few_t;
+typedef aeo_lanes_there_t aeo_few_there_t;
+#endif
+typedef aeo_real_t aeo_one_t, aeo_one_there_t;
+
 #if defined(__SSE2__) && AEO_LANES > 1
 #include <immintrin.h>
 #endif
@@ -41,19 +53,37 @@ typedef aeo_real_t aeo_lanes_t, aeo_lanes_there_t;
 /* What a lane of a sum begins with: -0, to which any number, -0 too, adds itself. So beginning with a product is the same. */
 #define AEO_SUM_START (-AEO_REAL(0))
 
-/* Lanes of a sum, and the vectors that hold them. AEO_EACH_PART(DO) is DO(0) DO(1) ... for all of these: as no loop,
- * since not every level of optimisation keeps what a loop goes over in registers. */
+/* Lanes of a sum, and the vectors that hold them. AEO_EACH_PART(DO) is DO(0) DO(1) ... for all of these, AEO_LAST_FOUR(DO) for
+ * those of the last four lanes, if these are by themselves: as no loop, since not every level of optimisation keeps what a
+ * loop goes over in registers. */
 #define AEO_SUM_LANES 8
 #define AEO_PARTS     (AEO_SUM_LANES / AEO_LANES)
 #if AEO_PARTS == 1
 #define AEO_EACH_PART(DO) DO(0)
 #elif AEO_PARTS == 2
 #define AEO_EACH_PART(DO) DO(0) DO(1)
+#define AEO_LAST_FOUR(DO) DO(1)
 #elif AEO_PARTS == 4
 #define AEO_EACH_PART(DO) DO(0) DO(1) DO(2) DO(3)
+#define AEO_LAST_FOUR(DO) DO(2) DO(3)
 #else
 #define AEO_EACH_PART(DO) DO(0) DO(1) DO(2) DO(3) DO(4) DO(5) DO(6) DO(7)
+#define AEO_LAST_FOUR(DO) DO(4) DO(5) DO(6) DO(7)
 #endif
+/* A kernel without sums over lanes is a macro of the type (lanes, few, one) and of how many of these go abreast, twice,
+ * since it gives the same bits in any: two vectors, or four numbers where there are none, then what is left. */
+#define AEO_AT(type, pointer)   (*(aeo_##type##_there_t *)(pointer))
+#define AEO_FROM(type, pointer) (*(const aeo_##type##_there_t *)(pointer))
+#define AEO_SIZE(type)          (sizeof(aeo_##type##_t) / sizeof(aeo_real_t))
+#define AEO_ALONE(DO, type)     DO(type, 0)
+#if AEO_LANES > 1
+#define AEO_ABREAST           2
+#define AEO_EACH_OF(DO, type) DO(type, 0) DO(type, 1)
+#else
+#define AEO_ABREAST           4
+#define AEO_EACH_OF(DO, type) DO(type, 0) DO(type, 1) DO(type, 2) DO(type, 3)
+#endif
+
 /* Text counts for more than time: one kernel serves two purposes. */
 #if AEO_LANES == 1 && defined(__OPTIMIZE_SIZE__)
 #define AEO_SMALL 1
@@ -85,47 +115,40 @@ static inline aeo_lanes_t aeo_lanes_spread(aeo_real_t x)
 #endif
 }
 
-/* Return the sum of 8 lanes, ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)), once four more products, x[i] y[i], have gone
- * into the first four where `more` says so. */
-static inline aeo_real_t aeo_lanes_sum_with(const aeo_lanes_t *part, const aeo_real_t *x, const aeo_real_t *y, int more)
+/* Add four more products, x[i] y[i], to the first four of 8 lanes. */
+static inline void aeo_lanes_add_four(aeo_lanes_t *part, const aeo_real_t *x, const aeo_real_t *y)
 {
 #if AEO_LANES == 8
-    __m128 low = _mm256_castps256_ps128(part[0]);
-    if (more) {
-        low += _mm_loadu_ps(x) * _mm_loadu_ps(y);
-    }
-    low += _mm256_extractf128_ps(part[0], 1);
-    return (low[0] + low[2]) + (low[1] + low[3]);
+    const aeo_few_t low = _mm256_castps256_ps128(part[0]) + AEO_FROM(few, x) * AEO_FROM(few, y);
+    part[0] = _mm256_insertf128_ps(part[0], low, 0);
 #elif AEO_LANES == 4
-    aeo_lanes_t all = part[0];
-    if (more) {
-        all += aeo_lanes_load(x) * aeo_lanes_load(y);
-    }
-    all += part[1];
-    return (all[0] + all[2]) + (all[1] + all[3]);
+    part[0] += aeo_lanes_load(x) * aeo_lanes_load(y);
 #elif AEO_LANES == 2
-    aeo_lanes_t first = part[0], second = part[1];
-    if (more) {
-        first += aeo_lanes_load(x) * aeo_lanes_load(y);
-        second += aeo_lanes_load(x + 2) * aeo_lanes_load(y + 2);
-    }
-    first = (first + part[2]) + (second + part[3]);
-    return first[0] + first[1];
+    part[0] += aeo_lanes_load(x) * aeo_lanes_load(y);
+    part[1] += aeo_lanes_load(x + 2) * aeo_lanes_load(y + 2);
 #else
-    aeo_real_t s0 = part[0], s1 = part[1], s2 = part[2], s3 = part[3];
-    if (more) {
-        s0 += x[0] * y[0];
-        s1 += x[1] * y[1];
-        s2 += x[2] * y[2];
-        s3 += x[3] * y[3];
-    }
-    return ((s0 + part[4]) + (s2 + part[6])) + ((s1 + part[5]) + (s3 + part[7]));
+    part[0] += x[0] * y[0];
+    part[1] += x[1] * y[1];
+    part[2] += x[2] * y[2];
+    part[3] += x[3] * y[3];
 #endif
 }
 
+/* Return the sum of 8 lanes, ((0 + 4) + (2 + 6)) + ((1 + 5) + (3 + 7)). */
 static inline aeo_real_t aeo_lanes_sum(const aeo_lanes_t *part)
 {
-    return aeo_lanes_sum_with(part, NULL, NULL, 0);
+#if AEO_LANES == 8
+    const aeo_few_t all = _mm256_castps256_ps128(part[0]) + _mm256_extractf128_ps(part[0], 1);
+    return (all[0] + all[2]) + (all[1] + all[3]);
+#elif AEO_LANES == 4
+    const aeo_lanes_t all = part[0] + part[1];
+    return (all[0] + all[2]) + (all[1] + all[3]);
+#elif AEO_LANES == 2
+    const aeo_lanes_t all = (part[0] + part[2]) + (part[1] + part[3]);
+    return all[0] + all[1];
+#else
+    return ((part[0] + part[4]) + (part[2] + part[6])) + ((part[1] + part[5]) + (part[3] + part[7]));
+#endif
 }
 
 /* Store four sums of 8 lanes, each as aeo_lanes_sum has it. */

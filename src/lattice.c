@@ -3,6 +3,7 @@
 
 #include "lattice_state.h"
 #include "linalg.h"
+#include "rows.h"
 #include "settings.h"
 #include "triangle.h"
 
@@ -202,7 +203,7 @@ static void regress(aeo_lattice_t *self)
     on->alpha = aeo_lattice_turn(on->factor, on->r, on->gain, on->m, on->alpha,
                                  self->following ? AEO_REAL(0) : self->inverse_forgetting);
     on->step = self->following ? AEO_REAL(0) : AEO_REAL(1) / on->alpha; /* alpha >= lambda >= 1/2 */
-    aeo_lattice_correct(on->weight, on->r, on->targets, on->count, on->m, on->gain, on->step);
+    aeo_rows_correct(on->weight, on->r, on->targets, on->count, on->m, on->gain, on->step);
 }
 
 /* Stage j's predictions: forward becomes f_{j+1}(k), and r_j(k-1) becomes r_{j+1}(k) where it lies, in what is the next
@@ -213,7 +214,7 @@ static int predict(aeo_lattice_t *self, size_t j)
     const size_t m = self->config.block;
     aeo_real_t *const error = aeo_lattice_find_error(self, j + 1), *const old = self->spare;
     memcpy(old, self->forward, m * sizeof *old);
-    aeo_lattice_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m,
+    aeo_rows_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m,
                         self->step[j]);
     self->on.factor = self->factor + (self->config.past + j) * AEO_LATTICE_TRIANGLE(m);
     self->on.weight = self->backward_weight + j * m * m;

@@ -4,6 +4,7 @@
 #include "aeolid/regressor.h"
 #include "lattice_state.h"
 #include "linalg.h"
+#include "rows.h"
 
 #include <string.h>
 
@@ -42,8 +43,8 @@ static void add_order(const aeo_lattice_t *self, size_t j, aeo_real_t *theta)
     aeo_real_t *const left = self->targets;
     for (size_t c = 0; c < (j + 1) * m; c++) {
         memset(left, 0, (l + d) * sizeof *left);
-        aeo_lattice_correct(self->target_weight + j * m * (l + d), b, left, l + d, m, NULL, AEO_REAL(0));
-        aeo_lattice_correct(self->present_weight, left + l, left, l, d, NULL, AEO_REAL(0));
+        aeo_rows_correct(self->target_weight + j * m * (l + d), b, left, l + d, m, NULL, AEO_REAL(0));
+        aeo_rows_correct(self->present_weight, left + l, left, l, d, NULL, AEO_REAL(0));
         /* z has the oldest block first: block i of B_j, newest first, is block j - i behind the older ones */
         aeo_real_t *const column = theta + older + (j - c / m) * m + c % m;
         for (size_t i = 0; i < l; i++) {
@@ -72,13 +73,13 @@ static void raise_order(const aeo_lattice_t *self, size_t j)
             aeo_real_t *const older = b - m * m;
             const aeo_real_t before = *--g;
             *g += self->step[j] * aeo_linalg_dot(older, self->gain + j * m, m);
-            aeo_linalg_axpy(before, error, older, m);
+            aeo_linalg_move_rows(older, &before, error, m, 1);
             memcpy(b, older, m * sizeof *b);
         }
         aeo_real_t *const old = self->spare;
         memcpy(old, b, m * sizeof *b);
-        aeo_lattice_correct(backward, a, b, m, m, NULL, AEO_REAL(0));
-        aeo_lattice_correct(forward, old, a, m, m, NULL, AEO_REAL(0));
+        aeo_rows_correct(backward, a, b, m, m, NULL, AEO_REAL(0));
+        aeo_rows_correct(forward, old, a, m, m, NULL, AEO_REAL(0));
     }
 }
 

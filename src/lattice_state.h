@@ -11,7 +11,6 @@
 #ifdef AEO_REAL_DOUBLE
 #define aeo_lattice_judge_config aeo_lattice_judge_config_f64
 #define aeo_lattice_count_words  aeo_lattice_count_words_f64
-#define aeo_lattice_correct      aeo_lattice_correct_f64
 #define aeo_lattice_turn         aeo_lattice_turn_f64
 #define aeo_lattice_variance     aeo_lattice_variance_f64
 #endif
@@ -24,11 +23,6 @@ aeo_status_t aeo_lattice_judge_config(const aeo_lattice_config_t *config);
 
 /* Return AEO_LATTICE_WORDS of a filter. */
 size_t aeo_lattice_count_words(const aeo_lattice_config_t *config);
-
-/* Take off x (count values) what weight (count x m by columns) makes of v (m values), x -= weight v, and move weight by
- * the error that is left, weight += x step gain'; with gain null it stays. */
-void aeo_lattice_correct(aeo_real_t *weight, const aeo_real_t *v, aeo_real_t *x, size_t count, size_t m,
-                         const aeo_real_t *gain, aeo_real_t step);
 
 /* Absorb r (m values) with weight 1 / alpha into P (factor), which becomes scale times what it was less the news; with
  * scale 0 it stays. gain (m values, written) = P r, or D L'r with scale 0; returns alpha + r'Pr. Needs alpha > 0. */

@@ -122,7 +122,10 @@ aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count
         count %= AEO_SUM_LANES;
     }
 #endif
-    aeo_real_t sum = aeo_lanes_sum_with(part, x, y, count >= 4u);
+    if (count >= 4u) {
+        aeo_lanes_add_four(part, x, y);
+    }
+    aeo_real_t sum = aeo_lanes_sum(part);
     for (size_t i = count & 4u; i < count; i++) {
         sum += x[i] * y[i];
     }
@@ -133,35 +136,104 @@ aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count
 #undef BEGIN
 #undef ADD
 
+#if AEO_PARTS <= 2
+/* Four rows (n values each) times z at once, each sum as aeo_linalg_dot has it. */
+static void dot_four(const aeo_real_t *rows, const aeo_real_t *z, size_t n, aeo_real_t *sums)
+{
+    aeo_lanes_t s0[AEO_PARTS], s1[AEO_PARTS], s2[AEO_PARTS], s3[AEO_PARTS];
+    size_t i = 0;
+#define AT(row, p) AEO_FROM(lanes, rows + (row)*n + i + (p)*AEO_LANES)
+#define CLEAR(p)   s0[p] = s1[p] = s2[p] = s3[p] = aeo_lanes_spread(AEO_SUM_START);
+#define ADD(p)                                                                                                         \
+    {                                                                                                                  \
+        const aeo_lanes_t factor = AEO_FROM(lanes, z + i + (p)*AEO_LANES);                                             \
+        s0[p] += AT(0, p) * factor;                                                                                    \
+        s1[p] += AT(1, p) * factor;                                                                                    \
+        s2[p] += AT(2, p) * factor;                                                                                    \
+        s3[p] += AT(3, p) * factor;                                                                                    \
+    }
+    AEO_EACH_PART(CLEAR)
+    for (; i + AEO_SUM_LANES <= n; i += AEO_SUM_LANES) {
+        AEO_EACH_PART(ADD)
+    }
+    if (i + 4u <= n) {
+        aeo_lanes_add_four(s0, rows + i, z + i);
+        aeo_lanes_add_four(s1, rows + n + i, z + i);
+        aeo_lanes_add_four(s2, rows + 2u * n + i, z + i);
+        aeo_lanes_add_four(s3, rows + 3u * n + i, z + i);
+        i += 4u;
+    }
+    aeo_lanes_store_sums(sums, s0, s1, s2, s3);
+    for (; i < n; i++) {
+        sums[0] += rows[i] * z[i];
+        sums[1] += rows[n + i] * z[i];
+        sums[2] += rows[2u * n + i] * z[i];
+        sums[3] += rows[3u * n + i] * z[i];
+    }
+#undef AT
+#undef CLEAR
+#undef ADD
+}
+#endif
+
 int aeo_linalg_find_error(const aeo_real_t *rows, const aeo_real_t *z, size_t n, const aeo_real_t *y, aeo_real_t *error,
                           size_t count)
 {
-    for (size_t i = 0; i < count; i++) {
+    size_t i = 0;
+#if AEO_PARTS <= 2
+    for (; i + 4u <= count; i += 4u) {
+        aeo_real_t sums[4];
+        dot_four(rows, z, n, sums);
+        for (size_t k = 0; k < 4u; k++) {
+            error[i + k] = y[i + k] - sums[k];
+        }
+        rows += 4u * n;
+    }
+#endif
+    for (; i < count; i++) {
         error[i] = y[i] - aeo_linalg_dot(rows, z, n);
         rows += n;
     }
     return aeo_linalg_all_within(error, count, AEO_LINALG_ERROR_MAX);
 }
 
-void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y, size_t count)
+#define FETCH(type, p) v[p] = AEO_FROM(type, x + i + (p)*AEO_SIZE(type));
+#define MOVE(type, p)  AEO_AT(type, row + (p)*AEO_SIZE(type)) += v[p] * a[r];
+#define MOVE_ROWS(type, ABREAST, EACH)                                                                                 \
+    for (; i + (ABREAST)*AEO_SIZE(type) <= n; i += (ABREAST)*AEO_SIZE(type)) {                                         \
+        aeo_##type##_t v[ABREAST];                                                                                     \
+        aeo_real_t *row = rows + i;                                                                                    \
+        EACH(FETCH, type)                                                                                              \
+        for (size_t r = 0; r < count; r++) {                                                                           \
+            EACH(MOVE, type)                                                                                           \
+            row += n;                                                                                                  \
+        }                                                                                                              \
+    }
+void aeo_linalg_move_rows(aeo_real_t *AEO_RESTRICT rows, const aeo_real_t *AEO_RESTRICT a,
+                          const aeo_real_t *AEO_RESTRICT x, size_t n, size_t count)
 {
-    const aeo_lanes_t factor = aeo_lanes_spread(a);
     size_t i = 0;
-#define MOVE(p)                                                                                                        \
-    aeo_lanes_store(y + i + (p)*AEO_LANES,                                                                             \
-                    aeo_lanes_load(y + i + (p)*AEO_LANES) + factor * aeo_lanes_load(x + i + (p)*AEO_LANES));
-    for (; i + AEO_SUM_LANES <= count; i += AEO_SUM_LANES) {
-        AEO_EACH_PART(MOVE)
-    }
-#undef MOVE
-    for (; i < count; i++) {
-        y[i] += a * x[i];
-    }
+#if !AEO_SMALL
+    MOVE_ROWS(lanes, AEO_ABREAST, AEO_EACH_OF)
+#endif
+    MOVE_ROWS(few, 1, AEO_ALONE)
+#if AEO_FEW > 1
+    MOVE_ROWS(one, 1, AEO_ALONE)
+#endif
 }
+#undef FETCH
+#undef MOVE
+#undef MOVE_ROWS
 
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *AEO_RESTRICT x, aeo_real_t *AEO_RESTRICT y, size_t count)
 {
-    for (size_t i = 0; i < count; i++) {
+    size_t i = 0;
+#if AEO_LANES > 1
+    for (; i + AEO_LANES <= count; i += AEO_LANES) {
+        AEO_AT(lanes, y + i) = a * AEO_FROM(lanes, x + i);
+    }
+#endif
+    for (; i < count; i++) {
         y[i] = a * x[i];
     }
 }

@@ -18,7 +18,7 @@
 #define aeo_linalg_find_error   aeo_linalg_find_error_f64
 #define aeo_linalg_dot          aeo_linalg_dot_f64
 #define aeo_linalg_dot_strips   aeo_linalg_dot_strips_f64
-#define aeo_linalg_axpy         aeo_linalg_axpy_f64
+#define aeo_linalg_move_rows    aeo_linalg_move_rows_f64
 #define aeo_linalg_scale        aeo_linalg_scale_f64
 #endif
 
@@ -55,8 +55,8 @@ aeo_real_t aeo_linalg_dot_strips(const aeo_real_t *x, size_t step, size_t growth
 int aeo_linalg_find_error(const aeo_real_t *rows, const aeo_real_t *z, size_t n, const aeo_real_t *y, aeo_real_t *error,
                           size_t count);
 
-/* y += a x over count terms. */
-void aeo_linalg_axpy(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);
+/* rows += a x', count rows of n values one after the other. */
+void aeo_linalg_move_rows(aeo_real_t *rows, const aeo_real_t *a, const aeo_real_t *x, size_t n, size_t count);
 
 /* y = a x over count terms. */
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);

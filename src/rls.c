@@ -69,9 +69,8 @@ void aeo_rls_reset(aeo_rls_t *self)
     if (self == NULL) {
         return;
     }
-    const size_t n = self->config.regressors, l = self->config.outputs;
-    memset(self->factor, 0, AEO_RLS_WORDS(n, l) * sizeof *self->factor);
-    aeo_watch_start(&self->watch, self->watched, l);
+    memset(self->theta, 0, (size_t)(self->work - self->theta) * sizeof *self->theta);
+    aeo_watch_start(&self->watch, self->watched, self->config.outputs);
     start_factor(self);
 }
 
@@ -117,11 +116,10 @@ static void absorb(aeo_rls_t *self, aeo_real_t news, aeo_real_t lambda, aeo_real
 {
     const size_t n = self->config.regressors, l = self->config.outputs;
     const aeo_real_t *const gain = aeo_strips_rotate(self->factor, n, n, self->work, lambda, scale);
-    const aeo_real_t inverse = AEO_REAL(1) / (lambda + news); /* alpha >= lambda >= 1/2 */
-    for (size_t i = 0; i < l; i++) {
-        aeo_linalg_axpy(self->innovation[i] * inverse, gain, self->theta + i * n, n);
-        self->residual[i] = self->innovation[i] * (lambda * inverse);
-    }
+    const aeo_real_t inverse = AEO_REAL(1) / (lambda + news);       /* alpha >= lambda >= 1/2 */
+    aeo_linalg_scale(inverse, self->innovation, self->residual, l); /* what theta moves by for each unit of the gain */
+    aeo_linalg_move_rows(self->theta, self->residual, gain, n, l);
+    aeo_linalg_scale(lambda * inverse, self->innovation, self->residual, l);
 }
 
 /* Check the next scan_step variances; quarter each that passed the bound by absorbing a measurement of that parameter

@@ -14,17 +14,18 @@ static size_t find_column(size_t s, size_t j, size_t pad)
     return W * (W * s * (s + 1u) / 2u - s * pad + (j - pad));
 }
 
-/* Where row i, not in padded order, begins: its columns lie W apart. */
-static size_t find_row(size_t i, size_t pad)
+/* Where a row, counted in padded order, begins: its columns lie W apart. */
+static size_t find_row(size_t row, size_t pad)
 {
-    return find_column((i + pad) / W, pad, pad) + (i + pad) % W;
+    return find_column(row / W, pad, pad) + row % W;
 }
 
 void aeo_strips_start(aeo_real_t *factor, size_t n, aeo_real_t diagonal)
 {
+    const size_t pad = aeo_strips_pad(n);
     memset(factor, 0, AEO_RLS_FACTOR_WORDS(n) * sizeof *factor);
     for (size_t i = 0; i < n; i++) {
-        factor[find_row(i, aeo_strips_pad(n)) + W * i] = diagonal;
+        factor[find_row(pad + i, pad) + W * i] = diagonal;
     }
 }
 
@@ -171,7 +172,7 @@ aeo_real_t aeo_strips_project(const aeo_real_t *factor, const aeo_real_t *z, siz
 void aeo_strips_take_row(const aeo_real_t *factor, size_t n, size_t i, aeo_real_t weight, aeo_real_t *work)
 {
     const size_t pad = aeo_strips_pad(n), size = n + pad;
-    const aeo_real_t *entry = factor + find_row(i, pad);
+    const aeo_real_t *entry = factor + find_row(pad + i, pad);
     memset(work, 0, size * sizeof *work);
     for (size_t j = 0; j <= i; j++, entry += W) {
         work[pad + j] = weight * *entry;
@@ -233,6 +234,27 @@ typedef struct {
     const aeo_real_t *a, *c, *k;
 } turns_t;
 
+/* Half of the rows of a strip by themselves, where they are whole vectors. Where text counts always so: 140 bytes on a
+ * Cortex-M4F, 6 % more instructions of an update. */
+#if AEO_PARTS > 1 && !AEO_SMALL
+#define IN_HALVES 1
+#else
+#define IN_HALVES 0
+#endif
+#if AEO_SMALL
+#define AT_ONCE  4
+#define EACH(DO) DO(0) DO(1) DO(2) DO(3)
+#else
+#define AT_ONCE W
+#define EACH    AEO_EACH_PART
+#endif
+
+/* x - y, at least 0 */
+static size_t less(size_t x, size_t y)
+{
+    return x > y ? x - y : 0u;
+}
+
 #define CLEAR(i)  b[i] = aeo_lanes_spread(AEO_REAL(0));
 #define STEP(i)   TURN(b[i], strip + W * j + (i)*AEO_LANES)
 #define KEEP(i)   aeo_lanes_store(gain + (i)*AEO_LANES, b[i]);
@@ -242,50 +264,62 @@ typedef struct {
 #define SPREAD_TURN                                                                                                    \
     const aeo_lanes_t a = aeo_lanes_spread(as[j]), c = aeo_lanes_spread(cs[j]), k = aeo_lanes_spread(ks[j])
 
-/* Rotate the first `count` columns of a strip, the last of them first; gain receives the strip's part of it. */
-static void rotate_strip(aeo_real_t *AEO_RESTRICT strip, turns_t turns, size_t count, aeo_real_t *gain)
+/* From column j on down to column `first`, the parts of a strip that DO names. */
+#define ROTATE(DO, first)                                                                                              \
+    while (j > (first)) {                                                                                              \
+        j--;                                                                                                           \
+        SPREAD_TURN;                                                                                                   \
+        DO                                                                                                             \
+    }
+
+/* Rotate the first `count` of a strip's columns, the last of them first; gain receives the strip's part of it. From column
+ * `half` on its first four rows are 0. */
+static void rotate_strip(aeo_real_t *AEO_RESTRICT strip, turns_t turns, size_t count, size_t half, aeo_real_t *gain)
 {
     const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
                                          *AEO_RESTRICT const ks = turns.k;
     aeo_lanes_t b[AEO_PARTS];
-    AEO_EACH_PART(CLEAR)
-    for (size_t j = count; j-- > 0u;) {
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-    }
-    AEO_EACH_PART(KEEP)
+    size_t j = count;
+    EACH(CLEAR)
+#if IN_HALVES
+    ROTATE(AEO_LAST_FOUR(STEP), half)
+#else
+    (void)half;
+#endif
+    ROTATE(EACH(STEP), 0u)
+    EACH(KEEP)
 }
+#undef EACH
 
 #if AEO_PARTS <= 2
 #define IN_PAIRS 1
-/* The same for two strips, the one above with its first `both` columns: neither waits for its own sums, and a turn is
- * spread over lanes once. */
+/* The same for two strips, the one above with as many of its columns as it has: neither waits for its own sums, and a turn
+ * is spread over lanes once. */
 static void rotate_two(aeo_real_t *AEO_RESTRICT strip, aeo_real_t *AEO_RESTRICT above, turns_t turns, size_t count,
-                       size_t both, aeo_real_t *gain)
+                       size_t half, aeo_real_t *gain)
 {
     const aeo_real_t *AEO_RESTRICT const as = turns.a, *AEO_RESTRICT const cs = turns.c,
                                          *AEO_RESTRICT const ks = turns.k;
+    const size_t both = less(half, 4u);
     aeo_lanes_t b[AEO_PARTS], d[AEO_PARTS];
     size_t j = count;
     AEO_EACH_PART(CLEAR)
     AEO_EACH_PART(CLEAR2)
-    while (j > both) {
-        j--;
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-    }
-    while (j > 0u) {
-        j--;
-        SPREAD_TURN;
-        AEO_EACH_PART(STEP)
-        AEO_EACH_PART(STEP2)
-    }
+#if IN_HALVES
+    ROTATE(AEO_LAST_FOUR(STEP), half)
+    ROTATE(AEO_EACH_PART(STEP), both)
+    ROTATE(AEO_EACH_PART(STEP) AEO_LAST_FOUR(STEP2), less(both, 4u))
+#else
+    ROTATE(AEO_EACH_PART(STEP), both)
+#endif
+    ROTATE(AEO_EACH_PART(STEP) AEO_EACH_PART(STEP2), 0u)
     AEO_EACH_PART(KEEP)
     AEO_EACH_PART(KEEP2)
 }
 #else
 #define IN_PAIRS 0
 #endif
+#undef ROTATE
 #undef CLEAR
 #undef STEP
 #undef KEEP
@@ -304,25 +338,25 @@ const aeo_real_t *aeo_strips_rotate(aeo_real_t *factor, size_t n, size_t count, 
     find_turns(work, sums, gain, size, alpha, scale);
     const turns_t turns = {work + pad, sums + pad, gain + pad};
     /* A strip's part of the gain takes the place of turns that the strips above it do not have. */
-    for (size_t end = size; end > 0u; end -= W) {
-        const size_t own = end - pad, columns = count < own ? count : own;
-        aeo_real_t *const strip = factor + find_column(end / W - 1u, pad, pad);
+    for (size_t end = size; end > pad; end -= AT_ONCE) {
+        const size_t own = end - pad, columns = count < own ? count : own, row = end - AT_ONCE;
+        aeo_real_t *const strip = factor + find_row(row, pad);
 #if IN_PAIRS
-        if (end > W) {
+        if (row > 0u) {
             end -= W;
-            rotate_two(strip, factor + find_column(end / W - 1u, pad, pad), turns, columns,
-                       columns < own - W ? columns : own - W, gain + end);
+            rotate_two(strip, factor + find_row(end - W, pad), turns, columns, less(own, 4u), gain + end);
             continue;
         }
 #endif
-        rotate_strip(strip, turns, columns, gain + end - W);
+        rotate_strip(strip, turns, columns, less(own, 4u), gain + row);
     }
     return gain + pad;
 }
 
 aeo_real_t aeo_strips_norm2(const aeo_real_t *factor, size_t n, size_t i)
 {
-    const aeo_real_t *const row = factor + find_row(i, aeo_strips_pad(n));
+    const size_t pad = aeo_strips_pad(n);
+    const aeo_real_t *const row = factor + find_row(pad + i, pad);
     aeo_real_t even = AEO_REAL(0), odd = AEO_REAL(0);
     size_t j = 0;
     for (; j < i; j += 2) { /* two sums: half the wait for additions */

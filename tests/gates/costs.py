@@ -65,22 +65,20 @@ def count_on_pc(rows: int, directory: Path) -> list[int]:
 
 
 def read_text_and_stack(directory: Path) -> tuple[dict[str, int], dict[str, int]]:
-    """Return by filter, on a Cortex-M4F: text of all objects it needs, and deepest chain of calls of an update."""
+    """Return by filter, on a Cortex-M4F: text as linked, and deepest chain of calls of an update."""
     folder = directory / "objects"
-    flags = [*gate.LIBRARY, "-ffp-contract=off"]
+    flags = gate.LIBRARY
     messages = gate.compile_sources(gate.compilers()["cortex-m4f"], flags, folder)
     if messages:
         gate.finish([messages], "")
     objects = sorted(folder.glob("*.o"))
-    lines = [line.split() for line in gate.output("arm-none-eabi-size", *objects).splitlines()[1:]]
-    sizes = {Path(words[-1]).stem: int(words[0]) for words in lines}
     frames, calls = stack.read_graph(folder)
     deepest = {
         name: stack.deepest(f"aeo_{name}_update", frames, calls)
         for name in linked.PARTS
         if f"aeo_{name}_update" in frames
     }
-    return linked.add_text(objects, sizes), deepest
+    return linked.add_text(objects), deepest
 
 
 def measure(pc: bool) -> dict[str, dict[str, int]]:
@@ -141,7 +139,7 @@ def write(table: dict[str, dict[str, int]]) -> None:
     """Write costs.toml and the page's table."""
     lines = [
         "# Written by costs.py ROOT --write, checked by costs.py. Float, 4 outputs, -O2 -ffp-contract=off, forgetting",
-        "# 0.999. Instructions of one update. Cortex-M4F, in bytes: text of the filter and all that it calls, with the",
+        "# 0.999. Instructions of one update. Cortex-M4F, in bytes: text of the filter with saving, as linked, with the",
         "# regressor; stack: the deepest chain of calls of an update.",
     ]
     lines += ["[compilers]", *(f'{name} = "{version}"' for name, version in versions().items())]

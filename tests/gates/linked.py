@@ -1,40 +1,58 @@
-"""What the gates share about linking: which objects of the library a program takes when it calls one of its parts."""
+"""What the gates share about linking: the text that the linker takes from the library for a program of one of its parts."""
 
+import subprocess
+import tempfile
 from pathlib import Path
 
 import gate
 
-# What a program of each part names; the linker adds what these call.
+RECEIVING = [f"aeo_regressor_{call}" for call in ("init", "push", "z", "y")]
+KEEPING = ["aeo_regressor_save", "aeo_regressor_restore"]
+
+
+def calls(name: str, *others: str) -> list[str]:
+    """Return what a program of a filter calls, with others of the filter's functions."""
+    return [f"aeo_{name}_{call}" for call in ("init", "update", "innovation", "health", "clear_health", *others)]
+
+
+# What a program of each part calls; the linker adds what these call, function by function.
 PARTS = {
-    "rls": {"rls", "regressor"},
-    "rls_with_saving": {"rls", "rls_saved", "regressor", "regressor_saved"},
-    "els": {"els", "regressor", "regressor_saved"},
-    "fast_rls": {"fast_rls", "regressor"},
-    "fast_rls_with_saving": {"fast_rls", "fast_rls_saved", "regressor", "regressor_saved"},
-    "lattice": {"lattice", "lattice_read", "regressor"},
-    "lattice_with_saving": {"lattice", "lattice_read", "lattice_saved", "regressor", "regressor_saved"},
-    "stream": {"stream", "stream_values"},
-    "estimator": {"estimator", "estimator_rls"},  # rls by one description, saving included
+    "rls": [*RECEIVING, *calls("rls", "theta")],
+    "rls_with_saving": [*RECEIVING, *KEEPING, *calls("rls", "theta", "save", "restore")],
+    "els": [
+        *RECEIVING,
+        *KEEPING,
+        "aeo_regressor_set_innovation",
+        *calls("els", "theta", "feedback", "save", "restore"),
+    ],
+    "fast_rls": [*RECEIVING, *calls("fast_rls", "theta")],
+    "fast_rls_with_saving": [*RECEIVING, *KEEPING, *calls("fast_rls", "theta", "save", "restore")],
+    "lattice": [*RECEIVING, *calls("lattice", "read")],
+    "lattice_with_saving": [*RECEIVING, *KEEPING, *calls("lattice", "read", "save", "restore")],
+    "stream": [f"aeo_stream_{call}" for call in ("init", "sample", "innovation", "snapshot", "health", "step", "finish")],
+    # rls by one description
+    "estimator": [
+        f"aeo_estimator_{call}"
+        for call in ("rls", "init", "take", "theta", "innovation", "health", "clear_health", "save", "restore")
+    ],
 }
 
 
-def read_needs(objects: list[Path]) -> dict[str, set[str]]:
-    """Return for each object the objects that define what it calls."""
-    defined, called = {}, {}
-    for path in objects:
-        lines = [line.split() for line in gate.output("arm-none-eabi-nm", path).splitlines()]
-        called[path.stem] = {words[1] for words in lines if words[0] == "U"}
-        defined.update({words[2]: path.stem for words in lines if len(words) == 3 and words[1] == "T"})
-    return {stem: {defined[symbol] for symbol in symbols if symbol in defined} for stem, symbols in called.items()}
+def link(objects: list[Path], wanted: list[str]) -> int:
+    """Return the bytes of text, tables included, that the linker takes for a program that calls `wanted`."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "program"
+        roots = [word for symbol in wanted for word in ("-u", symbol)]
+        # what the C library brings (memcpy, memset) is not this library's
+        command = ["arm-none-eabi-ld", "--gc-sections", "--unresolved-symbols=ignore-all", "-e", wanted[0], *roots]
+        subprocess.run([*command, *map(str, objects), "-o", str(path)], check=True, capture_output=True)
+        lines = gate.output("arm-none-eabi-nm", path).splitlines()
+        missing = [symbol for symbol in wanted if not any(line.split()[-2:] == ["T", symbol] for line in lines)]
+        if missing:
+            gate.finish([f"the library has no {symbol}" for symbol in missing], "")
+        return int(gate.output("arm-none-eabi-size", path).splitlines()[1].split()[0])
 
 
-def add_text(objects: list[Path], sizes: dict[str, int]) -> dict[str, int]:
-    """Return the text of each part as linked, all it needs included."""
-    needs, text = read_needs(objects), {}
-    for part, named in PARTS.items():
-        wanted, seen = set(named), set[str]()
-        while wanted:
-            seen |= wanted
-            wanted = set().union(*(needs[n] for n in wanted)) - seen
-        text[part] = sum(sizes[n] for n in seen)
-    return text
+def add_text(objects: list[Path]) -> dict[str, int]:
+    """Return the text of each part as linked."""
+    return {part: link(objects, wanted) for part, wanted in PARTS.items()}

@@ -1,7 +1,8 @@
 """Gate: the text of each object stays below its committed size, and on a Cortex-M4F at -Os that of each part as linked.
 
-A part is what a device carries: one filter with its regressor, its saving and all that these call, or the stream. A sum
-over filters that nobody links together said nothing about any device. No object has data or bss.
+A part is what a device carries: what the linker keeps of one filter with its regressor, with saving or without, or of the
+stream, for a program that calls these; unused functions of an object are not in it. A sum over filters that nobody links
+together said nothing about any device. No object has data or bss.
 """
 
 import sys
@@ -33,8 +34,8 @@ def measure(name: str, command: list[str], level: str) -> tuple[dict[str, int], 
 
 def judge_parts(limits: dict[str, int], command: list[str]) -> tuple[str, list[str]]:
     """Return the text of each part as linked on a Cortex-M4F at -Os, and which exceed their limits."""
-    text, _, objects = measure("cortex-m4f", command, "-Os")
-    parts = linked.add_text(objects, text)
+    _, _, objects = measure("cortex-m4f", command, "-Os")
+    parts = linked.add_text(objects)
     findings = [
         f"cortex-m4f -Os: {part} as linked has {size} bytes of text, at most {limits.get(part, 0)}"
         for part, size in parts.items()

@@ -17,7 +17,7 @@ import gate
 
 TESTS = Path(__file__).resolve().parents[1]
 FIRMWARE = TESTS / "firmware"
-COMMON = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror"]
+COMMON = ["-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Werror"]
 UNUSED = ["-Wno-unused-command-line-argument"]  # flags of the linker; a compiler without this warning says nothing
 BARE = ["-ffreestanding", "-nostdlib", "-static", "-fuse-ld=lld", "-fno-pic", f"-I{FIRMWARE / 'bare'}"]
 MPS2 = ["-mthumb", "-mfloat-abi=hard", "-ffunction-sections", "-Wl,--gc-sections", "-nostartfiles"]
