@@ -383,6 +383,26 @@ static void saved_lattices_end_where_their_proof_does(void)
     }
 }
 
+/* Innovations end at 1e12, and the window a tenth above what a scaled number may be, for disturbances. */
+static void saved_windows_end_where_their_proof_does(void)
+{
+    enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH];
+    static const double held[4] = {1e12, -1e12, 1.1e6, 1.1e6}, wrong[4] = {1.001e12, -1.001e12, 1.101e6, 1.101e6};
+    for (unsigned place = 0; place < 4; place++) {
+        describe_all();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+        aeo_real_t *const words_held[4] = {filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window,
+                                           filter.fast.window + 14};
+        *words_held[place] = (aeo_real_t)held[place];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
+        *words_held[place] = (aeo_real_t)wrong[place];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -398,5 +418,6 @@ int main(void)
     RUN_TEST(a_seal_counts_an_even_number_of_channels);
     RUN_TEST(els_remembers_one_miss_at_most);
     RUN_TEST(saved_lattices_end_where_their_proof_does);
+    RUN_TEST(saved_windows_end_where_their_proof_does);
     return UNITY_END();
 }
