@@ -19,7 +19,7 @@ const char *aeo_status_text(aeo_status_t status)
     case AEO_E_TIME:
         return "time does not advance by about one period";
     case AEO_E_GAP:
-        return "samples are missing, the past window starts again";
+        return "samples are missing before this one, the past window starts with it";
     case AEO_E_VERSION:
         return "saved in a version of the format that is not known here";
     case AEO_E_MISMATCH:

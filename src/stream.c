@@ -4,6 +4,7 @@
 
 #include "budget.h"
 #include "describe.h"
+#include "linalg.h"
 #include "spread.h"
 #include "stream_send.h"
 
@@ -122,7 +123,9 @@ aeo_status_t aeo_stream_snapshot(aeo_stream_t *self, uint32_t index, const aeo_r
     }
     aeo_stream_lock(self);
     idle = self->phase == PHASE_IDLE;
-    self->counters.busy += idle ? 0u : 1u;
+    if (!idle) {
+        aeo_count_up(&self->counters.busy);
+    }
     aeo_stream_unlock(self);
     if (!idle) {
         return AEO_E_BUSY;
@@ -288,7 +291,7 @@ static void commit_snapshot(aeo_stream_t *self)
     }
     self->cursor = 0;
     if (self->phase == PHASE_CLOSE) {
-        self->counters.snapshots++;
+        aeo_count_up(&self->counters.snapshots);
     }
     self->phase = next[self->phase];
     if (self->phase == PHASE_REPAIR && self->spread.repairs == 0u) {
@@ -384,7 +387,7 @@ static int send_next(aeo_stream_t *self)
         if (taken) {
             commit(self, origin);
         } else {
-            self->counters.refused++;
+            aeo_count_up(&self->counters.refused);
         }
     }
     repairs = self->phase == PHASE_REPAIR;

@@ -2,6 +2,8 @@
 
 #include <aeolid/status.h>
 
+#include "linalg.h"
+
 void aeo_stream_lock(const aeo_stream_t *self)
 {
     if (self->port.lock != NULL) {
@@ -39,7 +41,7 @@ int aeo_stream_send(aeo_stream_t *self)
         !self->port.send(self->port.context, &self->frame)) {
         return 0;
     }
-    self->counters.sent++;
+    aeo_count_up(&self->counters.sent);
     self->credit_us -=
         (int32_t)(self->frame.length > 8u ? aeo_stream_cost_us(&self->config, self->frame.length) : self->frame_us);
     return 1;

@@ -2,6 +2,7 @@
 
 #include <aeolid/status.h>
 
+#include "linalg.h"
 #include "stream_send.h"
 
 /* Up to three arrays that are sent as one. */
@@ -28,7 +29,7 @@ static int send_now(aeo_stream_t *self)
     const int32_t deepest = -(int32_t)(2u * AEO_STREAM_CHANNELS_MAX * self->frame_us); /* >= -1.28e8 */
     const int taken = self->credit_us >= deepest && aeo_stream_send(self);
     if (!taken) {
-        self->counters.dropped++;
+        aeo_count_up(&self->counters.dropped);
     }
     return taken;
 }

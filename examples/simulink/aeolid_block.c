@@ -8,8 +8,6 @@
 #include <aeolid/markov.h>
 #endif
 
-enum { PERIOD_US = 100000 };
-
 static const aeo_channel_t channels[BLOCK_INPUTS + BLOCK_OUTPUTS] = {
     {.name = "u", .unit = "V", .offset = 0, .scale = 1, .minimum = -100, .maximum = 100},
     {.name = "y", .unit = "m", .offset = 0, .scale = 2, .minimum = -100, .maximum = 100}};
@@ -22,7 +20,7 @@ int aeolid_block_start(void)
     const aeo_estimator_config_t settings = {.inputs = BLOCK_INPUTS,
                                              .outputs = BLOCK_OUTPUTS,
                                              .past = BLOCK_PAST,
-                                             .period_us = PERIOD_US,
+                                             .period_us = BLOCK_PERIOD_US,
                                              .channels = channels,
                                              .forgetting = AEO_REAL(0.999),
                                              .regularisation = AEO_REAL(0.001),

@@ -2,7 +2,8 @@
  *
  * In Simulink: Model Settings, Simulation Target, Code Information: include headers "aeolid_block.h"; include directories and source files:
  * this folder, aeolid.h and aeolid.c of tools/amalgamate.py. Initialise function: aeolid_block_start(); then a C Caller block
- * calls aeolid_block_step at the sample time PERIOD_US of aeolid_block.c. One instance a model: the state is static.
+ * calls aeolid_block_step at the sample time BLOCK_PERIOD_US. One instance a model: the state is static.
+ * aeolid_sfun.c beside it is the same as an S-function, for models that have no C Caller.
  */
 #ifndef AEOLID_BLOCK_H
 #define AEOLID_BLOCK_H
@@ -11,7 +12,7 @@
 extern "C" {
 #endif
 
-enum { BLOCK_INPUTS = 1, BLOCK_OUTPUTS = 1, BLOCK_PAST = 4, BLOCK_PARAMETERS = 8 };
+enum { BLOCK_INPUTS = 1, BLOCK_OUTPUTS = 1, BLOCK_PAST = 4, BLOCK_PARAMETERS = 8, BLOCK_PERIOD_US = 100000 };
 
 /* Start afresh; 0, or the negative code of status.h. */
 int aeolid_block_start(void);

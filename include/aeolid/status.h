@@ -4,12 +4,13 @@
  *   Three tiers. A programmer's error (null pointer, size out of range, too few words) is AEO_E_ARG or AEO_E_MEMORY.
  *   A rejected sample is another negative code; the estimator is untouched and exactly one counter goes up. A condition
  *   of the estimator (not excited, bounded, re-initialised) is no error: the call succeeds and a sticky health flag and
- *   a counter tell of it.
+ *   a counter tell of it. AEO_E_GAP alone is negative and yet no rejection: the sample was taken as the first of a new
+ *   past window, there is no regressor for it, and what is lost are the samples before it, which nobody has counted.
  *
  * CONTRACT
  *   Memory: none. Thread and interrupt rule: aeo_status_text reads constants only and may be called from anywhere.
  *   Numbers are never reused. -32 ... -47 belong to the streamer (stream.h), -48 ... -63 to ports (port.h), which define
- *   them. AEO_E_GAP is the one negative code whose sample was taken: it says that those before it are lost.
+ *   them.
  *   A positive code is a success that still has something to say.
  */
 #ifndef AEOLID_STATUS_H
@@ -27,7 +28,7 @@ typedef enum {
     AEO_E_NOT_FINITE = -3, /* a number is NaN or infinite */
     AEO_E_RANGE = -4,      /* a number is outside its configured or plausible range */
     AEO_E_TIME = -5,       /* time stands still, goes backwards, or the sample comes earlier than half a period */
-    AEO_E_GAP = -6,        /* samples are missing before this one; the past window starts again with it */
+    AEO_E_GAP = -6,        /* samples are missing before this one, which was taken: the past window starts with it */
     AEO_E_VERSION = -7,    /* saved by a version of the format that this one does not read */
     AEO_E_MISMATCH = -8,   /* saved by a filter of other dimensions, settings or precision */
     AEO_E_DAMAGED = -9,    /* saved words contradict each other, or a frame's check is wrong */

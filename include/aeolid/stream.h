@@ -166,7 +166,7 @@ typedef struct {
     uint32_t repairs; /* R */
 } aeo_spread_t;
 
-/* Never decrease; wrap at 2^32. */
+/* Never decrease; stay at 2^32 - 1. */
 typedef struct {
     uint32_t sent;      /* frames the port took */
     uint32_t refused;   /* frames the port refused that are offered again */

@@ -111,7 +111,7 @@ def take_by_msvc_rules(source: Path) -> None:
 
 
 def take_into_simulink() -> None:
-    """The functions that a C Caller block calls, with the library's headers and with the two files."""
+    """A C Caller block's functions, with the library's headers and with the two files; the S-function around them."""
     folder, two = SOURCE / "examples/simulink", WORK / "two_files"
     block = ["-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{folder}", HERE / "simulink.c", folder / "aeolid_block.c"]
     ways = {
@@ -121,6 +121,12 @@ def take_into_simulink() -> None:
     for name, words in ways.items():
         run("gcc", *block, *words, "-lm", "-o", WORK / f"block_{name}")
         print(run(WORK / f"block_{name}"), end="")
+    stand_in = [*block[:4], f"-I{folder}", f"-I{HERE / 'simulink'}"]
+    sources = [folder / "aeolid_sfun.c", folder / "aeolid_block.c", f"-I{two}", two / "aeolid.o"]
+    run("gcc", *stand_in, "-DMATLAB_MEX_FILE", "-DAEOLID_TWO_FILES", *sources, "-lm", "-o", WORK / "sfun")
+    print(run(WORK / "sfun"), end="")
+    # generated code registers the methods by a header of the coder; here nothing calls them
+    run("gcc", *stand_in, "-Wno-unused-function", "-fsyntax-only", folder / "aeolid_sfun.c")
 
 
 def read_way(name: str, text: str) -> dict[str, list[str]]:

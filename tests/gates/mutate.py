@@ -93,7 +93,8 @@ def change(line: str) -> Iterator[str]:
     for pattern, new in SWAPS:
         for found in re.finditer(pattern, head):
             yield head[: found.start()] + new + head[found.end() :] + tail
-    for found in NUMBER.finditer(head):
+    truth = re.fullmatch(r"\s*return [01];\s*", head)  # has been swapped; any truth but 0 is the same
+    for found in () if truth else NUMBER.finditer(head):
         yield head[: found.start()] + f"{int(found[1]) + 1}{found[2]}" + head[found.end() :] + tail
     for found in REAL.finditer(head):
         value = float(found[1]) * 1.5 if float(found[1]) > 0 else 0.5

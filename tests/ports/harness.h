@@ -20,6 +20,8 @@ void take_sample(const aeo_real_t u[2], const aeo_real_t y[3], uint32_t k);
 int can_start(void);
 void mailbox_is_free_interrupt(void);
 void background_task(void);
+void FDCAN1_IT0_IRQHandler(void);
+uint32_t read_timer_us(void);
 
 /* Of the controller. read_sensors returns 0 when there are no more samples. */
 int read_sensors(aeo_real_t *u, aeo_real_t *y);

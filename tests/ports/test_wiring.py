@@ -77,9 +77,10 @@ def test_every_block_is_short() -> None:
         assert max(map(len, lines)) <= 120, marker
 
 
-def test_bare_metal(reference: tuple[NDArray[np.float32], NDArray[np.float32]], tmp_path: Path) -> None:
-    """Ring, interrupt, mailboxes: the streamer runs on the template, and what leaves the mailboxes is whole."""
-    program = build(TEXT, "template", tmp_path)
+@pytest.mark.parametrize("name", ["template", "fdcan"])
+def test_bare_metal(name: str, reference: tuple[NDArray[np.float32], NDArray[np.float32]], tmp_path: Path) -> None:
+    """Ring, interrupt, mailboxes: the streamer runs on template and FDCAN, and what leaves the controller is whole."""
+    program = build(TEXT, name, tmp_path)
     log = tmp_path / "bus.log"
     log.write_bytes(subprocess.run([program], capture_output=True, timeout=3600, check=True).stdout)
     source, assembly = open_source(str(log)), Assembly()
@@ -169,6 +170,6 @@ def test_every_port_has_its_block() -> None:
     """A port without wiring, or wiring without a port, is noticed."""
     around = {"common", "j1939"}  # no ports themselves: a claim of an address goes around any
     folders = {p.parent.name for p in (ROOT / "port").glob("*/*.h")} - around
-    shown = {"template", "posix", "mps2", "discon"}
+    shown = {"template", "posix", "fdcan", "mps2", "discon"}
     assert folders == shown
     assert {p.name for p in HERE.glob("run_*.c")} == {f"run_{name}.c" for name in PORTS}

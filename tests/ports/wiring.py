@@ -24,6 +24,7 @@ STRICT = [
     "-Wmissing-declarations", "-Werror",
 ]  # fmt: skip
 POSIX = ["gcc", "-D_XOPEN_SOURCE=700", "-D_DEFAULT_SOURCE", "-pthread", "-Iport/posix"]
+FDCAN = ["gcc", "-Iport/fdcan", "-Itests/unity/fdcan", '-DAEO_FDCAN_HOOKS="fdcan_model.h"']
 CORTEX_M4F = ["arm-none-eabi-gcc", "-mcpu=cortex-m4", "-mfpu=fpv4-sp-d16", "-mthumb", "-mfloat-abi=hard",
               "-fno-math-errno", "-ffunction-sections", "-fdata-sections", "-nostartfiles", "-Wl,--gc-sections",
               "-Tport/mps2/mps2.ld", "-Iport/mps2"]  # fmt: skip
@@ -40,6 +41,11 @@ class Port:
 
 PORTS = {
     "template": Port("port_template.h", ["gcc", "-Iport/template"], ["port/template/port_template.c"]),
+    "fdcan": Port(
+        "fdcan_port.h",
+        FDCAN,
+        ["port/fdcan/fdcan_port.c", "port/fdcan/fdcan_setup.c", "tests/unity/fdcan/fdcan_model.c"],
+    ),
     "slcan": Port("posix_bus.h", POSIX, ["port/posix/posix_bus.c", "port/posix/slcan.c"]),
     "socketcan": Port("socketcan.h", POSIX, ["port/posix/socketcan.c"]),
     "mps2": Port("mps2_port.h", CORTEX_M4F, ["port/mps2/mps2_port.c", "port/mps2/mps2_board.c", "port/posix/slcan.c"]),

@@ -398,6 +398,98 @@ static void a_contradiction_is_refused(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_stream_init(&stream, &whole, &port, words, PARAMETERS_MAX));
 }
 
+/* ---- health, counters, invariants ---------------------------------------------------------------------------------- */
+
+/* The filter's own health, of whichever it is. */
+static uint32_t *find_health(unsigned m)
+{
+    uint32_t *const places[METHODS] = {&one.of.rls.health, &one.of.els.health, &one.of.fast_rls.health,
+                                       &one.of.lattice.health};
+    return places[m];
+}
+
+static void health_is_the_filters_until_cleared(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        TEST_ASSERT_EQUAL_HEX32(0, aeo_estimator_health(&one));
+        *find_health(m) |= 4u;
+        TEST_ASSERT_EQUAL_HEX32(4, aeo_estimator_health(&one));
+        aeo_estimator_clear_health(&one);
+        TEST_ASSERT_EQUAL_HEX32(0, aeo_estimator_health(&one));
+    }
+    aeo_estimator_clear_health(NULL);
+    TEST_ASSERT_EQUAL_HEX32(0, aeo_estimator_health(NULL));
+    TEST_ASSERT_EQUAL_size_t(0, aeo_estimator_saved_words(NULL));
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_estimator_count(NULL, AEO_COUNT_SAMPLES));
+}
+
+/* Before the first sample nothing has been counted, of what a filter counts and of what it does not know. */
+static void all_counters_begin_at_zero(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        for (unsigned c = 0; c <= (unsigned)AEO_COUNTERS; c++) {
+            TEST_ASSERT_EQUAL_UINT32(0, aeo_estimator_count(&one, (aeo_counter_t)c));
+        }
+    }
+}
+
+/* Window and filter must both be sound. */
+static void invariants_are_those_of_both_parts(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        TEST_ASSERT_TRUE(aeo_estimator_invariants_hold(&one));
+        one.regressor.filled = P + 1u;
+        TEST_ASSERT_FALSE(aeo_estimator_invariants_hold(&one));
+        one.regressor.filled = 0;
+        memset(memory, 0xFF, sizeof(aeo_real_t) * 8u); /* the filter's memory comes first; NaN */
+        TEST_ASSERT_FALSE(aeo_estimator_invariants_hold(&one));
+    }
+    TEST_ASSERT_FALSE(aeo_estimator_invariants_hold(NULL));
+}
+
+static void flags_travel_with_the_samples(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        const aeo_stream_config_t bus = describe_bus();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_announce(&one, &stream, &bus, &port, words, PARAMETERS_MAX));
+        *find_health(m) |= 2u;
+        take_one(0);
+        (void)aeo_estimator_send(&one, &stream, 0, now_u, now_y, NULL, 0);
+        TEST_ASSERT_EQUAL_HEX16(2, stream.flags);
+    }
+}
+
+/* A gap is told of, and the sample behind it taken: it is the first of the P that fill the window. */
+static void a_gap_takes_the_sample_that_tells_of_it(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        for (unsigned k = 0; k < 30u; k++) {
+            take_one(k);
+            (void)aeo_estimator_take(&one, now_u, now_y, (uint64_t)k * PERIOD);
+        }
+        for (unsigned k = 40; k < 50u; k++) {
+            const uint32_t samples = aeo_estimator_count(&one, AEO_COUNT_SAMPLES);
+            take_one(k);
+            TEST_ASSERT_EQUAL_INT(k == 40u      ? AEO_E_GAP
+                                  : k < 40u + P ? AEO_FILLING
+                                                : AEO_OK,
+                                  aeo_estimator_take(&one, now_u, now_y, (uint64_t)k * PERIOD));
+            TEST_ASSERT_EQUAL_UINT32(samples + 1u, aeo_estimator_count(&one, AEO_COUNT_SAMPLES));
+        }
+        TEST_ASSERT_EQUAL_UINT32(1, aeo_estimator_count(&one, AEO_COUNT_GAPS));
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -411,5 +503,10 @@ int main(void)
     RUN_TEST(what_is_announced_is_what_runs);
     RUN_TEST(send_brings_all_of_a_sample);
     RUN_TEST(a_contradiction_is_refused);
+    RUN_TEST(health_is_the_filters_until_cleared);
+    RUN_TEST(all_counters_begin_at_zero);
+    RUN_TEST(invariants_are_those_of_both_parts);
+    RUN_TEST(flags_travel_with_the_samples);
+    RUN_TEST(a_gap_takes_the_sample_that_tells_of_it);
     return UNITY_END();
 }

@@ -201,6 +201,33 @@ static void bounding_leaves_theta_alone(void)
     TEST_ASSERT_EQUAL_MEMORY(before, after, sizeof before);
 }
 
+/* And every other word of the state: what is taken off the triangle shows nowhere else. */
+static void bounding_touches_one_triangle_alone(void)
+{
+    start_lattice(0.9, 0, 1e6);
+    for (int k = 0; k < 50; k++) {
+        feed_lattice(1.0, 0.1);
+    }
+    const size_t triangle = AEO_LATTICE_TRIANGLE(M), stages = 2u * P - 1u;
+    for (size_t scan = 0; scan < aeo_lattice_count_variances(&lattice.config); scan++) {
+        lattice.scan = (uint32_t)scan;
+        lattice.scan_step = 1;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_copy(&lattice, &twin, twin_memory, WORDS));
+        twin.variance_max = AEO_REAL(1e-4);
+        draw_lattice_sample(1.0, 0.1);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&lattice, lattice_z, lattice_y));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&twin, lattice_z, lattice_y));
+        TEST_ASSERT_EQUAL_UINT32(lattice.count.bounded + 1u, twin.count.bounded);
+        const size_t at = scan / M < stages ? scan / M * triangle : stages * triangle;
+        const size_t behind = scan / M < stages ? at + triangle : stages * triangle + AEO_LATTICE_TRIANGLE(D);
+        const size_t state = aeo_lattice_count_state(&lattice);
+        TEST_ASSERT_TRUE(memcmp(lattice.factor, twin.factor, at * sizeof *lattice.factor) == 0);
+        TEST_ASSERT_EQUAL_MEMORY(lattice.factor + behind, twin.factor + behind,
+                                 (state - behind) * sizeof *lattice.factor);
+        TEST_ASSERT_TRUE(memcmp(lattice.factor + at, twin.factor + at, (behind - at) * sizeof *lattice.factor) != 0);
+    }
+}
+
 static void bounding_quarters_a_variance_in_time(void)
 {
     for (int t = 0; t < 40; t++) { /* each comes round before forgetting can double it */
@@ -255,6 +282,7 @@ int main(void)
     RUN_TEST(quiet_samples_are_followed);
     RUN_TEST(without_the_gate_variances_stay_bounded);
     RUN_TEST(bounding_leaves_theta_alone);
+    RUN_TEST(bounding_touches_one_triangle_alone);
     RUN_TEST(bounding_quarters_a_variance_in_time);
     RUN_TEST(rounding_does_not_inflate_the_covariances);
     return UNITY_END();

@@ -1,8 +1,10 @@
 /* A budget counts all that is sent, and what was accepted sends a snapshot within the time the formula says. */
+#include "budget.h"
 #include "fake_bus.h"
 #include "samples.h"
 #include "unity.h"
 
+#include <math.h>
 #include <string.h>
 
 static uint64_t seed;
@@ -112,6 +114,119 @@ static void a_snapshot_leaves_in_time(void)
     TEST_ASSERT_TRUE(near * 2u > accepted); /* and the formula is no empty promise */
 }
 
+/* ---- the formula of budget.h, in double ---------------------------------------------------------------------------- */
+
+static double cost_us(const aeo_stream_config_t *config, unsigned length)
+{
+    const double bits =
+        length > 8u ? (double)AEO_FRAME_FD_BITS_EXTENDED(length, config->fd_ratio) : (double)AEO_FRAME_BITS_EXTENDED;
+    return config->bits_per_s > 0u ? ceil(bits * 1e6 / config->bits_per_s) : 0.0;
+}
+
+static double values_us(const aeo_stream_config_t *config, unsigned values)
+{
+    if (values == 0u || config->sample_every == 0u) {
+        return 0.0;
+    }
+    return config->fd != 0u ? cost_us(config, AEO_FRAME_FD_LENGTH(values))
+                            : (values + (config->seal != 0u ? 1u : 0u)) * cost_us(config, 8);
+}
+
+/* What a step keeps of so much credit: whole frames, or one every so many steps. */
+static double keep(double earned, double longest, double burst)
+{
+    if (earned < longest) {
+        return earned > 0.0 ? longest / ceil(longest / earned) : 0.0;
+    }
+    return fmin(floor(earned / longest), burst) * longest;
+}
+
+static double foretell_steps(const aeo_stream_config_t *config)
+{
+    const double period = round((double)config->sample_time_s * 1e6), burst = config->burst;
+    const double longest = fmax(cost_us(config, 8), config->fd != 0u ? cost_us(config, 64) : 0.0);
+    const double every = config->sample_every > 0u ? config->sample_every : 1.0;
+    const double sample = values_us(config, CHANNELS) + values_us(config, config->innovations != 0u ? OUTPUTS : 0u);
+    const double frames = 1.0 / config->health_every + description / config->describe_every;
+    const double blocks = config->fd != 0u ? AEO_STREAM_BLOCKS(config->parameters) : config->parameters;
+    const double all = blocks + AEO_STREAM_REPAIRS((uint32_t)blocks, config->repair_percent) + 4.0;
+    const int cuts = longest > 0.0 && period > (burst - 1.0) * longest;
+    const double usable = cuts ? keep(period, longest, burst) : period, paying = ceil(sample / period);
+    double rest = period - sample / every;
+    if (cuts && every < 2.0) {
+        rest = keep(period - sample, longest, burst);
+    } else if (cuts) {
+        rest = paying < every ? usable * (every - paying) / every : 0.0;
+    }
+    const double left = rest - frames * (cuts ? longest : cost_us(config, 8));
+    const double share = sample / every + frames * cost_us(config, 8);
+    if (fabs(share / period - 0.9) < 1e-5 || fabs(left - 0.1 * usable) < 1e-5 * period ||
+        fabs(frames / burst - 0.9) < 1e-5) {
+        return -1.0; /* rounding decides */
+    }
+    if (share > 0.9 * period || left < 0.1 * usable || frames > 0.9 * burst) {
+        return 0.0;
+    }
+    const double time = (all * longest + description * longest + 2.0 * (sample + 2.0 * longest)) / left;
+    return fmax(time, (all + description + 2.0) / (burst - frames)) + 2.0;
+}
+
+static void steps_are_those_of_the_formula(void)
+{
+    unsigned accepted = 0, cut = 0;
+    for (unsigned t = 0; t < 20000u; t++) {
+        aeo_stream_config_t config = draw_config();
+        config.bits_per_s = t % 4u == 0u ? 160000u * (1u + t / 4u % 40u) : config.bits_per_s; /* whole microseconds */
+        const double steps = foretell_steps(&config);
+        const int status = aeo_stream_init(&stream, &config, &port, words, config.parameters);
+        if (steps < -0.5) {
+            continue;
+        }
+        if (status == AEO_OK) { /* the library counts in float, and cuts fractions off */
+            TEST_ASSERT_TRUE(fabs((double)aeo_stream_snapshot_steps(&stream) + 0.5 - steps) <= 0.6 + 1e-5 * steps);
+            accepted++;
+            cut += config.sample_time_s > AEO_REAL(0.05) && config.bits_per_s > 0u;
+        } else {
+            TEST_ASSERT_TRUE(status == AEO_E_BUDGET && steps < 1.0);
+        }
+    }
+    TEST_ASSERT_TRUE(accepted > 4000u && cut > 500u);
+}
+
+/* The step that cannot be cut: burst - 1 longest frames of 1000 microseconds take a sample time. */
+static void a_step_that_fits_the_cap_is_not_cut(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 160000;
+    config.sample_every = 100;
+    config.describe_every = 60000;
+    for (uint8_t burst = 3; burst < 6u; burst++) {
+        for (unsigned more = 0; more < 2u; more++) {
+            config.burst = burst;
+            config.sample_time_s = AEO_REAL(1e-6) * (aeo_real_t)(1000u * (burst - 1u) + 20u * more);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_init(&stream, &config, &port, words, N));
+            TEST_ASSERT_UINT32_WITHIN(1, (uint32_t)foretell_steps(&config), aeo_stream_snapshot_steps(&stream));
+        }
+    }
+}
+
+/* Texts too long to be sent whole count as what is sent of them. */
+static void a_description_is_counted_as_it_is_sent(void)
+{
+    static const char text[] = "a name of more than thirty-two characters";
+    aeo_channel_t own[CHANNELS];
+    aeo_stream_config_t config = make_config();
+    memcpy(own, channels, sizeof own);
+    for (unsigned length = 0; length < sizeof text; length++) {
+        own[0].name = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
+        config.channels = own;
+        set_up_bus();
+        start_stream(&config);
+        describe_first();
+        TEST_ASSERT_EQUAL_UINT32(stream.counters.sent, aeo_budget_count_description(&config));
+    }
+}
+
 static void a_period_that_does_not_fit_is_refused(void)
 {
     aeo_stream_config_t config = make_config();
@@ -157,6 +272,23 @@ static void health_has_its_turn_and_no_more(void)
     TEST_ASSERT_EQUAL_UINT32(1, stream.counters.snapshots);
 }
 
+/* Health that is always due leaves a snapshot every second frame. */
+static void health_never_has_two_turns_running(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.burst = 1;
+    config.sample_every = 0;
+    start_stream(&config);
+    describe_first();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 0, theta));
+    for (unsigned k = 0; k < 100u; k++) {
+        stream.health_in = 0;
+        fake.kept = 0;
+        TEST_ASSERT_EQUAL_INT(1, aeo_stream_step(&stream));
+        TEST_ASSERT_EQUAL_INT(k % 2u == 0u, is_health(0));
+    }
+}
+
 static void after_the_farewell_there_is_silence(void)
 {
     const aeo_stream_config_t config = make_config();
@@ -176,8 +308,12 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(a_snapshot_leaves_in_time);
+    RUN_TEST(steps_are_those_of_the_formula);
+    RUN_TEST(a_step_that_fits_the_cap_is_not_cut);
+    RUN_TEST(a_description_is_counted_as_it_is_sent);
     RUN_TEST(a_period_that_does_not_fit_is_refused);
     RUN_TEST(health_has_its_turn_and_no_more);
+    RUN_TEST(health_never_has_two_turns_running);
     RUN_TEST(after_the_farewell_there_is_silence);
     return UNITY_END();
 }

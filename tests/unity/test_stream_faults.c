@@ -192,6 +192,28 @@ static void null_arguments_later(void)
     TEST_ASSERT_EQUAL_UINT(0, fake.calls);
 }
 
+/* Counters tell of a node that runs for years: at the top they stay, and a receiver never sees one go back. */
+static void counters_stay_at_the_top(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.parameters = 40;
+    config.past = 0;
+    start_stream(&config);
+    memset(&stream.counters, 0xFF, sizeof stream.counters);
+    run_all();
+    fake.refuse_all = 1;
+    (void)aeo_stream_sample(&stream, 1, u, y, NULL);
+    aeo_stream_reset(&stream);
+    (void)aeo_stream_step(&stream);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 1, theta));
+    TEST_ASSERT_EQUAL_INT(AEO_E_BUSY, aeo_stream_snapshot(&stream, 1, theta));
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, stream.counters.sent);
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, stream.counters.refused);
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, stream.counters.dropped);
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, stream.counters.snapshots);
+    TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, stream.counters.busy);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -202,5 +224,6 @@ int main(void)
     RUN_TEST(can_fd_settings_out_of_range);
     RUN_TEST(bad_channels_pointers_and_memory);
     RUN_TEST(null_arguments_later);
+    RUN_TEST(counters_stay_at_the_top);
     return UNITY_END();
 }

@@ -1,0 +1,423 @@
+/* Where the headers say that a range ends: the last value is taken and the next one refused. */
+#include "aeolid/els.h"
+#include "aeolid/fast_rls.h"
+#include "aeolid/lattice.h"
+#include "aeolid/rls.h"
+#include "fake_bus.h"
+#include "saved.h"
+#include "unity.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+enum { WORDS = 120000 };
+
+static aeo_real_t memory[WORDS];
+
+void setUp(void)
+{
+    set_up_bus();
+}
+
+void tearDown(void)
+{
+    tear_down_bus();
+}
+
+/* The neighbour of x above (up 1) or below it. */
+static aeo_real_t next_to(aeo_real_t x, int up)
+{
+#ifdef AEO_REAL_DOUBLE
+    return nextafter(x, up ? DBL_MAX : -DBL_MAX);
+#else
+    return nextafterf(x, up ? FLT_MAX : -FLT_MAX);
+#endif
+}
+
+/* One setting of one filter, by its place in the filter's own description. */
+typedef struct {
+    aeo_status_t (*init)(const void *config);
+    void *config;
+    aeo_real_t *setting;
+    aeo_real_t low, high;
+} range_t;
+
+static aeo_rls_config_t rls_config;
+static aeo_els_config_t els_config;
+static aeo_fast_rls_config_t fast_config;
+static aeo_lattice_config_t lattice_config;
+static union {
+    aeo_rls_t rls;
+    aeo_els_t els;
+    aeo_fast_rls_t fast;
+    aeo_lattice_t lattice;
+} filter;
+
+static aeo_status_t init_rls(const void *config)
+{
+    return aeo_rls_init(&filter.rls, (const aeo_rls_config_t *)config, memory, WORDS);
+}
+
+static aeo_status_t init_els(const void *config)
+{
+    return aeo_els_init(&filter.els, (const aeo_els_config_t *)config, memory, WORDS);
+}
+
+static aeo_status_t init_fast(const void *config)
+{
+    return aeo_fast_rls_init(&filter.fast, (const aeo_fast_rls_config_t *)config, memory, WORDS);
+}
+
+static aeo_status_t init_lattice(const void *config)
+{
+    return aeo_lattice_init(&filter.lattice, (const aeo_lattice_config_t *)config, memory, WORDS);
+}
+
+static void describe_all(void)
+{
+    rls_config = (aeo_rls_config_t){4, 2, AEO_REAL(0.99), AEO_REAL(1), AEO_REAL(0.05), AEO_REAL(100)};
+    els_config = (aeo_els_config_t){.regressors = 6,
+                                    .outputs = 1,
+                                    .past = 2,
+                                    .varx_samples = 50,
+                                    .forgetting = AEO_REAL(0.99),
+                                    .forgetting_start = AEO_REAL(0.98),
+                                    .forgetting_rate = AEO_REAL(0.99),
+                                    .regularisation = AEO_REAL(1),
+                                    .excitation_min = AEO_REAL(0.05),
+                                    .growth_max = AEO_REAL(100),
+                                    .guard_ratio = AEO_REAL(4)};
+    fast_config = (aeo_fast_rls_config_t){.past = 4,
+                                          .block = 3,
+                                          .outputs = 2,
+                                          .forgetting = AEO_REAL(0.99),
+                                          .regularisation = AEO_REAL(1),
+                                          .growth_max = AEO_REAL(100)};
+    lattice_config = (aeo_lattice_config_t){.past = 4,
+                                            .block = 3,
+                                            .outputs = 2,
+                                            .forgetting = AEO_REAL(0.99),
+                                            .regularisation = AEO_REAL(1),
+                                            .excitation_min = AEO_REAL(0.05),
+                                            .growth_max = AEO_REAL(100)};
+}
+
+static void settings_end_where_the_headers_say(void)
+{
+    const range_t ranges[] = {
+        {init_rls, &rls_config, &rls_config.forgetting, AEO_REAL(0.5), AEO_REAL(1)},
+        {init_rls, &rls_config, &rls_config.excitation_min, AEO_REAL(0), AEO_REAL(1)},
+        {init_rls, &rls_config, &rls_config.growth_max, AEO_REAL(4), AEO_REAL(1e6)},
+        {init_rls, &rls_config, &rls_config.regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)},
+        {init_els, &els_config, &els_config.forgetting, AEO_REAL(0.98), AEO_REAL(1)}, /* not below its start */
+        {init_els, &els_config, &els_config.forgetting_start, AEO_REAL(0.5), AEO_REAL(0.99)},
+        {init_els, &els_config, &els_config.forgetting_rate, AEO_REAL(0), AEO_REAL(0.999999)},
+        {init_els, &els_config, &els_config.guard_ratio, AEO_REAL(1.5), AEO_REAL(100)},
+        {init_fast, &fast_config, &fast_config.growth_max, AEO_REAL(4), AEO_REAL(1e6)},
+        {init_fast, &fast_config, &fast_config.regularisation, AEO_REAL(1e-8), AEO_REAL(1e8)},
+        {init_lattice, &lattice_config, &lattice_config.forgetting, AEO_REAL(0.5), AEO_REAL(1)},
+        {init_lattice, &lattice_config, &lattice_config.excitation_min, AEO_REAL(0), AEO_REAL(1)}};
+    for (unsigned i = 0; i < sizeof ranges / sizeof *ranges; i++) {
+        const range_t *range = &ranges[i];
+        describe_all();
+        /* growth_max / regularisation has a bound of its own, 1e10: out of the way here */
+        rls_config.growth_max = fast_config.growth_max = AEO_REAL(50);
+        *range->setting = range->low;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, range->init(range->config));
+        *range->setting = next_to(range->low, 0);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, range->init(range->config));
+        *range->setting = range->high;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, range->init(range->config));
+        *range->setting = next_to(range->high, 1);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, range->init(range->config));
+    }
+}
+
+static void variances_end_at_ten_to_the_ten(void)
+{
+    describe_all();
+    rls_config.growth_max = AEO_REAL(1e6);
+    rls_config.regularisation = AEO_REAL(1.000001e-4);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_rls(&rls_config));
+    rls_config.regularisation = AEO_REAL(0.99999e-4);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
+}
+
+/* lambda^p >= 1/1000 and lambda^(p-1) >= 1e-6, by halves: exact. */
+static void short_memories_bound_the_window(void)
+{
+    describe_all();
+    fast_config.forgetting = lattice_config.forgetting = AEO_REAL(0.5);
+    fast_config.past = 9; /* 1/512 */
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    fast_config.past = 10; /* 1/1024 */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    lattice_config.past = 20; /* 2^-19 = 1.9e-6 */
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    lattice_config.past = 21;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
+}
+
+static void sizes_end_where_the_headers_say(void)
+{
+    describe_all();
+    rls_config.regressors = 1;
+    rls_config.outputs = AEO_RLS_OUTPUTS_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_rls(&rls_config));
+    rls_config.outputs = AEO_RLS_OUTPUTS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
+    rls_config.outputs = 1;
+    rls_config.regressors = AEO_RLS_REGRESSORS_MAX; /* sizes first, memory last */
+    TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY, init_rls(&rls_config));
+    rls_config.regressors = AEO_RLS_REGRESSORS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
+    fast_config.past = 1;
+    fast_config.block = 33;
+    fast_config.outputs = AEO_FAST_RLS_OUTPUTS_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    fast_config.outputs = AEO_FAST_RLS_OUTPUTS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.outputs = 1;
+    fast_config.block = AEO_FAST_RLS_BLOCK_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    fast_config.block = AEO_FAST_RLS_BLOCK_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    lattice_config.past = 1;
+    lattice_config.block = AEO_LATTICE_BLOCK_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    lattice_config.block = AEO_LATTICE_BLOCK_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
+    lattice_config.block = 3;
+    lattice_config.outputs = AEO_LATTICE_OUTPUTS_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    lattice_config.outputs = AEO_LATTICE_OUTPUTS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
+}
+
+static void starts_of_els_end_where_the_header_says(void)
+{
+    describe_all();
+    els_config.varx_samples = 16;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
+    els_config.varx_samples = 15;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+    els_config.guard_ratio = AEO_REAL(0); /* without the guard no start is too short */
+    els_config.varx_samples = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
+    els_config.varx_samples = AEO_ELS_VARX_SAMPLES_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
+    els_config.varx_samples = AEO_ELS_VARX_SAMPLES_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+}
+
+/* ---- regressor ----------------------------------------------------------------------------------------------------- */
+
+static aeo_status_t init_window(uint32_t period_us, aeo_real_t scale, unsigned r, unsigned l, unsigned p)
+{
+    static aeo_real_t scales[64];
+    aeo_regressor_t regressor;
+    aeo_regressor_config_t config = {.inputs = (uint16_t)r, .outputs = (uint16_t)l, .past = (uint16_t)p};
+    for (unsigned i = 0; i < 64; i++) {
+        scales[i] = scale;
+    }
+    config.period_us = period_us;
+    config.scale = scales;
+    return aeo_regressor_init(&regressor, &config, memory, WORDS);
+}
+
+static void windows_end_where_the_header_says(void)
+{
+#ifdef AEO_REAL_DOUBLE
+    const aeo_real_t least = DBL_MIN * 4, most = DBL_MAX / 16;
+#else
+    const aeo_real_t least = FLT_MIN * 4, most = FLT_MAX / 16;
+#endif
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(UINT32_C(4000000000), 1, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(UINT32_C(4000000001), 1, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, least, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, next_to(least, 0), 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, most, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, next_to(most, 1), 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 32, 32, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 33, 32, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 33, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 2, 1, 340)); /* 3 340 + 2 = 1022, and room for 2 present inputs */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 2, 1, 341));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 32, 32, 15)); /* 64 15 + 32 = 992 */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 32, 16));
+}
+
+/* Reset puts back what init left: the saved forms differ in what has been counted alone. */
+static void a_reset_window_is_saved_like_a_new_one(void)
+{
+    enum { LENGTH = AEO_REGRESSOR_SAVED_WORDS(2, 2, 3, 0) };
+    static aeo_real_t fresh[LENGTH], again[LENGTH];
+    static const aeo_real_t one[2] = {AEO_REAL(0.5), AEO_REAL(-0.25)};
+    const aeo_regressor_config_t config = {.inputs = 2, .outputs = 2, .past = 3, .period_us = 1000};
+    aeo_regressor_t regressor;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &config, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, fresh, LENGTH));
+    for (unsigned k = 1; k < 9; k++) {
+        (void)aeo_regressor_push(&regressor, one, one, 1000u * k);
+    }
+    aeo_regressor_reset(&regressor);
+    memset(&regressor.count, 0, sizeof regressor.count);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, again, LENGTH));
+    TEST_ASSERT_EQUAL_MEMORY(fresh, again, sizeof fresh);
+}
+
+/* ---- stream -------------------------------------------------------------------------------------------------------- */
+
+static aeo_status_t init_stream(const aeo_stream_config_t *config)
+{
+    return aeo_stream_init(&stream, config, &port, words, PARAMETERS_MAX);
+}
+
+static void streams_end_where_the_header_says(void)
+{
+    static aeo_channel_t many[65];
+    aeo_stream_config_t config = make_config();
+    for (unsigned i = 0; i < 65; i++) {
+        many[i] = channels[0];
+    }
+    config.channels = many;
+    config.past = 0;
+    config.inputs = 32; /* every bit of the mask has its input */
+    config.outputs = 32;
+    config.feedthrough = UINT32_C(0xFFFFFFFF);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+    config.scheduling = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+    config.scheduling = 0;
+    config.inputs = 31;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+    config.feedthrough = UINT32_C(0x7FFFFFFF);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+    many[3].scale = (aeo_real_t)FLT_MIN; /* the wire's numbers are binary32 in both builds */
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+    many[3].scale = (aeo_real_t)(FLT_MIN / 2);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+    many[3].scale = (aeo_real_t)FLT_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+}
+
+/* After a reset no flag of the filter that ran before is told. */
+static void a_reset_stream_has_no_flags(void)
+{
+    const aeo_stream_config_t config = make_config();
+    const uint32_t counter[2] = {7, 8};
+    start_stream(&config);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_health(&stream, 0x5A5A, counter, 2));
+    aeo_stream_reset(&stream);
+    fake.kept = 0;
+    for (unsigned k = 0; k < 200u; k++) {
+        (void)aeo_stream_step(&stream);
+    }
+    unsigned found = 0;
+    for (unsigned i = 0; i < fake.kept; i++) {
+        if (is_health(i)) {
+            found++;
+            TEST_ASSERT_EQUAL_HEX16(0, message_at(i).index);
+            TEST_ASSERT_TRUE(message_at(i).tag < AEO_HEALTH_FILTER);
+        }
+    }
+    TEST_ASSERT_TRUE(found > 10u);
+}
+
+/* The tag of a seal is the number of channels, odd or even. */
+static void a_seal_counts_an_even_number_of_channels(void)
+{
+    for (uint8_t inputs = 0; inputs <= INPUTS; inputs++) {
+        aeo_stream_config_t config = make_config();
+        config.inputs = inputs;
+        config.past = 0;
+        config.seal = 1;
+        start_stream(&config);
+        describe_first();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_sample(&stream, 1, u, y, NULL));
+        TEST_ASSERT_EQUAL_INT(AEO_KIND_SEAL, message_at(fake.kept - 1u).kind);
+        TEST_ASSERT_EQUAL_UINT8(inputs + OUTPUTS, message_at(fake.kept - 1u).tag);
+    }
+}
+
+/* ---- saved forms --------------------------------------------------------------------------------------------------- */
+
+static void els_remembers_one_miss_at_most(void)
+{
+    enum { LENGTH = AEO_ELS_SAVED_WORDS(6, 1) };
+    static aeo_real_t saved[LENGTH];
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
+    filter.els.missed = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_save(&filter.els, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_restore(&filter.els, saved, LENGTH));
+    filter.els.missed = 2;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_save(&filter.els, saved, LENGTH));
+    filter.els.missed = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_els_restore(&filter.els, saved, LENGTH));
+    filter.els.backoff = 6;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_save(&filter.els, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_restore(&filter.els, saved, LENGTH));
+}
+
+/* What a lattice may hold: 1/2 is the least alpha, and errors end at 1e10, innovation and residual among them. */
+static void saved_lattices_end_where_their_proof_does(void)
+{
+    enum { LENGTH = AEO_LATTICE_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH];
+    static const double held[2] = {0.5, 1e10}, wrong[2] = {0.4999, 1.001e10};
+    for (unsigned place = 0; place < 5; place++) {
+        describe_all();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+        aeo_real_t *const words_held[5] = {filter.lattice.alpha, filter.lattice.innovation, filter.lattice.residual + 1,
+                                           filter.lattice.error, filter.lattice.error + 11};
+        const unsigned kind = place == 0u ? 0u : 1u;
+        *words_held[place] = (aeo_real_t)held[kind];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
+        *words_held[place] = (aeo_real_t)wrong[kind];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
+    }
+}
+
+/* Innovations end at 1e12, and the window a tenth above what a scaled number may be, for disturbances. */
+static void saved_windows_end_where_their_proof_does(void)
+{
+    enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH];
+    static const double held[4] = {1e12, -1e12, 1.1e6, 1.1e6}, wrong[4] = {1.001e12, -1.001e12, 1.101e6, 1.101e6};
+    for (unsigned place = 0; place < 4; place++) {
+        describe_all();
+        TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+        aeo_real_t *const words_held[4] = {filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window,
+                                           filter.fast.window + 14};
+        *words_held[place] = (aeo_real_t)held[place];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
+        *words_held[place] = (aeo_real_t)wrong[place];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(settings_end_where_the_headers_say);
+    RUN_TEST(variances_end_at_ten_to_the_ten);
+    RUN_TEST(short_memories_bound_the_window);
+    RUN_TEST(sizes_end_where_the_headers_say);
+    RUN_TEST(starts_of_els_end_where_the_header_says);
+    RUN_TEST(windows_end_where_the_header_says);
+    RUN_TEST(a_reset_window_is_saved_like_a_new_one);
+    RUN_TEST(streams_end_where_the_header_says);
+    RUN_TEST(a_reset_stream_has_no_flags);
+    RUN_TEST(a_seal_counts_an_even_number_of_channels);
+    RUN_TEST(els_remembers_one_miss_at_most);
+    RUN_TEST(saved_lattices_end_where_their_proof_does);
+    RUN_TEST(saved_windows_end_where_their_proof_does);
+    return UNITY_END();
+}
