@@ -10,7 +10,9 @@ from aeolid.errors import UsageError
 from aeolid.identify.choices import choose
 from aeolid.identify.choose_past import climb, longest_past, read_past
 from aeolid.identify.plant_states import ask_predicted, ask_states
+from aeolid.identify.request import Request
 from aeolid.identify.residuals import run_residual_tests
+from aeolid.identify.run import identify_records
 from aeolid.identify.short_factors import product_factor, shorter
 from aeolid.identify.windows import factorise, find_scaling
 from aeolid.plants.hawt import Excitation, simulate_closed_loop
@@ -202,6 +204,25 @@ def test_a_window_too_short_is_said_and_auto_finds_one_that_does():
     made = choose([slower], "auto", "auto")
     assert made.check.holds is True
     assert made.past >= 25
+
+
+def test_a_start_of_steps_is_short_where_they_can_be_paid_for(monkeypatch):
+    """Steps have no window: theirs is the shortest that a longer one betters by little, with poles that agree. Where
+    they cost too much, or none follow, the window has to do by itself."""
+    record = simulate_closed_loop(3000, 41)
+    alone, start = (choose([record], "auto", record.names("input"), followed=f) for f in (False, True))
+    assert start.past < alone.past and start.check.holds is True and "steps follow" in start.past_reason
+    monkeypatch.setattr("aeolid.identify.contrast.WORK", 1e8)
+    assert choose([record], "auto", record.names("input"), followed=True).past == alone.past
+
+
+def test_left_to_the_data_slow_modes_of_a_fast_sample_are_told():
+    """0.3 and 1.1 Hz, 2 %, at 200 samples a second: no window holds a period, the steps' end does."""
+    found = identify_records([two_modes(12000, 0.005, 1)], Request())
+    assert found.extra["bands_hold"] and len(found.modes) == 2
+    for mode, hz in zip(sorted(found.modes, key=lambda m: m.frequency_hz), (0.3, 1.1), strict=True):
+        assert abs(mode.frequency_hz - hz) < 4 * mode.frequency_std_hz
+        assert abs(mode.damping - 0.02) < 4 * mode.damping_std
 
 
 def test_windows_that_are_long_enough_are_not_called_short():

@@ -9,10 +9,13 @@ from study_modules import load_study
 from aeolid.errors import UsageError
 from aeolid.identify.choices import CONFIRMED, Choices, with_choices_made
 from aeolid.identify.contrast import APART, farthest
+from aeolid.identify.error_weight import log_det, weight_of
 from aeolid.identify.order import TOLERANCE, worth_a_state
+from aeolid.identify.positive_real import RANK
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.truncation import WindowCheck
 from aeolid.identify.varx import identify_varx
+from aeolid.models.prediction import predict, vaf
 from aeolid.plants.hawt import simulate_closed_loop
 from aeolid.record import Channel, Record
 
@@ -101,6 +104,46 @@ def test_an_order_too_low_is_said_and_the_model_stays():
     facts = found.to_json()["contrast"]
     assert not facts["taken"] and "white" in facts["failed"] and "do not hold" in facts["reason"]
     np.testing.assert_array_equal(found.model.A, identify_varx([record], past=20, order=2).model.A)
+
+
+def test_the_end_is_taken_where_nothing_else_was_asked_and_stands_in_for_no_window_without_an_end():
+    """Without measurement noise one combination of the turbine's outputs is exact: the subspace model predicts the next
+    recording worse in every output. The poles agree, so that the end is taken whatever the steps had left."""
+    record, following = simulate_closed_loop(2000, 34), simulate_closed_loop(2000, 35)
+    both = record.names("input")
+    plain, held = (
+        identify_varx([record], past=20, order=7, feedthrough=both, contrast=how) for how in ("none", "always")
+    )
+    facts = held.to_json()["contrast"]
+    assert facts["taken"] and facts["ended"] and facts["apart"] < APART
+    u, y = following.matrix("input"), following.matrix("output")
+    assert (vaf(y, predict(held.model, u, y)) > vaf(y, predict(plain.model, u, y))).all()
+    unended = replace(held, extra={"contrast": {"taken": True, "ended": False, "reason": None}})
+    check = WindowCheck(None, 20, 13, None, 0.0, "whether it is long enough cannot be said")
+    assert with_choices_made(unended, Choices(20, (), check=check)).extra["bands_hold"] is False
+
+
+def test_steps_keep_poles_inside_where_the_model_is_to_be_stable():
+    """The turbine's speed integrates; with `stable` the pole stays inside and the steps are taken all the same."""
+    record = simulate_closed_loop(2000, 33)
+    found = identify_varx([record], past=20, order=7, feedthrough=record.names("input"), contrast="always", stable=True)
+    assert found.to_json()["contrast"]["steps"] > 0 and abs(np.linalg.eigvals(found.model.A)).max() < 1
+
+
+def test_the_criterion_is_free_of_units_falls_to_no_end_and_has_the_derivative_of_its_weight():
+    random = np.random.default_rng(0)
+    root, scale = random.standard_normal((3, 5)), np.diag([1.0, 30.0, 0.2])
+    covariance, change = root @ root.T, random.standard_normal((3, 3))
+    change = 1e-6 * (change + change.T)
+    W = weight_of(covariance, 0.0)
+    slope = log_det(covariance + change, 0.0) - log_det(covariance - change, 0.0)
+    assert slope == pytest.approx(2 * np.trace(W @ W.T @ change) / 3, rel=1e-6)
+    moved = log_det(scale @ covariance @ scale, 0.0) - log_det(covariance, 0.0)
+    assert moved == pytest.approx(2 * np.log(np.diag(scale)).mean(), rel=1e-9)
+    np.testing.assert_allclose(W @ W.T, np.linalg.inv(covariance), rtol=0.05)
+    exact = root[:, :2] @ root[:, :2].T
+    assert log_det(exact, 0.0) > np.log(np.diag(exact)).mean() + np.log(RANK) / 3 - 3
+    assert log_det(np.full((2, 2), np.nan), 0.0) == np.inf
 
 
 def model_with(*poles):

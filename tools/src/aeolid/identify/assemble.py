@@ -156,8 +156,11 @@ def _contrasted(
     poles: Array | None, records: Sequence[Record], extra: dict[str, Any],
 ) -> Contrast | None:  # fmt: skip
     """Hold the model against prediction-error steps from it, where the settings ask for that; see `contrast`."""
-    asked = settings.contrast != "none" and not settings.refined and not settings.stable and settings.markov is None
-    if not asked or poles is None or settings.uncertainty != "asymptotic":
+    always = settings.contrast == "always"
+    asked = always or (settings.contrast != "none" and not settings.stable)
+    if not asked or settings.refined or settings.markov is not None:
+        return None
+    if poles is None or settings.uncertainty != "asymptotic":
         return None
     from aeolid.identify.contrast import contrast
     from aeolid.identify.extended import collect  # brings the compiled loops along, which others do without
@@ -168,8 +171,8 @@ def _contrasted(
 
     stretches = cut_stretches(collect(windows.records, windows.scaling.without_innovations(), settings.past))
     information = float(extra.get("preparation", {}).get("information", 1.0))
-    always = settings.contrast == "always"
-    return contrast(stretches, before[0], poles, through, records[0].sample_time_s, kept, information, always)
+    step_s = records[0].sample_time_s
+    return contrast(stretches, before[0], poles, through, step_s, kept, information, always, settings.stable)
 
 
 def _head_states(windows: Windows, settings: Settings, through: tuple[bool, ...]) -> StateBasis:

@@ -58,14 +58,14 @@ class Choices:
 def choose(
     records: Sequence[Record], past: str | int, feedthrough: Sequence[str] | str, *, decimation: int = 1,
     regularization: str | float = "gcv", checked: bool = True, markov: StreamedMarkov | None = None,
-    delays: Mapping[str, int] | str | None = None,
+    delays: Mapping[str, int] | str | None = None, followed: bool = False,
 ) -> Choices:  # fmt: skip
     """Return window, feedthrough and dead times, those given as they are, "auto" by the data.
 
     past: samples, seconds as "12s" (of the decimated samples), or "auto"; feedthrough: names, () or "auto"; checked:
     whether the window is checked (the methods varx and varmax); delays: as in `find_delays`, after feedthrough, for an
-    input that acts at once is not late. With a stream of Markov parameters "auto" is what its filter had. Raises
-    UsageError or NotIdentifiable as `identify_varx`.
+    input that acts at once is not late; followed: as in `choose_past`. With a stream of Markov parameters "auto" is
+    what its filter had. Raises UsageError or NotIdentifiable as `identify_varx`.
     """
     if markov is not None:
         return _of_stream(records, past, feedthrough, markov)
@@ -87,7 +87,8 @@ def choose(
         scaling, ladder = _climbed(without_delays(records, late), given)
         said += [f"the delay of {n} is estimated; --delay none leaves it to the model" for n in late if delays == AUTO]
     through = tuple(n in on for n in scaling.inputs)
-    made = _with_past(ladder, given, on, through, regularization, checked, said, tested)
+    made = _with_past(ladder, given, through, regularization, checked, followed)
+    made = replace(made, feedthrough=on, notes=(*made.notes, *said), tested=tested)
     return replace(made, missing=tuple(t.name for t in missing), delays=late or None)
 
 
@@ -123,7 +124,8 @@ def with_choices_made(result: Result, made: Choices) -> Result:
     notes = list(made.notes)
     scarce = result.extra.get("scarce", "")
     if check is not None:
-        confirmed = check.holds is None and held.get("taken", False) and not scarce
+        stands = held.get("taken", False) and held.get("ended", True) and not held.get("reason")
+        confirmed = check.holds is None and stands and not scarce
         window = "" if confirmed else check.reason
         near = result.extra.get("crowded", {}).get("reason", "")
         reasons = [r for r in (scarce, window, held.get("reason"), near) if r]
@@ -152,14 +154,15 @@ def _ladder(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder
 
 
 def _with_past(
-    ladder: Ladder, given: int | None, on: tuple[str, ...], through: tuple[bool, ...], regularization: str | float,
-    checked: bool, said: list[str], tested: tuple[Feedthrough, ...],
+    ladder: Ladder, given: int | None, through: tuple[bool, ...], regularization: str | float, checked: bool,
+    followed: bool,
 ) -> Choices:  # fmt: skip
+    """Return the window alone, chosen or as given, with the check of it."""
     if given is None:
-        choice = choose_past(ladder, through, regularization)
-        return Choices(choice.past, on, (choice.reason, *said), tested, choice.check, choice.reason)
+        choice = choose_past(ladder, through, regularization, followed)
+        return Choices(choice.past, (), (choice.reason,), check=choice.check, past_reason=choice.reason)
     check = check_window(ladder, given, through, regularization) if checked and ladder.longest >= given else None
-    return Choices(given, on, tuple(said), tested, check)
+    return Choices(given, (), check=check)
 
 
 def _say(found: Feedthrough) -> str:

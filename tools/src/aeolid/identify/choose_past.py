@@ -4,6 +4,11 @@ The held-out error alone takes windows that are too short where modes are slow f
 predictor loses is little of the error and much of the poles. Poles alone do not say when a longer window is but noise.
 So the shortest window whose held-out error is within what chance explains of the least is taken first, and then doubled
 until the poles agree with those of twice the window (see `truncation`). All windows are had from one factor.
+
+Where prediction-error steps follow and can be paid for, the window is but that of their start. What a short one leaves
+out of the error they take away; what a long one adds by its many coefficients they leave where the error hardly tells
+it, in gains far below the largest. There the shortest window is taken that `truncation` lets pass: LOWERED of the error
+power.
 """
 
 from __future__ import annotations
@@ -16,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
+from aeolid.identify.contrast import MOST, steps_to_pay
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.short_factors import product_factor, shorter
-from aeolid.identify.truncation import WindowCheck, WindowFit, compare_windows, fit_window, held_out_power
+from aeolid.identify.truncation import LOWERED, WindowCheck, WindowFit, compare_windows, fit_window, held_out_power
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.record import Record
 
@@ -89,14 +95,22 @@ def climb(records: Sequence[Record], scaling: Scaling, longest: int) -> Ladder:
     return Ladder(fitted, held_out, fitted.merge(held_out), records[0].sample_time_s)
 
 
-def choose_past(ladder: Ladder, through: tuple[bool, ...], regularization: str | float) -> PastChoice:
-    """Choose the window of a ladder; through: for each input whether it has feedthrough."""
+def choose_past(
+    ladder: Ladder, through: tuple[bool, ...], regularization: str | float, followed: bool = False
+) -> PastChoice:
+    """Choose the window of a ladder; through: for each input whether it has feedthrough.
+
+    followed: whether prediction-error steps from the model follow, where they can be paid for.
+    """
     tried = _windows(ladder.longest)
     losses = np.array([held_out_power(ladder.at(p)[0], through, regularization) for p in tried])
     chance = 2.0 / np.sqrt(max(ladder.held_out.windows, 1)) * 0.1
-    past = tried[int(np.flatnonzero(losses <= losses.min() + chance)[0])]
-    first = past
     fits: dict[tuple[int, int | None], WindowFit] = {}
+    past, within = _shortest(tried, losses, chance), "chance of the least"
+    start = _shortest(tried, losses, max(chance, LOWERED))
+    if followed and start < past and _can_follow(ladder, start, through, regularization, fits):
+        past, within = start, f"{LOWERED:.0%} of the least, and prediction-error steps follow, which have no window"
+    first = past
     while True:
         check = check_window(ladder, past, through, regularization, fits)
         if check.holds is not False or past >= ladder.longest:
@@ -104,7 +118,7 @@ def choose_past(ladder: Ladder, through: tuple[bool, ...], regularization: str |
         past = min(2 * past, ladder.longest)
     step = ladder.sample_time_s
     reason = f"past window {past} samples ({past * step:.4g} s): "
-    reason += "the shortest whose held-out one-step error is within chance of the least"
+    reason += f"the shortest whose held-out one-step error is within {within}"
     if past > first:
         reason = (
             f"past window {past} samples ({past * step:.4g} s): the held-out error would do with {first}, poles not"
@@ -112,6 +126,22 @@ def choose_past(ladder: Ladder, through: tuple[bool, ...], regularization: str |
     if check.holds is None or past == ladder.longest:
         reason += f"; {ladder.longest} is the most that the data allow"
     return PastChoice(past, reason, check)
+
+
+def _shortest(tried: list[int], losses: Array, allowed: float) -> int:
+    """Return the shortest window whose loss is within `allowed` of the least."""
+    return tried[int(np.flatnonzero(losses <= losses.min() + allowed)[0])]
+
+
+def _can_follow(
+    ladder: Ladder, past: int, through: tuple[bool, ...], regularization: str | float,
+    fits: dict[tuple[int, int | None], WindowFit],
+) -> bool:  # fmt: skip
+    """Say whether as many steps as may be needed can be paid for a model of the order of this window; adds its fit."""
+    halves, whole = ladder.at(past)
+    fits[past, None] = fit_window(whole, halves, through, regularization, None)
+    size = (fits[past, None].order, whole.inputs, whole.outputs, sum(through))
+    return steps_to_pay(size, whole.windows + past) == MOST
 
 
 def check_window(

@@ -56,7 +56,8 @@ class Contrast:
     done, steps: the steps and their number; apart, frequency_hz: of the pole that moves most, deviations told and Hz;
     failed: why the end of the steps cannot be taken, empty where it can or need not be; taken: whether it takes the
     place of the subspace model; white: whether its innovations on the longest stretch are white and free of the inputs'
-    past (`residuals`). Taken is what the steps end at, if it is white and fits the recordings no worse.
+    past (`residuals`); ended: whether no step gained more. Taken is what the steps end at, if it fits the recordings no
+    worse and, where poles differ, has ended and is white.
     """
 
     done: Refinement
@@ -66,11 +67,12 @@ class Contrast:
     failed: str
     taken: bool
     white: bool
+    ended: bool = True
 
     @property
     def doubt(self) -> str:
         """Return why the deviations do not hold, empty where they do."""
-        if self.taken or (self.white and self.apart <= APART):
+        if self.white and (self.taken or self.apart <= APART):
             return ""
         if self.apart <= APART:
             return (
@@ -86,6 +88,11 @@ class Contrast:
         """Return what is to be said of it."""
         if not self.taken:
             return []
+        if self.apart <= APART:
+            return [
+                f"{self.steps} prediction-error steps were taken from the subspace model; they move no mode by more "
+                f"than {self.apart:.1f} of its standard deviations, and their model predicts best"
+            ]
         return [
             f"{self.steps} prediction-error steps move the mode near {self.frequency_hz:.3g} Hz by "
             f"{min(self.apart, 999):.1f} of its standard deviations: their model is taken, with the deviations it has"
@@ -94,40 +101,42 @@ class Contrast:
     def to_json(self) -> dict[str, Any]:
         """Return the JSON facts."""
         facts = {"apart": self.apart, "frequency_hz": self.frequency_hz, "steps": self.steps, "taken": self.taken,
-                 "white": self.white}  # fmt: skip
+                 "white": self.white, "ended": self.ended}  # fmt: skip
         return {"contrast": facts | {"failed": self.failed or None, "reason": self.doubt or None}}
 
 
 def contrast(
     stretches: Sequence[Stretch], start: ScaledModel, poles: Array, through: tuple[bool, ...], step_s: float,
     kept: Callable[[Refinement], Refinement], information: float, always: bool,
+    stable: bool = False,
 ) -> Contrast | None:  # fmt: skip
     """Take the prediction-error steps from a subspace model, and their end in its place where it is told apart.
 
     poles (n, 2, 2): covariance of its poles; step_s: sample time; kept: returns steps as they are or, where they fit
     the recordings worse, with none left; information: part of what complete recordings would tell, 0 … 1; always: take
-    the end where poles agree too. None where one step costs more than WORK, which bounds the cost.
+    the end where poles agree too; stable: keep poles inside the unit circle. None where one step costs more than WORK,
+    which bounds the cost.
     """
     from aeolid.identify.refine import Descent, run_model  # brings the compiled loops along, which others do without
 
-    outputs, samples = len(start.C), sum(len(s.y) for s in stretches)
-    steps = min(MOST, int(WORK / _work(start, samples, sum(through))))
+    (n, r), outputs, samples = start.B.shape, len(start.C), sum(len(s.y) for s in stretches)
+    steps = steps_to_pay((n, r, outputs, sum(through)), samples)
     if steps == 0:
         return None
-    descent = Descent(stretches, through, False)
+    descent = Descent(stretches, through, stable)
     path = descent.path(start, steps, 2 * NATS / (samples * outputs))
     found = descent.result(path, None, "no step gains")
     pole, apart = farthest(start, found.model, poles)
     hertz = float(abs(np.log(pole)) / (2 * np.pi * step_s)) if pole else 0.0
     white = _white(run_model(found.model, stretches, np.eye(outputs)), stretches)
-    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white)
+    met = Contrast(found, len(path) - 1, apart, hertz, "", False, white, len(path) <= steps)
     if apart <= APART and not always:
         return met
-    if len(path) > steps:
-        return replace(met, failed="come to no end")
     if len(path) == 1 or found.root is None:
         return replace(met, failed="cannot be taken")
-    if not white:
+    if apart > APART and not met.ended:
+        return replace(met, failed="come to no end")
+    if apart > APART and not white:
         return replace(met, failed="leave innovations that are not white")
     done = kept(found)
     if not done.steps or done.root is None:
@@ -135,12 +144,16 @@ def contrast(
     return replace(met, done=replace(done, root=done.root / np.sqrt(information)), taken=True)
 
 
-def _work(model: ScaledModel, samples: int, through: int) -> float:
-    """Return the operations of a step: derivatives, their factor, and what runs over the samples beside them."""
-    (n, r), outputs = model.B.shape, len(model.C)
+def steps_to_pay(size: tuple[int, int, int, int], samples: int) -> int:
+    """Return how many steps are taken at most, MOST or what WORK pays for.
+
+    size: states, inputs, outputs, inputs with feedthrough. A step takes derivatives, their factor, and what runs over
+    the samples beside them.
+    """
+    n, r, outputs, through = size
     free = n * (2 * outputs + r) + outputs * through
     each = n * (n + outputs) * (n + free) + outputs * free**2
-    return float(samples * (2.0 * each + BESIDE))
+    return min(MOST, int(WORK / (samples * (2.0 * each + BESIDE))))
 
 
 def _white(run: Run, stretches: Sequence[Stretch]) -> bool:

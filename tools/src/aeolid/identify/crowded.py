@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from aeolid.identify.compressed import Windows
 from aeolid.identify.contrast import BESIDE, NATS, Contrast, farthest
+from aeolid.identify.error_weight import least_of, log_det
 from aeolid.identify.result import Settings
 from aeolid.identify.subspace import ScaledModel, StateBasis, largest_useful_order, system_matrices
 
@@ -79,7 +80,7 @@ def crowded(
 
     def nats(model: ScaledModel) -> float:
         covariance = run_model(model, stretches, np.eye(outputs)).covariance()
-        return -0.5 * samples * information * float(np.linalg.slogdet(covariance)[1])
+        return -0.5 * samples * information * outputs * log_det(covariance, least_of(covariance))
 
     if not admitted(ended):
         return None
@@ -105,7 +106,7 @@ def crowding(
     from aeolid.identify.refine import cut_stretches
 
     (told, held), order = models, len(models[0].A)
-    asked = settings.order is None and poles is not None and not held.doubt
+    asked = settings.order is None and poles is not None and not held.doubt and not settings.stable
     if not asked or order + max(MORE) > largest_useful_order(basis):
         return {}
     stretches = cut_stretches(collect(windows.records, windows.scaling.without_innovations(), settings.past))

@@ -1,10 +1,10 @@
 """Refine a subspace model by its prediction errors: the maximum likelihood of the innovation form.
 
-Damped Gauss–Newton steps on log det of the errors' covariance Λ, in the tangent space of models that differ in more
-than their basis (`sensitivity`). For every model tried, what it is free to choose of the recordings is solved for
-exactly: the first state of each stretch of complete samples, and a constant error of each output, which is all that
-constants in both equations can do to a stable predictor. A model is admitted while A − K C is stable and forgets
-within the recording.
+Damped Gauss–Newton steps on log det of the errors' covariance Λ (`error_weight`), in the tangent space of models that
+differ in more than their basis (`sensitivity`). For every model tried, what it is free to choose of the recordings is
+solved for exactly: the first state of each stretch of complete samples, and a constant error of each output, which is
+all that constants in both equations can do to a stable predictor. A model is admitted while A − K C is stable and
+forgets within the recording.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.descent import ENOUGH, MOST_STEPS, column_scale, covariance_root, descend, usable
+from aeolid.identify.error_weight import RESOLVED, least_of, log_det, weight_of
 from aeolid.identify.extended import Samples
 from aeolid.identify.order import FIT_PART
 from aeolid.identify.sensitivity import Coordinates, chunk_length, error_derivatives, unpack
@@ -26,8 +27,6 @@ from aeolid.identify.windows import triangularise
 from aeolid.models.recursion import run_states
 
 Array = NDArray[np.float64]
-FLOOR = 1e-6  # of the largest eigenvalue of Λ, added to all: fewer noise sources than outputs leave Λ singular
-RESOLVED = 1e-20  # error power in scaled units below which a prediction is exact to rounding
 DECAYED = 1e-12  # of a first state's size in the errors, below which it is forgotten
 LONGEST_ANSWER = 50_000  # samples that are asked for a first state
 HELD_OUT_LEAST = 20  # samples per channel that must be held out
@@ -189,18 +188,18 @@ class Descent:
             return [start]
         slowest = max(self._slowest(), spectral_radius(start.A - start.K @ start.C))
         covariance = run_model(start, self.stretches, np.eye(len(start.C))).covariance()
-        least = FLOOR * float(np.linalg.eigvalsh(covariance)[-1])
-        weight = _weight(covariance)
+        least = least_of(covariance)
+        weight = weight_of(covariance)
         at = lru_cache(maxsize=1)(lambda model: Coordinates.at(model, self.feedthrough))  # one for all damped steps
 
         def loss(model: ScaledModel) -> float:
             if not admitted(model, slowest):
                 return np.inf
-            return _log_det(run_model(model, self.stretches, weight).covariance(), least)
+            return log_det(run_model(model, self.stretches, weight).covariance(), least)
 
         def factor(model: ScaledModel) -> Array:
             run = run_model(model, self.stretches, weight)
-            return self.information(model, run, _weight(run.covariance(), least), at(model))
+            return self.information(model, run, weight_of(run.covariance(), least), at(model))
 
         def move(model: ScaledModel, delta: Array) -> ScaledModel:
             moved = at(model).move(model, delta)
@@ -223,7 +222,7 @@ class Descent:
             return Refinement(start, np.zeros(len(start.C)), 0, held_out, 0.0, None, self.feedthrough, stopped)
         even = np.eye(len(start.C))
         before = run_model(start, self.stretches, even).covariance()
-        run = run_model(model, self.stretches, _weight(run_model(model, self.stretches, even).covariance()))
+        run = run_model(model, self.stretches, weight_of(run_model(model, self.stretches, even).covariance()))
         powers = [np.log(np.maximum(c.diagonal(), RESOLVED)) for c in (before, run.covariance())]
         gain = 1 - float(np.exp(np.mean(powers[1] - powers[0])))
         model = replace(model, covariance=run.covariance(), gain_method="prediction error")
@@ -235,7 +234,7 @@ class Descent:
         if float(np.linalg.eigvalsh(covariance)[-1]) < RESOLVED:
             return None
         coordinates = Coordinates.at(model, self.feedthrough)
-        R = self.information(model, run, _weight(covariance), coordinates)
+        R = self.information(model, run, weight_of(covariance), coordinates)
         if not usable(R) or column_scale(R).min() <= 1e-300:
             return None
         spent = coordinates.free / max(sum(map(len, run.errors)) * len(covariance), 1)
@@ -333,16 +332,3 @@ def held_out_loss(model: ScaledModel, stretches: Sequence[Stretch]) -> float:
     run = run_model(model, stretches, np.eye(len(model.C)))
     e = np.concatenate([part[s.early :] for part, s in zip(run.errors, stretches, strict=True)])
     return float(np.mean(np.log(np.maximum(e.var(axis=0), RESOLVED))))
-
-
-def _weight(covariance: Array, least: float | None = None) -> Array:
-    """Return W with W Wᵀ the inverse of Λ + least I; least: default FLOOR of the largest eigenvalue."""
-    values, vectors = np.linalg.eigh(covariance)
-    added = max(FLOOR * values[-1] if least is None else least, RESOLVED)
-    out: Array = vectors / np.sqrt(np.maximum(values, 0) + added)
-    return out
-
-
-def _log_det(covariance: Array, least: float) -> float:
-    values = np.maximum(np.linalg.eigvalsh(covariance), 0) + least
-    return float(np.mean(np.log(np.maximum(values, RESOLVED)))) if np.isfinite(values).all() else float(np.inf)

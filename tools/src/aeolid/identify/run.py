@@ -59,7 +59,7 @@ def identify_records(
         made = _choose(request, seen, through, streamed)
         common = request.common() | {"past": made.past, "feedthrough": _mask_of(request.method, through, made)}
         own |= {} if made.delays is None else {"delays": made.delays}
-        own |= _contrast_for(request.method, made)
+        own |= _contrast_for(request, made)
     with tell(f"identifying with a past window of {made.past} samples"):
         run = partial(_run_method, request.method, records, common, own, streamed)
         result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
@@ -115,16 +115,27 @@ def _choose(
         return choose(
             records, past, named, decimation=request.decimate, regularization=request.common()["regularization"],
             checked=method != "fir", markov=streamed, delays=request.delays(streamed=streamed is not None),
+            followed=_followed(request, streamed),
         )  # fmt: skip
     window = read_past(past, records[0].sample_time_s * request.decimate) or 0
     return Choices(window, () if named == "auto" else tuple(named))
 
 
-def _contrast_for(method: str, made: Choices) -> dict[str, str]:
-    """Return when prediction-error steps take the subspace model's place: always where no window could be compared."""
-    if method not in CHOOSING[:2]:
+def _followed(request: Request, streamed: StreamedMarkov | None) -> bool:
+    """Say whether prediction-error steps follow the subspace model, see `assemble`."""
+    plain = not request.refine and (request.uncertainty or "asymptotic") == "asymptotic"
+    return request.method in CHOOSING[:2] and streamed is None and plain
+
+
+def _contrast_for(request: Request, made: Choices) -> dict[str, str]:
+    """Return when prediction-error steps take the subspace model's place.
+
+    Always where the window was left to the data, for it then is that of their start, and where none could be compared.
+    """
+    if request.method not in CHOOSING[:2]:
         return {}
-    return {"contrast": "always" if made.check is not None and made.check.holds is None else "apart"}
+    always = str(request.past) == "auto" or (made.check is not None and made.check.holds is None)
+    return {"contrast": "always" if always else "apart"}
 
 
 def _mask_of(method: str, feedthrough: Sequence[str] | None, made: Choices) -> Sequence[str] | None:
