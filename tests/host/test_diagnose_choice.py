@@ -16,6 +16,7 @@ from study_modules import load_study
 from aeolid.cli.main import main
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates import refit as refit_module
+from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import fit_rows, select_density
 from aeolid.diagnose.candidates.refit import best_of, finalists, refit, renewed, with_least_noise, with_more_noise
 from aeolid.diagnose.data.case import load_case
@@ -267,8 +268,10 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
         return SimpleNamespace(attachment=attachment(entry, output), z=z, fair=-np.inf, basis=bases.get(entry))
 
     def fitted(entry: str, output: str, gain: float, at_end: bool = False, fit: float = 0.0, **is_: bool) -> Any:
-        a, usual = attachment(entry, output), {"plausible": True, "accepted": True, "at_end": at_end}
-        return SimpleNamespace(attachments=(a,), key=a.key, fit_gain=fit or gain, score=gain, **(usual | is_))
+        a, usual = attachment(entry, output), {"plausible": True, "accepted": True, "is_plainer": False}
+        return SimpleNamespace(
+            attachments=(a,), key=a.key, fit_gain=fit or gain, score=gain, at_end=at_end, **(usual | is_)
+        )
 
     monkeypatch.setattr(first_effect, "is_accepted", lambda c: c.accepted)
 
@@ -284,6 +287,8 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     assert kin(bank, [fitted("sensor_lag", "moment", 148.0, plausible=False)]) == []
     over = fitted("sensor_second_order", "moment", 148.0, at_end=True, plausible=False)  # damped by all it may be
     assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [over])]
+    plain = fitted("sensor_second_order", "moment", 148.0, plausible=False, is_plainer=True)  # it does not ring at all
+    assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [plain])]
     better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
     assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []
     unsteady = fitted("sensor_lag", "moment", 148.0, fit=210.0)  # fits better than two of the best, and fails elsewhere
@@ -295,6 +300,23 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     elsewhere = [r.attachment.key for r in kin(bank, refused)]  # the same effect, half as loud as the threshold
     assert elsewhere == ["sensor_lag moment", "sensor_lag speed"]
     assert kin(bank, [*refused, fitted("sensor_bias", "yaw", 10.0)]) == []
+
+
+def test_an_effect_whose_own_value_is_none_is_a_plainer_one() -> None:
+    """Sticking with a force in excess of 0.1 ± 0.4 N is dry friction; with 1.1 ± 0.4 N it is more."""
+    slots = (
+        SimpleNamespace(name="level", label="force_N", null=0.0),
+        SimpleNamespace(name="excess", label="excess_N", null=0.0),
+    )
+    of = SimpleNamespace(key="stiction", slots=slots, essential=("excess",))
+
+    def told(excess: float, essential: tuple[str, ...]) -> bool:
+        values = {"stiction": {"force_N": (5.0, 0.1), "excess_N": (excess, 0.4)}}
+        attachments = (SimpleNamespace(**(vars(of) | {"essential": essential})),)
+        return bool(Candidate.is_plainer.fget(SimpleNamespace(attachments=attachments, values=values)))  # type: ignore[attr-defined]
+
+    assert told(0.1, ("excess",)) and not told(1.1, ("excess",)) and not told(0.1, ())
+    assert not told(0.1, ("excess", "level")), "one of them differs"
 
 
 def test_a_form_outside_the_catalogue_leads_only_where_nothing_else_is_left() -> None:

@@ -78,6 +78,15 @@ class Candidate:
         )
 
     @property
+    def is_plainer(self) -> bool:
+        """Tell whether what makes an effect more than a plainer one at its place is none, by two deviations."""
+        for a in self.attachments:
+            own = [self.values[a.key].get(s.label, (s.null, 0.0)) for s in a.slots if s.name in a.essential and s.label]
+            if own and all(abs(value) < 2 * std for value, std in own):
+                return True
+        return False
+
+    @property
     def handicap(self) -> float:
         """Return what its parameters must gain on the fit data to be needed: half the log of the samples each.
 

@@ -176,14 +176,17 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     the beginning of a second-order one (805 nats for 148), and that the bending of a blade: one model by two names. One
     at the end of its range, too: a second-order filter damped by all it may be is a lag. Where none of the best is
     accepted, the first of them may stand for the same effect elsewhere, which half the threshold then brings up: of two
-    tanks that run over, the second that the first one had not been told. One that fits well and fails the selection
-    data may be the wrong member of the right family: a sensor's lag, 797 and −263 nats, where a filter of second order
-    has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What has fewer values and, as
-    the catalogue says, is taken for an accepted effect at its place is kin whatever its score: of a spring that the
-    fitted baseline never lets go of, play has none, and stops beside a spring five times too soft were named for it.
+    tanks that run over, the second that the first one had not been told. Of one whose own value is none (sticking
+    with no force in excess, 130 nats), the plainer one is meant, which was not fitted, and a mode led. One that fits
+    well and fails the selection data may be the wrong member of the right family: a sensor's lag, 797 and −263 nats,
+    where a filter of second order has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What has fewer
+    values and, as the catalogue says, is taken for an accepted effect at its place is kin whatever its score: of a
+    spring that the fitted baseline never lets go of, play has none, and stops beside a spring five times too soft were
+    named for it.
     """
     known = {c.key for c in fitted}
-    led = sorted((c for c in fitted if (c.plausible or c.at_end) and c.fit_gain > 0), key=lambda c: -c.score)
+    meant = [c for c in fitted if c.plausible or c.at_end or c.is_plainer]
+    led = sorted((c for c in meant if c.fit_gain > 0), key=lambda c: -c.score)
     leaders, others = led[:_LEADERS], led[_LEADERS:]
     leaders += [c for c in others if c.fit_gain > leaders[-1].fit_gain][:_FITTING]
     allowed = [c for c in led if c.plausible]
