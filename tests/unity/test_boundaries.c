@@ -202,6 +202,11 @@ static void starts_of_els_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
     els_config.varx_samples = 15;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+    for (unsigned quarters = 1; quarters < 6u; quarters++) { /* below 1.5 a guard is no guard, but off at 0 alone */
+        els_config.varx_samples = 50;
+        els_config.guard_ratio = AEO_REAL(0.25) * (aeo_real_t)quarters;
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+    }
     els_config.guard_ratio = AEO_REAL(0); /* without the guard no start is too short */
     els_config.varx_samples = 0;
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
