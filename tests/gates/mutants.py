@@ -1,8 +1,8 @@
 """Gate: mutants that once lived and were killed by a test written against them stay dead.
 
 python mutants.py UNITY_DIR LIBRARY; UNITY_DIR holds unity.c, LIBRARY is libaeolid.a in float. A sample of mutate.py
-that is cheap and the same every time: mutants_killed.toml names source, line, its replacement and the test that objects.
-A line that is gone is passed over, and told; when half of them are gone the list is to be renewed.
+that is cheap and the same every time: mutants_killed.toml names source, line, its replacement and the test that
+objects. A line that is gone is passed over, and told; when half of them are gone the list is to be renewed.
 """
 
 import subprocess
