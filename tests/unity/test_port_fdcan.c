@@ -56,7 +56,7 @@ static aeo_can_frame_t make(uint32_t id, uint8_t flags, uint8_t length)
     frame.id = id;
     frame.flags = flags;
     frame.length = length;
-    for (unsigned i = 0; i < length; i++) {
+    for (unsigned i = 0; i < length && i < sizeof frame.data; i++) {
         frame.data[i] = (uint8_t)(id + 37u * i + 1u);
     }
     return frame;
