@@ -255,6 +255,22 @@ static void windows_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 32, 16));
 }
 
+/* A mask has a bit for each of 32 inputs, and none for one that is not there. */
+static void masks_end_where_the_inputs_do(void)
+{
+    aeo_regressor_t regressor;
+    aeo_regressor_config_t config = {.outputs = 1, .past = 1, .period_us = 1};
+    for (unsigned r = 1; r <= 32u; r++) {
+        config.inputs = (uint16_t)r;
+        config.feedthrough = UINT32_MAX >> (32u - r);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &config, memory, WORDS));
+        if (r < 32u) {
+            config.feedthrough = UINT32_C(1) << r;
+            TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, &config, memory, WORDS));
+        }
+    }
+}
+
 /* Reset puts back what init left: the saved forms differ in what has been counted alone. */
 static void a_reset_window_is_saved_like_a_new_one(void)
 {
@@ -414,6 +430,36 @@ static void saved_windows_end_where_their_proof_does(void)
     }
 }
 
+/* Every number that is saved comes back, also those that a short run leaves alone. */
+static void saved_numbers_of_fast_rls_come_back(void)
+{
+    enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH], twin_memory[AEO_FAST_RLS_WORDS(4, 3, 0, 2)];
+    aeo_fast_rls_t twin;
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    TEST_ASSERT_EQUAL_INT(
+        AEO_OK, aeo_fast_rls_init(&twin, &fast_config, twin_memory, sizeof twin_memory / sizeof *twin_memory));
+    filter.fast.array[0].age = 17;
+    filter.fast.array[1].age = 70001;
+    filter.fast.active = 1;
+    filter.fast.hold = 23;
+    filter.fast.filled = 3;
+    filter.fast.random = 99;
+    filter.fast.health = 5;
+    filter.fast.count.restarted = 4;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&twin, saved, LENGTH));
+    TEST_ASSERT_EQUAL_UINT32(17, twin.array[0].age);
+    TEST_ASSERT_EQUAL_UINT32(70001, twin.array[1].age);
+    TEST_ASSERT_EQUAL_UINT32(1, twin.active);
+    TEST_ASSERT_EQUAL_UINT32(23, twin.hold);
+    TEST_ASSERT_EQUAL_UINT32(3, twin.filled);
+    TEST_ASSERT_EQUAL_UINT32(99, twin.random);
+    TEST_ASSERT_EQUAL_UINT32(5, twin.health);
+    TEST_ASSERT_EQUAL_UINT32(4, twin.count.restarted);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -430,5 +476,7 @@ int main(void)
     RUN_TEST(els_remembers_one_miss_at_most);
     RUN_TEST(saved_lattices_end_where_their_proof_does);
     RUN_TEST(saved_windows_end_where_their_proof_does);
+    RUN_TEST(masks_end_where_the_inputs_do);
+    RUN_TEST(saved_numbers_of_fast_rls_come_back);
     return UNITY_END();
 }
