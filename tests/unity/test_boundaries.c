@@ -125,7 +125,8 @@ static void settings_end_where_the_headers_say(void)
         rls_config.growth_max = fast_config.growth_max = AEO_REAL(50);
         *range->setting = range->low;
         TEST_ASSERT_EQUAL_INT(AEO_OK, range->init(range->config));
-        *range->setting = next_to(range->low, 0);
+        /* below 0 a normal number, for -ffast-math flushes others to it */
+        *range->setting = range->low > AEO_REAL(0) ? next_to(range->low, 0) : AEO_REAL(-1e-30);
         TEST_ASSERT_EQUAL_INT(AEO_E_ARG, range->init(range->config));
         *range->setting = range->high;
         TEST_ASSERT_EQUAL_INT(AEO_OK, range->init(range->config));
@@ -202,6 +203,11 @@ static void starts_of_els_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
     els_config.varx_samples = 15;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+    for (unsigned quarters = 1; quarters < 6u; quarters++) { /* below 1.5 a guard is no guard, but off at 0 alone */
+        els_config.varx_samples = 50;
+        els_config.guard_ratio = AEO_REAL(0.25) * (aeo_real_t)quarters;
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
+    }
     els_config.guard_ratio = AEO_REAL(0); /* without the guard no start is too short */
     els_config.varx_samples = 0;
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
@@ -211,7 +217,7 @@ static void starts_of_els_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_els(&els_config));
 }
 
-/* ---- regressor ----------------------------------------------------------------------------------------------------- */
+/* ---- regressor --------------------------------------------------------------------------------------------------- */
 
 static aeo_status_t init_window(uint32_t period_us, aeo_real_t scale, unsigned r, unsigned l, unsigned p)
 {
@@ -249,6 +255,22 @@ static void windows_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 32, 16));
 }
 
+/* A mask has a bit for each of 32 inputs, and none for one that is not there. */
+static void masks_end_where_the_inputs_do(void)
+{
+    aeo_regressor_t regressor;
+    aeo_regressor_config_t config = {.outputs = 1, .past = 1, .period_us = 1};
+    for (unsigned r = 1; r <= 32u; r++) {
+        config.inputs = (uint16_t)r;
+        config.feedthrough = UINT32_MAX >> (32u - r);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &config, memory, WORDS));
+        if (r < 32u) {
+            config.feedthrough = UINT32_C(1) << r;
+            TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, &config, memory, WORDS));
+        }
+    }
+}
+
 /* Reset puts back what init left: the saved forms differ in what has been counted alone. */
 static void a_reset_window_is_saved_like_a_new_one(void)
 {
@@ -268,7 +290,7 @@ static void a_reset_window_is_saved_like_a_new_one(void)
     TEST_ASSERT_EQUAL_MEMORY(fresh, again, sizeof fresh);
 }
 
-/* ---- stream -------------------------------------------------------------------------------------------------------- */
+/* ---- stream ------------------------------------------------------------------------------------------------------ */
 
 static aeo_status_t init_stream(const aeo_stream_config_t *config)
 {
@@ -342,7 +364,7 @@ static void a_seal_counts_an_even_number_of_channels(void)
     }
 }
 
-/* ---- saved forms --------------------------------------------------------------------------------------------------- */
+/* ---- saved forms ------------------------------------------------------------------------------------------------- */
 
 static void els_remembers_one_miss_at_most(void)
 {
@@ -383,24 +405,59 @@ static void saved_lattices_end_where_their_proof_does(void)
     }
 }
 
-/* Innovations end at 1e12, and the window a tenth above what a scaled number may be, for disturbances. */
+/* Innovations end at 1e12, factors at 1e6, energies at 1e33, predictors at 1e30, and the window, for disturbances, a tenth
+ * above what a scaled number may be. */
 static void saved_windows_end_where_their_proof_does(void)
 {
     enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
     static aeo_real_t saved[LENGTH];
-    static const double held[4] = {1e12, -1e12, 1.1e6, 1.1e6}, wrong[4] = {1.001e12, -1.001e12, 1.101e6, 1.101e6};
-    for (unsigned place = 0; place < 4; place++) {
+    enum { PLACES = 10, M_BLOCK = 3, TRIANGLE = M_BLOCK * (M_BLOCK + 1) / 2, WEIGHTS = M_BLOCK * 4 * M_BLOCK };
+    static const double held[PLACES] = {1e12, -1e12, 1.1e6, 1.1e6, 1e6, -1e6, 1e33, -1e33, 1e30, -1e30};
+    for (unsigned place = 0; place < PLACES; place++) {
         describe_all();
         TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
-        aeo_real_t *const words_held[4] = {filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window,
-                                           filter.fast.window + 14};
+        const aeo_fast_rls_array_t *const one = &filter.fast.array[0], *const two = &filter.fast.array[1];
+        aeo_real_t *const words_held[PLACES] = {
+            filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window, filter.fast.window + 14,
+            one->factor + 1,        two->factor + TRIANGLE - 2, one->energy,        two->energy + 8,
+            one->forward,           two->backward + WEIGHTS - 1};
         *words_held[place] = (aeo_real_t)held[place];
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
-        *words_held[place] = (aeo_real_t)wrong[place];
+        *words_held[place] = (aeo_real_t)(1.001 * held[place]);
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
         TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
     }
+}
+
+/* Every number that is saved comes back, also those that a short run leaves alone. */
+static void saved_numbers_of_fast_rls_come_back(void)
+{
+    enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH], twin_memory[AEO_FAST_RLS_WORDS(4, 3, 0, 2)];
+    aeo_fast_rls_t twin;
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    TEST_ASSERT_EQUAL_INT(
+        AEO_OK, aeo_fast_rls_init(&twin, &fast_config, twin_memory, sizeof twin_memory / sizeof *twin_memory));
+    filter.fast.array[0].age = 17;
+    filter.fast.array[1].age = 70001;
+    filter.fast.active = 1;
+    filter.fast.hold = 23;
+    filter.fast.filled = 3;
+    filter.fast.random = 99;
+    filter.fast.health = 5;
+    filter.fast.count.restarted = 4;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&twin, saved, LENGTH));
+    TEST_ASSERT_EQUAL_UINT32(17, twin.array[0].age);
+    TEST_ASSERT_EQUAL_UINT32(70001, twin.array[1].age);
+    TEST_ASSERT_EQUAL_UINT32(1, twin.active);
+    TEST_ASSERT_EQUAL_UINT32(23, twin.hold);
+    TEST_ASSERT_EQUAL_UINT32(3, twin.filled);
+    TEST_ASSERT_EQUAL_UINT32(99, twin.random);
+    TEST_ASSERT_EQUAL_UINT32(5, twin.health);
+    TEST_ASSERT_EQUAL_UINT32(4, twin.count.restarted);
 }
 
 int main(void)
@@ -419,5 +476,7 @@ int main(void)
     RUN_TEST(els_remembers_one_miss_at_most);
     RUN_TEST(saved_lattices_end_where_their_proof_does);
     RUN_TEST(saved_windows_end_where_their_proof_does);
+    RUN_TEST(masks_end_where_the_inputs_do);
+    RUN_TEST(saved_numbers_of_fast_rls_come_back);
     return UNITY_END();
 }

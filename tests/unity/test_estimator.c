@@ -467,6 +467,21 @@ static void flags_travel_with_the_samples(void)
     }
 }
 
+static void nothing_is_sent_without_both(void)
+{
+    const aeo_estimator_config_t config = describe(AEO_VARX);
+    const aeo_stream_config_t bus = describe_bus();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, aeo_estimator_rls, &config, memory, WORDS));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_announce(&one, &stream, &bus, &port, words, PARAMETERS_MAX));
+    take_one(0);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_send(NULL, &stream, 0, now_u, now_y, NULL, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_send(&one, &stream, 0, NULL, now_y, NULL, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_send(&one, NULL, 0, now_u, now_y, NULL, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_snapshot(NULL, &stream, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_estimator_snapshot(&one, NULL, 0));
+    TEST_ASSERT_EQUAL_UINT(0, fake.kept);
+}
+
 /* A gap is told of, and the sample behind it taken: it is the first of the P that fill the window. */
 static void a_gap_takes_the_sample_that_tells_of_it(void)
 {
@@ -507,6 +522,7 @@ int main(void)
     RUN_TEST(all_counters_begin_at_zero);
     RUN_TEST(invariants_are_those_of_both_parts);
     RUN_TEST(flags_travel_with_the_samples);
+    RUN_TEST(nothing_is_sent_without_both);
     RUN_TEST(a_gap_takes_the_sample_that_tells_of_it);
     return UNITY_END();
 }

@@ -56,7 +56,7 @@ static aeo_can_frame_t make(uint32_t id, uint8_t flags, uint8_t length)
     frame.id = id;
     frame.flags = flags;
     frame.length = length;
-    for (unsigned i = 0; i < length; i++) {
+    for (unsigned i = 0; i < length && i < sizeof frame.data; i++) {
         frame.data[i] = (uint8_t)(id + 37u * i + 1u);
     }
     return frame;
@@ -236,13 +236,12 @@ static int exists(uint32_t clock, uint32_t rate, uint32_t permille, int data)
 {
     const uint32_t most[2][4] = {{512, 256, 128, 2}, {32, 32, 16, 1}}, *limit = most[data];
     for (uint32_t p = 1; p <= limit[0]; p++) {
-        for (uint32_t before = limit[3]; before <= limit[1]; before++) {
-            for (uint32_t after = limit[3]; after <= limit[2]; after++) {
-                const uint32_t quanta = 1 + before + after;
-                const int64_t off = (int64_t)1000 * (1 + before) - (int64_t)permille * quanta;
-                if ((uint64_t)p * quanta * rate == clock && off <= 500 && off > -500) {
-                    return 1;
-                }
+        const uint32_t quanta = clock / (p * rate);
+        for (uint32_t before = limit[3]; before <= limit[1] && p * quanta * rate == clock; before++) {
+            const int64_t off = (int64_t)1000 * (1 + before) - (int64_t)permille * quanta;
+            const uint32_t after = quanta - 1u - before; /* wraps to more than the most */
+            if (after >= limit[3] && after <= limit[2] && off <= 500 && off > -500) {
+                return 1;
             }
         }
     }

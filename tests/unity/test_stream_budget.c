@@ -218,7 +218,7 @@ static void a_description_is_counted_as_it_is_sent(void)
     aeo_stream_config_t config = make_config();
     memcpy(own, channels, sizeof own);
     for (unsigned length = 0; length < sizeof text; length++) {
-        own[0].name = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
+        own[0].name = own[0].unit = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
         config.channels = own;
         set_up_bus();
         start_stream(&config);
