@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 BLOCK = 1_000_000
+WINDOW = 115  # samples: what `aeolid identify` takes by itself of the turbine's 10^5 samples
 FLEET_ROLES = """[recording]
 time = "time_s"
 """
@@ -133,6 +134,23 @@ def long_recording(samples: int) -> Callable[[], Any]:
     return lambda: identify_varx([record], past=20, order=5)
 
 
+def left_to_the_data(given: bool) -> Callable[[int], Callable[[], Any]]:
+    """`aeolid identify` on the turbine in its loop: window and feedthrough from the recording, or given the same."""
+
+    def prepare(samples: int) -> Callable[[], Any]:
+        from aeolid.identify.request import Request
+        from aeolid.identify.run import identify_records
+        from aeolid.plants.hawt import simulate_closed_loop
+
+        record = simulate_closed_loop(samples, 1)
+        if not given:
+            return lambda: identify_records([record], Request())
+        request = Request(past=WINDOW if samples > 10 * WINDOW * 5 else 10, feedthrough=record.names("input"))
+        return lambda: identify_records([record], request)
+
+    return prepare
+
+
 def fleet(recordings: int) -> Callable[[], Any]:
     """`aeolid fleet`: ten-minute recordings of 5 channels at 10 Hz of two turbines, p = 40, order chosen, no cache."""
     import numpy as np
@@ -177,6 +195,10 @@ CASES = {
     "n6": Case("VARX p = 20, 5 channels, N = 10^6", long_recording, 10**6, 5000, repeat=False),
     "n6.5": Case("  N = 3·10^6", long_recording, 3 * 10**6, 6000, repeat=False),
     "n7": Case("  N = 10^7", long_recording, 10**7, 7000, 0, 1000, repeat=False),
+    "auto": Case(
+        "identify, turbine, N = 10^5, all left to the data", left_to_the_data(False), 10**5, 2000, repeat=False
+    ),
+    "given": Case("  window and feedthrough given", left_to_the_data(True), 10**5, 2000, repeat=False),
     "fleet": Case("fleet of 200 ten-minute recordings, two cores", fleet, 200, 4, 180, repeat=False, elapsed=True),
 }
 
