@@ -214,8 +214,7 @@ static int predict(aeo_lattice_t *self, size_t j)
     const size_t m = self->config.block;
     aeo_real_t *const error = aeo_lattice_find_error(self, j + 1), *const old = self->spare;
     memcpy(old, self->forward, m * sizeof *old);
-    aeo_rows_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m,
-                        self->step[j]);
+    aeo_rows_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m, self->step[j]);
     self->on.factor = self->factor + (self->config.past + j) * AEO_LATTICE_TRIANGLE(m);
     self->on.weight = self->backward_weight + j * m * m;
     self->on.r = old;
