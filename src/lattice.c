@@ -404,9 +404,9 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
     }
     place_sample(self, z);
     const int withheld = self->quiet != 0u;
-    /* The second time all weights are 0: errors are samples, at most 1e6. */
-    for (int i = 0; i < 2 && !take_sample(self, z, y); i++) {
+    if (!take_sample(self, z, y)) {
         start_afresh(self, z);
+        (void)take_sample(self, z, y); /* all weights are 0: errors are samples, at most 1e6 */
     }
     if (!self->following) {
         if (self->config.forgetting < AEO_REAL(1)) {
