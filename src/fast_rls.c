@@ -390,11 +390,11 @@ aeo_status_t aeo_fast_rls_update(aeo_fast_rls_t *self, const aeo_real_t *z, cons
     if (status != AEO_OK) {
         return status;
     }
-    /* The second time theta = 0: the innovation is y, at most 1e6. */
-    for (int i = 0; i < 2 && !find_innovation(self, z, y); i++) {
+    if (!find_innovation(self, z, y)) {
         aeo_fast_rls_reset(self);
         aeo_count_up(&self->count.reinitialised);
         self->health |= AEO_FAST_RLS_REINITIALISED;
+        (void)find_innovation(self, z, y); /* theta = 0: it is y, at most 1e6 */
     }
     if (self->config.forgetting < AEO_REAL(1)) {
         watch(self, z, y);

@@ -214,8 +214,7 @@ static int predict(aeo_lattice_t *self, size_t j)
     const size_t m = self->config.block;
     aeo_real_t *const error = aeo_lattice_find_error(self, j + 1), *const old = self->spare;
     memcpy(old, self->forward, m * sizeof *old);
-    aeo_rows_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m,
-                        self->step[j]);
+    aeo_rows_correct(self->forward_weight + j * m * m, error, self->forward, m, m, self->gain + j * m, self->step[j]);
     self->on.factor = self->factor + (self->config.past + j) * AEO_LATTICE_TRIANGLE(m);
     self->on.weight = self->backward_weight + j * m * m;
     self->on.r = old;
@@ -405,9 +404,9 @@ aeo_status_t aeo_lattice_update(aeo_lattice_t *self, const aeo_real_t *z, const 
     }
     place_sample(self, z);
     const int withheld = self->quiet != 0u;
-    /* The second time all weights are 0: errors are samples, at most 1e6. */
-    for (int i = 0; i < 2 && !take_sample(self, z, y); i++) {
+    if (!take_sample(self, z, y)) {
         start_afresh(self, z);
+        (void)take_sample(self, z, y); /* all weights are 0: errors are samples, at most 1e6 */
     }
     if (!self->following) {
         if (self->config.forgetting < AEO_REAL(1)) {

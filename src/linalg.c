@@ -136,7 +136,10 @@ aeo_real_t aeo_linalg_dot(const aeo_real_t *x, const aeo_real_t *y, size_t count
 #undef BEGIN
 #undef ADD
 
-#if AEO_PARTS <= 2
+/* Not under -ffast-math, which may add up otherwise here than in a dot product by itself: a row's sum must not depend on
+ * how many others there are. */
+#if AEO_PARTS <= 2 && !defined(__FAST_MATH__)
+#define IN_FOURS 1
 /* Four rows (n values each) times z at once, each sum as aeo_linalg_dot has it. */
 static void dot_four(const aeo_real_t *rows, const aeo_real_t *z, size_t n, aeo_real_t *sums)
 {
@@ -174,13 +177,15 @@ static void dot_four(const aeo_real_t *rows, const aeo_real_t *z, size_t n, aeo_
 #undef CLEAR
 #undef ADD
 }
+#else
+#define IN_FOURS 0
 #endif
 
 int aeo_linalg_find_error(const aeo_real_t *rows, const aeo_real_t *z, size_t n, const aeo_real_t *y, aeo_real_t *error,
                           size_t count)
 {
     size_t i = 0;
-#if AEO_PARTS <= 2
+#if IN_FOURS
     for (; i + 4u <= count; i += 4u) {
         aeo_real_t sums[4];
         dot_four(rows, z, n, sums);

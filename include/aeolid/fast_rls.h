@@ -46,7 +46,7 @@
  *   n (4m + l + 5) + 3m^2 + 7m + 4l + 8.
  *   p=10, m=5, d=0, l=3: 1,530 words (6.1 kB in float); p=50, m=5, d=0, l=3: 7,130 words (28.5 kB).
  *   Operations: 6 m n + 2 l n + O(n + m^2) multiplications and additions a sample; in float 6 m n
- *   additions more for the rests; or 6 m n of both more while a second array warms up. Worst stack: 256 bytes.
+ *   additions more for the rests; or 6 m n of both more while a second array warms up. Worst stack: 220 bytes.
  *   Determinism: no branch depends on anything but the data; the same calls give the same bits in the same build.
  *   Threads and interrupts: one context at a time may touch one object; different objects are independent. Read-outs
  *   between two updates are consistent.

@@ -139,7 +139,7 @@ def write(table: dict[str, dict[str, int]]) -> None:
     """Write costs.toml and the page's table."""
     lines = [
         "# Written by costs.py ROOT --write, checked by costs.py. Float, 4 outputs, -O2 -ffp-contract=off, forgetting",
-        "# 0.999. Instructions of one update. Cortex-M4F, in bytes: text of the filter with saving, as linked, with the",
+        "# 0.999. Instructions of one update. Cortex-M4F, in bytes: text, as linked, of the filter with saving and the",
         "# regressor; stack: the deepest chain of calls of an update.",
     ]
     lines += ["[compilers]", *(f'{name} = "{version}"' for name, version in versions().items())]

@@ -34,7 +34,7 @@ WARNINGS = [
     "-Werror",
 ]
 PRECISIONS: dict[str, list[str]] = {"float": [], "double": ["-DAEO_REAL_DOUBLE"]}
-# What symbols, memory, stack and size look at, with the flags of CMakeLists.txt; the last two write files beside the objects.
+# What symbols, memory, stack and size look at, with the flags of CMakeLists.txt; the last two write files.
 LIBRARY = ["-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fstack-usage", "-fcallgraph-info=su"]
 CORTEX_M4F = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffunction-sections"]
 

@@ -1,4 +1,4 @@
-"""What the gates share about linking: the text that the linker takes from the library for a program of one of its parts."""
+"""What the gates share about linking: the text that the linker takes from the library for one of its parts."""
 
 import subprocess
 import tempfile
@@ -29,7 +29,9 @@ PARTS = {
     "fast_rls_with_saving": [*RECEIVING, *KEEPING, *calls("fast_rls", "theta", "save", "restore")],
     "lattice": [*RECEIVING, *calls("lattice", "read")],
     "lattice_with_saving": [*RECEIVING, *KEEPING, *calls("lattice", "read", "save", "restore")],
-    "stream": [f"aeo_stream_{call}" for call in ("init", "sample", "innovation", "snapshot", "health", "step", "finish")],
+    "stream": [
+        f"aeo_stream_{call}" for call in ("init", "sample", "innovation", "snapshot", "health", "step", "finish")
+    ],
     # rls by one description
     "estimator": [
         f"aeo_estimator_{call}"

@@ -1,8 +1,8 @@
 """Gate: the text of each object stays below its committed size, and on a Cortex-M4F at -Os that of each part as linked.
 
-A part is what a device carries: what the linker keeps of one filter with its regressor, with saving or without, or of the
-stream, for a program that calls these; unused functions of an object are not in it. A sum over filters that nobody links
-together said nothing about any device. No object has data or bss.
+A part is what a device carries: what the linker keeps of one filter with its regressor, with saving or without, or of
+the stream, for a program that calls these; unused functions of an object are not in it. A sum over filters that nobody
+links together said nothing about any device. No object has data or bss.
 """
 
 import sys
