@@ -79,11 +79,10 @@ void fdcan_unmask(uint32_t before);
 #define PSR_EW 0x40u
 #define PSR_BO 0x80u
 
-#define DBTP_TDC        0x00800000u
-#define TDCR_OFFSET_MAX 127u
-#define GFC_REJECT      0x2Bu /* remote frames, and what no filter matches, of both kinds of identifiers */
-#define ILE_LINE0       1u
-#define ESC_64          7u /* bytes an element holds */
+#define DBTP_TDC   0x00800000u
+#define GFC_REJECT 0x2Bu /* remote frames, and what no filter matches, of both kinds of identifiers */
+#define ILE_LINE0  1u
+#define ESC_64     7u /* bytes an element holds */
 
 #define RXFS_LEVEL(status) ((status)&0x7Fu)
 #define RXFS_GET(status)   (((status) >> 8) & 0x3Fu)

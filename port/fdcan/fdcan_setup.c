@@ -163,8 +163,8 @@ static void set_timing(const aeo_fdcan_t *self)
                 (nominal->jump - 1u) << 25 | (nominal->prescaler - 1u) << 16 | (nominal->before - 1u) << 8 |
                     (nominal->after - 1u));
     if (self->config.fd != 0u) {
-        const uint32_t offset = data->prescaler * (1u + data->before); /* periods of the clock to the sample point */
-        const int compensates = data->prescaler <= 2u && offset <= TDCR_OFFSET_MAX;
+        const uint32_t offset = data->prescaler * (1u + data->before); /* periods to the sample point: at most 66 */
+        const int compensates = data->prescaler <= 2u;
         fdcan_write(self, FDCAN_TDCR, compensates ? offset << 8 : 0u);
         fdcan_write(self, FDCAN_DBTP,
                     (compensates ? DBTP_TDC : 0u) | (data->prescaler - 1u) << 16 | (data->before - 1u) << 8 |

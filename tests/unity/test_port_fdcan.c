@@ -123,8 +123,9 @@ static void slow_data_phases_are_not_compensated(void)
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fdcan_init(&can, &config, &port));
         fdcan_model_idle(1);
         TEST_ASSERT_EQUAL_HEX32(offset[i], fdcan_model_register(0x48));
-        TEST_ASSERT_EQUAL_HEX32(i == 0 ? 1 : 0, fdcan_model_register(0x0C) >> 23);
-        TEST_ASSERT_EQUAL_HEX32(data[i].prescaler - 1u, fdcan_model_register(0x0C) >> 16 & 31);
+        TEST_ASSERT_EQUAL_HEX32((i == 0 ? 1u << 23 : 0u) | (data[i].prescaler - 1u) << 16 | (data[i].before - 1u) << 8 |
+                                    (data[i].after - 1u) << 4 | (data[i].jump - 1u),
+                                fdcan_model_register(0x0C));
     }
 }
 
@@ -285,6 +286,9 @@ static void impossible_rates_are_refused(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_fdcan_find_timing(&timing, 80000000, 500000, 951, 0));
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fdcan_find_timing(&timing, 80000000, 500000, 500, 0));
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fdcan_find_timing(&timing, 80000000, 500000, 950, 0));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fdcan_find_timing(&timing, 77000000, 200000, 668, 0)); /* 385: the longest bit */
+    TEST_ASSERT_EQUAL_UINT16(256, timing.before);
+    TEST_ASSERT_EQUAL_UINT16(128, timing.after);
 }
 
 /* ---- transmission ------------------------------------------------------------------------------------------------ */
@@ -540,6 +544,9 @@ static void bus_off_lasts_until_the_program_says_so(void)
     config.recover = 0;
     start(0);
     TEST_ASSERT_EQUAL_INT(0, aeo_fdcan_recover(&can));
+    fdcan_model_start(h7, config.registers, config.memory); /* stopped, but not by errors: not recover's to start */
+    TEST_ASSERT_EQUAL_INT(0, aeo_fdcan_recover(&can));
+    start(0);
     fdcan_model_become_bus_off();
     serve();
     fdcan_model_idle(1000);

@@ -249,6 +249,23 @@ static void the_watch_is_its_rule(void)
     TEST_ASSERT_TRUE(verdicts > 20u);
 }
 
+/* A level stays within 1e-12 ... 1, from which one step may go a quarter down. */
+static void levels_that_no_watch_has_are_noticed(void)
+{
+    static const double good[] = {1e-12, 2.6e-13, 1.0}, bad[] = {2.4e-13, 1.001, 0.0, -1.0};
+    aeo_real_t words[AEO_WATCH_WORDS(L)];
+    aeo_watch_t self;
+    for (unsigned i = 0; i < L; i++) {
+        for (unsigned j = 0; j < 4u; j++) {
+            aeo_watch_start(&self, words, L);
+            words[2u + i] = (aeo_real_t)good[j % 3u];
+            TEST_ASSERT_TRUE(aeo_watch_holds(&self, words, L));
+            words[2u + i] = (aeo_real_t)bad[j];
+            TEST_ASSERT_FALSE(aeo_watch_holds(&self, words, L));
+        }
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -257,5 +274,6 @@ int main(void)
     RUN_TEST(levels_that_no_guard_has_are_noticed);
     RUN_TEST(a_given_start_forgets_the_fall_backs);
     RUN_TEST(the_watch_is_its_rule);
+    RUN_TEST(levels_that_no_watch_has_are_noticed);
     return UNITY_END();
 }
