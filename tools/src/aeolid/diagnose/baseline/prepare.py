@@ -23,7 +23,8 @@ from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site
-from aeolid.diagnose.predictor.explore import explore, fit_best, fit_quietly, noise_ladder, with_forces_awake
+from aeolid.diagnose.predictor.awake import awakened, with_forces_awake
+from aeolid.diagnose.predictor.explore import explore, fit_best, fit_quietly, noise_ladder
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -194,7 +195,7 @@ def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: C
         raise NotIdentifiable(
             f"{case.baseline_file}: the baseline diverges on {case.records[0].source}; check units and signs"
         )
-    return predictor, fit
+    return predictor, awakened(predictor, fit, free)
 
 
 def _time_scales(compiled: Compiled, u: Array, step: float) -> tuple[float, float]:
@@ -205,7 +206,9 @@ def _time_scales(compiled: Compiled, u: Array, step: float) -> tuple[float, floa
     if not len(J) or not np.all(np.isfinite(J)):
         return 60 * step, 0.0
     poles = np.linalg.eigvals(J)
-    poles = np.log(np.where(np.abs(poles) > 1e-12, poles, 1e-12)) / step if model.sample_time_s else poles
+    poles = (
+        np.log(np.where(np.abs(poles) > 1e-12, poles, 1e-12).astype(complex)) / step if model.sample_time_s else poles
+    )
     decaying = -poles.real[-poles.real > 0.01 / (len(u) * step)]
     return (float(3.0 / decaying.min()) if len(decaying) else 60 * step), float(np.max(np.abs(poles)))
 

@@ -18,7 +18,6 @@ from aeolid.diagnose.structure.forces import FORCE, RATE
 _MOST, _FEWEST = 128, 16  # points; powers of two, as the Sobol sequence wants
 _PASSES = 1_000_000  # samples times points: keeps the search to seconds on long recordings
 NOISE_LADDER = (1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)  # process noise amplitudes to try, in sizes of the states
-_AWAKE, _WHITE = 0.5, 0.1  # amplitude of the forces, in sizes of what they act against; factor on white noise
 _KEEP = 6
 TRIED = 4  # starts that are fitted briefly
 _QUICK, _FULL = 5, 40  # Gauss–Newton iterations to compare starts, and to finish
@@ -72,22 +71,6 @@ def core(predictor: Predictor, free: Free) -> Free:
         theta=tuple(i for i in free.theta if i not in rates),
         noise=tuple(i for i in free.noise if i not in quiet),
     )
-
-
-def with_forces_awake(predictor: Predictor, point: Point) -> list[Point]:
-    """Return the point with loud unmeasured forces and a tenth of the white noise; nothing where there are none.
-
-    A force that starts at rest beside white noise which has taken its place stays there: 110 nats short of the best, on
-    a recording that lacked nothing.
-    """
-    states = [s.name for s in predictor.compiled.model.states]
-    forces = [i for i, n in enumerate(states) if n.startswith(FORCE)]
-    if point.K is not None or not forces:
-        return []
-    noise = point.noise.copy()
-    noise[: len(states)] *= _WHITE
-    noise[forces] = _AWAKE
-    return [replace(point, noise=noise)]
 
 
 def noise_ladder(point: Point, noisy: Sequence[int]) -> list[Point]:
