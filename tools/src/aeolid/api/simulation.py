@@ -127,7 +127,8 @@ def simulate(model: AnyModel, record: Record, *, initial: str = "estimate") -> S
     record : Record
         The recording; it needs every input at every sample.
     initial : {"estimate", "model", "zero"}
-        First state of a state-space model: estimated where the outputs are recorded too, that of the model, or zero.
+        First state: estimated where the outputs are recorded too (of equations those that the file leaves free), that
+        of the model, or zero.
 
     Returns
     -------

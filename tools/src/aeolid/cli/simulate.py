@@ -38,7 +38,7 @@ def simulate(
         str,
         typer.Option(
             "--initial",
-            help="First state of a state-space model: estimate, model or zero.",
+            help="First state: estimate (of equations those that the file leaves free), model or zero.",
             autocompletion=one_of("estimate", "model", "zero"),
         ),
     ] = "estimate",
@@ -67,13 +67,16 @@ def simulate(
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording), "samples": len(record)}
     facts |= {"outputs": names, "divergence": None if wild is None else wild.to_json()}
     lines, left = [f"{len(record)} samples written to {out}"], " Values that are not finite are left empty."
-    if wild is not None:
-        lines.append(f"WARNING: {wild.text()}" + ("" if finite.all() else left))
+    warning = "" if wild is None else f"WARNING: {wild.text()}" + ("" if finite.all() else left)
+    lines += [warning] if warning else []
+    if run.start:
+        facts["start"] = run.start
+        lines.append("  starts as the recording shows: " + ", ".join(f"{n} {v:.6g}" for n, v in run.start.items()))
     if run.score is not None:
         facts["free_run"] = run.score.to_json()
         lines += [f"  {n}: {run.score.text(n)}" for n in names]
     if json_target != "-":
         console.print("\n".join(lines), markup=False, soft_wrap=True)
-    elif wild is not None:
-        progress_console.print(lines[1], markup=False, soft_wrap=True)
+    elif warning:
+        progress_console.print(warning, markup=False, soft_wrap=True)
     emit_json(facts, json_target)

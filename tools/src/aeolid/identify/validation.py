@@ -10,6 +10,7 @@ import numpy as np
 
 from aeolid.errors import UsageError
 from aeolid.identify.fit import SHORTEST, Fit, Score, measure_fit, score, stretches
+from aeolid.identify.free_run import started
 from aeolid.identify.lpv.fit import measure_lpv_fit
 from aeolid.identify.residuals import ResidualReport, ResidualTest, run_residual_tests
 from aeolid.models.divergence import Divergence
@@ -120,9 +121,11 @@ def horizons(steps: Iterable[int]) -> tuple[int, ...]:
 def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) -> Validation:
     """Measure free run, one-step and k-step fit of a model, test its innovations, and say whether its run diverges.
 
-    steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone.
+    steps: horizons k > 1. Equations and models without a Kalman gain are scored by their free run alone, from first
+    states that are estimated, of equations those that the file leaves free.
     """
     found, part = _measured(model, record, steps), free_stretch(model, record)
+    model = started(model, part)
     return replace(found, divergence=diverged(model, part, model.simulate(part)))
 
 
@@ -141,7 +144,7 @@ def _measured(model: Model, record: Record, steps: tuple[int, ...]) -> Validatio
         return Validation(fit.free_run, fit, run_residual_tests(fit.innovations, u, *names, nrmse=fit.one_step.nrmse))
     if not isinstance(model, LinearModel) or model.state_space.K is None:
         matched(record, model.inputs)
-        y = matched(record, model.outputs)
+        y, model = matched(record, model.outputs), started(model, record)
         return Validation(score([s.name for s in model.outputs], y, model.simulate(record)), None, None)
     state_space = discretise(model.state_space, record.sample_time_s)
     fit = measure_fit(state_space, [record], steps)

@@ -12,6 +12,7 @@ from aeolid.diagnose.conclusion.declared import form_speaking
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.selection.rivals import stands_for
+from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation.proof import Proof
 from aeolid.record import Record
 
@@ -63,8 +64,9 @@ def _beyond(study: Study, proof: Proof | None) -> str:
     """Say which form without a name the corrected model has beside what was named; empty where it has none."""
     if study.completed is None or proof is not study.proof:
         return ""
-    form = study.completed.says(next(a for a in study.completed.attachments if a.entry == unlisted.ID))
-    return f"; beyond that {form}, a form that no catalogue entry has"
+    form = next(a for a in study.completed.attachments if a.entry == unlisted.ID)
+    listed = "" if form.key.startswith(KIN) else ", a form that no catalogue entry has"
+    return f"; beyond that {study.completed.says(form)}{listed}"
 
 
 def _nearest(study: Study) -> str:

@@ -9,7 +9,7 @@ from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.hypotheses.catalogue import entry
-from aeolid.diagnose.selection.several import form_beside
+from aeolid.diagnose.selection.several import SHARE, form_beside
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.proof import PROVEN, Proof, prove
 
@@ -49,18 +49,28 @@ class Held:
 def hold_against(prepared: Prepared, whole: Prepared, chain: Sequence[Candidate], seed: int) -> Held:
     """Hold the chosen effects against the sealed data; more effects must beat fewer there too, or they go.
 
-    whole: the stage of the baseline that fit and selection data give together. Every set is estimated on these.
+    whole: the stage of the baseline that fit and selection data give together. Every set is estimated on these. Beside
+    what is proven one effect follows another: where a step is not borne out, no larger set is asked about (a pendulum's
+    dry friction, 69 nats, stood beside a one-sided spring that lost 106 and a hysteresis that gained 192).
     """
     before, sets = (whole.predictor, whole.fit), [estimated_on_all(prepared, c) for c in chain]
     kept, proof = 0, None
     for place, chosen in enumerate(sets):
         own = prove(before, (chosen.predictor, chosen.fit), prepared.split.sealed, prepared.settle_s, seed)
-        if proof is None or block_interval(own.difference - proof.difference, seed)[0] > 0:
+        if proof is None or _is_borne_out(own, proof, seed):
             kept, proof = place, own
+        elif proof.interval[0] > PROVEN:
+            break
     if proof is None:
         return Held()
     completed, proof = _completed(prepared, whole, chain[kept], proof, seed)
     return Held(tuple(sets), kept, completed, proof)
+
+
+def _is_borne_out(larger: Proof, smaller: Proof, seed: int) -> bool:
+    """Tell whether a further effect predicts the sealed data better, by the share that it had to add where chosen."""
+    added = larger.difference - smaller.difference
+    return block_interval(added, seed)[0] > 0 and float(added.sum()) > SHARE * smaller.gain
 
 
 def _completed(
