@@ -16,7 +16,9 @@ from aeolid.diagnose.selection.rivals import is_other
 from aeolid.record import Channel, Record
 
 
-def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tuple[str, list[str], str]:
+def decided(
+    low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0
+) -> tuple[str, list[str], str]:
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
     attachment = SimpleNamespace(
@@ -34,7 +36,7 @@ def decided(low: float, *, visible: bool = True, fit_gain: float = 12.0) -> tupl
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
     study: Any = SimpleNamespace(
         findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
-        ceiling=ceiling, seed=1, rotation=None,
+        ceiling=ceiling, seed=1, rotation=None, shows_elsewhere=elsewhere,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
             declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0)
@@ -81,8 +83,9 @@ def test_wrong_values_are_not_all_where_a_form_leads(
         declared_proof=declared,
         candidates=(),
         rotation=None,
+        shows_elsewhere=False,
     )
-    for name in ("_material", "contradicted"):
+    for name in ("is_material", "contradicted"):
         monkeypatch.setattr(verdict, name, lambda anything: True)
     monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
     assert verdict._decide(study)[0] == said
@@ -185,6 +188,12 @@ def test_what_no_prediction_shows_is_immaterial() -> None:
     said, names, told = decided(5.0, visible=False)
     assert (said, names) == ("immaterial", [])
     assert told.endswith("too small to show in any prediction: drag of 0.4.")  # what it is all the same
+
+
+def test_what_the_sealed_part_proves_and_another_part_shows_is_material() -> None:
+    """A sensor's range, reached a hundred times in the data of the fit and twice in the sealed ones."""
+    said, names, _ = decided(5.0, visible=False, elsewhere=True)
+    assert (said, names) == ("named", ["quadratic_damping"])
 
 
 @pytest.mark.parametrize(

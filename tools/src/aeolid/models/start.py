@@ -33,10 +33,12 @@ def with_estimated_start(model: Equations, record: Record) -> Equations:
     """
     places = [i for i, s in enumerate(model.states) if s.initial_free]
     recorded = [j for j, o in enumerate(model.outputs) if any(c.name == o.name for c in record.channels)]
+    if not places or not recorded:
+        return model
     part = record.slice(0, min(len(record), _TENTH * _MOST))
     y, u = part.columns([model.outputs[j].name for j in recorded]), model.inputs_of(part)
     rows = min(len(part), max(_HEAD, len(part) // _TENTH))
-    if not places or not np.isfinite(y[:rows]).any() or not np.isfinite(u).all():
+    if not np.isfinite(y[:rows]).any() or not np.isfinite(u).all():
         return model
     compiled = compile_equations(read_as_declared(model, part))
     all_of, errors = (_errors_of(compiled, u[:k], y[:k], recorded, part.sample_time_s) for k in (len(part), rows))
@@ -44,7 +46,7 @@ def with_estimated_start(model: Equations, record: Record) -> Equations:
     x0 = min(fitted, key=lambda pair: pair[0])[1]
     if not _squares(all_of(x0)) < _squares(all_of(model.x0)):
         return model
-    states = zip(model.states, x0.tolist(), strict=True)
+    states = zip(model.states, x0[: len(model.states)].tolist(), strict=True)  # memories start settled
     return replace(model, states=tuple(replace(s, initial=v) for s, v in states))
 
 

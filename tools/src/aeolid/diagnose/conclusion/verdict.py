@@ -24,12 +24,10 @@ from aeolid.diagnose.scoring.scores import minimum_detectable
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
-from aeolid.diagnose.validation.proof import PROVEN, Proof
+from aeolid.diagnose.validation.proof import PROVEN, Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
 
 Array = NDArray[np.float64]
-_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
-_VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
 _RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
 _CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
@@ -103,7 +101,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     """Return the same of what was not left out."""
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
-        if not _material(study.proof):
+        if not (is_material(study.proof) or study.shows_elsewhere):
             return "immaterial", [], None
         if study.winner.unlisted:
             return "unnamed", [], study.proof
@@ -125,7 +123,7 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if declared is not None and declared.interval[0] > PROVEN and _material(declared) and contradicted(study):
+    if declared is not None and declared.interval[0] > PROVEN and is_material(declared) and contradicted(study):
         return ("unnamed", [], None) if form_speaking(study) else (*_declared(study), declared)
     if untested(study):
         return "not_testable", [], None
@@ -229,14 +227,6 @@ def recovered_fraction(study: Study, proof: Proof) -> float:
         before, after = proof.nrmse_before, proof.nrmse_after
         share = max(share, min(1 - (after[k] / max(before[k], 1e-300)) ** 2 for k in before))
     return float(max(0.0, min(1.0, share)))
-
-
-def _material(proof: Proof) -> bool:
-    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread."""
-    pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
-    for rows in proof.profile.values():
-        pairs += list(zip(rows["before"], rows["after"], strict=True))
-    return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
 
 
 def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:

@@ -16,10 +16,14 @@ from aeolid.diagnose.predictor.noise import colour_var
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.stats.blocks import block_interval
+from aeolid.diagnose.validation.forecast import Forecast, errors_ahead, restarted
 
 Array = NDArray[np.float64]
 PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _LEAST_ROWS = 20  # of a prediction restarted from the filtered state
+_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
+_VISIBLE = 0.002  # … if it is also this share of the output's own spread
+_SETTLED = 0.15  # of a stretch at most, and 10 rows at least, before it is scored
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
 
@@ -43,10 +47,11 @@ def prove(
 ) -> Proof:
     """Score both predictors on the sealed segments: log-likelihood gain with a block-bootstrap 90 % interval.
 
-    Fit errors are those of predictions restarted from the filtered state every settling time (three of the model's
-    slowest decaying time constants, at most a twentieth of the sealed data, at least 20 samples): long enough to show
-    the dynamics, short enough for a model that integrates. Where a linear one
-    grows, it starts again before errors of its start have grown by e: they would hide all else.
+    Fit errors are those of predictions restarted from the filtered state, and from what the noise model foretells from
+    the innovations before, every settling time (three of the model's slowest decaying time constants, at most a
+    twentieth of the sealed data, at least 20 samples): long enough to show the dynamics, short enough for a model that
+    integrates. Where a linear one grows, it starts again before errors of its start have grown by e: they would hide
+    all else.
     """
     runs = []
     for predictor, fit in (before, after):
@@ -58,16 +63,33 @@ def prove(
     most = min(settle_s / sealed[0].step, rows // 20, *(_memory(*pair) for pair in (before, after)))
     horizon = max(_LEAST_ROWS, int(most))
     names = [o.name for o in before[0].compiled.model.outputs]
-    long_run = [_restarted(other, point, horizon) for _, other, point in runs]
+    fits, longest = (before[1], after[1]), max(horizon, _HORIZONS[-1])
+    ahead = [Forecast(other, point, fit, longest) for (_, other, point), fit in zip(runs, fits, strict=True)]
+    long_run = [restarted(a, horizon) for a in ahead]
     measured = np.vstack([s.y[s.burn :] for s in sealed])
     nrmse = [_nrmse(measured, np.vstack(r)) for r in long_run]
-    profile = _profile([(r[1], r[2]) for r in runs], measured, names)
+    profile = _profile(ahead, measured, names)
     series = _series(sealed, names, before[0], long_run)
     return Proof(
         float(difference.sum()), interval, difference, dict(zip(names, nrmse[0], strict=True)),
         dict(zip(names, nrmse[1], strict=True)), horizon * sealed[0].step, profile, series,
         _spectra(measured, long_run, names, sealed[0].step),
     )  # fmt: skip
+
+
+def is_material(proof: Proof) -> bool:
+    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread."""
+    pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
+    for rows in proof.profile.values():
+        pairs += list(zip(rows["before"], rows["after"], strict=True))
+    return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
+
+
+def seen_before(segments: Sequence[Segment], settle_s: float) -> list[Segment]:
+    """Return stretches that a fit has seen as they are scored elsewhere: behind a start to settle in."""
+    return [
+        s if s.burn else replace(s, burn=int(min(max(10.0, settle_s / s.step), _SETTLED * len(s.y)))) for s in segments
+    ]
 
 
 def _memory(predictor: Predictor, fit: Fit) -> float:
@@ -84,23 +106,6 @@ def _memory(predictor: Predictor, fit: Fit) -> float:
     return 1.0 / np.log(growth) if growth > 1.0 else np.inf
 
 
-def _restarted(predictor: Predictor, point: Point, horizon: int) -> list[Array]:
-    """Predict `horizon` samples at a time from the filtered state, the measurement then unused."""
-    result = []
-    zero = np.zeros_like(predictor.gain(point))
-    for i, segment in enumerate(predictor.segments):
-        states = predictor.run(point, i)[2]
-        y = np.empty_like(segment.y[segment.burn :])
-        for start in range(segment.burn, len(segment.y), horizon):
-            stop = min(start + horizon, len(segment.y))
-            blank = np.full((stop - start, y.shape[1]), np.nan)
-            y[start - segment.burn : stop - segment.burn] = predictor.run_rows(
-                point, i, start, blank, states[start], zero
-            )[1]
-        result.append(y)
-    return result
-
-
 def _nrmse(measured: Array, predicted: Array) -> list[float]:
     error = np.sqrt(np.nanmean((measured - predicted) ** 2, axis=0))
     return [
@@ -108,12 +113,10 @@ def _nrmse(measured: Array, predicted: Array) -> list[float]:
     ]
 
 
-def _profile(
-    runs: Sequence[tuple[Predictor, Point]], measured: Array, names: list[str]
-) -> dict[str, dict[str, list[float]]]:
+def _profile(runs: Sequence[Forecast], measured: Array, names: list[str]) -> dict[str, dict[str, list[float]]]:
     """Return the normalised error k samples ahead, sampled at starts spread over the sealed data."""
     steps = [k for k in _HORIZONS if k < len(measured) // 5]
-    errors = [[_ahead(predictor, point, k) for k in steps] for predictor, point in runs]
+    errors = [[errors_ahead(run, k) for k in steps] for run in runs]
     return {
         name: {
             "steps": [float(k) for k in steps],
@@ -122,22 +125,6 @@ def _profile(
         }
         for j, name in enumerate(names)
     }
-
-
-def _ahead(predictor: Predictor, point: Point, k: int) -> Array:
-    zero, squares, spreads = np.zeros_like(predictor.gain(point)), [], []
-    for i, segment in enumerate(predictor.segments):
-        states = predictor.run(point, i)[2]
-        starts = np.unique(np.linspace(segment.burn, len(segment.y) - k - 1, 200).astype(int))
-        blank, ready = np.full((k, segment.y.shape[1]), np.nan), predictor.ready(point, i)
-        for s in starts[(starts >= segment.burn) & (starts + k <= len(segment.y))]:  # a short segment has none
-            last = predictor.run_rows(point, i, int(s), blank, states[s], zero, ready=ready)[1][-1]
-            squares.append((segment.y[s + k - 1] - last) ** 2)
-        spreads.append(segment.y[segment.burn :])
-    if not squares:
-        return np.full(spreads[0].shape[1], 1e6)
-    result: Array = np.sqrt(np.nanmean(np.array(squares), axis=0)) / np.nanstd(np.vstack(spreads), axis=0)
-    return np.minimum(np.nan_to_num(result, nan=1e6), 1e6)
 
 
 def _series(

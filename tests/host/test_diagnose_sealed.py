@@ -1,0 +1,127 @@
+"""Sealed data bear one effect after the other out, and a form of what is named stands beside it without a name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.selection.several import KIN
+from aeolid.diagnose.validation import sealed
+
+STEP, ROWS, FINE = 0.02, 2400, 10
+MASS = """[model]
+name = "mass on a spring"
+time = "continuous"
+[parameters]
+c = { value = 0.8, min = 0.1, max = 8.0, unit = "1/s", free = true }
+k = { value = 40.0, min = 4.0, max = 400.0, unit = "1/s^2", free = true }
+[[input]]
+name = "push"
+unit = "m/s^2"
+[[state]]
+name = "q"
+unit = "m"
+derivative = "v"
+initial = { value = 0.0, free = true }
+[[state]]
+name = "v"
+unit = "m/s"
+derivative = "push - c*v - k*q"
+[[output]]
+name = "position"
+unit = "m"
+equation = "q"
+"""
+CASE = """[case]
+title = "spring"
+[recordings]
+files = ["recording.csv"]
+roles = "roles.toml"
+[baseline]
+kind = "equations"
+file = "model.toml"
+[context]
+machine = "rig"
+"""
+ROLES = """[recording]
+time = "time_s"
+[[channel]]
+name = "push"
+unit = "m/s^2"
+role = "input"
+[[channel]]
+name = "position"
+unit = "m"
+role = "output"
+"""
+
+
+def proof(gain: float) -> Any:
+    """Return a proof whose gain comes evenly, with as much scatter as a tenth of it."""
+    rows = np.full(400, gain / 400) * (1 + 0.1 * np.random.default_rng(1).choice([-1, 1], 400))
+    return SimpleNamespace(gain=float(rows.sum()), difference=rows, interval=(0.9 * gain, 1.1 * gain))
+
+
+@pytest.mark.parametrize(
+    ("gains", "kept"),
+    [
+        ((69.0, -36.0, 155.0), 0),  # the second is not borne out, so no third stands on it
+        ((-42.0, 24.0), 1),  # the first is not either, alone: what is missing bends it
+        ((540.0, 568.0), 0),  # a twentieth more is not worth a name, as where it was chosen
+        ((76.0, 92.0), 1),
+        ((100.0, 130.0, 170.0), 2),
+    ],
+)
+def test_one_effect_follows_another(gains: tuple[float, ...], kept: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    proofs = iter([proof(g) for g in gains])
+    monkeypatch.setattr(sealed, "estimated_on_all", lambda prepared, candidate: candidate)
+    monkeypatch.setattr(sealed, "prove", lambda *_: next(proofs))
+    monkeypatch.setattr(sealed, "_completed", lambda prepared, whole, found, proof, seed: (None, proof))
+    chain: Any = [SimpleNamespace(predictor=None, fit=None) for _ in gains]
+    prepared: Any = SimpleNamespace(split=SimpleNamespace(sealed=()), settle_s=1.0)
+    whole: Any = SimpleNamespace(predictor=None, fit=None)
+    assert sealed.hold_against(prepared, whole, chain, 1).kept == kept
+
+
+def spring(folder: Path, k2: float, k3: float) -> Path:
+    """Write a recording of a spring with quadratic and cubic parts, integrated here by Runge and Kutta's rule."""
+    rng = np.random.default_rng(8)
+    push = np.repeat(12.0 * rng.standard_normal(ROWS // 8), 8)
+    x, y, h = np.zeros(2), np.empty(ROWS), STEP / FINE
+
+    def slope(x: Any, u: float) -> Any:
+        return np.array([x[1], u - 0.8 * x[1] - 40.0 * x[0] - k2 * x[0] ** 2 - k3 * x[0] ** 3])
+
+    for k in range(ROWS):
+        y[k] = x[0]
+        for _ in range(FINE):
+            a = slope(x, push[k])
+            b = slope(x + 0.5 * h * a, push[k])
+            c = slope(x + 0.5 * h * b, push[k])
+            x = x + h / 6 * (a + 2 * b + 2 * c + slope(x + h * c, push[k]))
+    y += 1e-3 * np.std(y) * rng.standard_normal(ROWS)
+    for name, text in (("model.toml", MASS), ("case.toml", CASE), ("roles.toml", ROLES)):
+        (folder / name).write_text(text)
+    rows = np.column_stack([STEP * np.arange(ROWS), push, y])
+    np.savetxt(folder / "recording.csv", rows, "%.9g", ",", header="time_s,push,position", comments="")
+    return folder
+
+
+@pytest.mark.diagnosis
+def test_a_cubic_spring_that_is_a_little_stiffer_to_one_side_has_one_name(tmp_path: Path) -> None:
+    found = study(load_case(spring(tmp_path, k2=4.0, k3=60.0)), sham=0, seed=1, progress=lambda *_: None)
+    told = diagnose(found)
+    assert [e["id"] for e in told["effects"]] == ["cubic_stiffness"], told["statement"]
+    assert found.completed is not None
+    form = found.completed.attachments[-1]
+    assert form.key == f"{KIN} quadratic_stiffness state:v"
+    assert found.completed.values[form.key]["k2"][0] == pytest.approx(4.0, rel=0.1)
+    assert told["effects"][0]["parameters"]["k3"]["value"] == pytest.approx(60.0, rel=0.03)
+    assert "grows with the square" in told["statement"] and "no catalogue entry" not in told["statement"]
