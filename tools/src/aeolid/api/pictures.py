@@ -24,6 +24,8 @@ def draw_bode(
     """Draw gains (rows 0, 2, …) and phases (rows 1, 3, …) from each input to each output."""
     from aeolid.identify.frequency import frequency_response
 
+    if not model.inputs:
+        raise UsageError("the model has no input, identified from outputs alone: it has no frequency response")
     sources, targets = _chosen(inputs, model.inputs, "input"), _chosen(outputs, model.outputs, "output")
     found = places.grid(axes, 2 * len(targets), len(sources), size=(4.0, 1.9), sharex=True)
     response = frequency_response(model.state_space)

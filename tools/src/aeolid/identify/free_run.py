@@ -37,12 +37,18 @@ def run_free(model: Model, record: Record, initial: str = "estimate") -> FreeRun
     """Run a model free on the recorded inputs.
 
     initial: first state of a state-space model: "estimate" from the recording, "model" (x0 of the file) or "zero".
-    Raises UsageError on another start, DataError where a channel is missing, in another unit or incomplete.
+    Raises UsageError on another start or a
+    model of outputs alone, DataError where a channel is missing, in another unit or incomplete.
     """
     if initial not in STARTS:
         raise UsageError(f"--initial {initial!r} is none of {', '.join(STARTS)}")
     if isinstance(model, LinearModel | LpvModel):
         model = replace(model, initial=initial)
+    if isinstance(model, LinearModel) and not model.inputs and model.state_space.K is not None:
+        raise UsageError(
+            "the model has no input: identified from outputs alone it tells modes and predicts from the past (aeolid "
+            "validate), and has nothing to run on"
+        )
     record = at_rate_of(rate_of(model), record)
     matched(record, model.inputs)
     y = model.simulate(record)
