@@ -54,16 +54,16 @@ class Mode:
         """Tell whether it is faster than half the sample rate, or changes sign from sample to sample."""
         return self.frequency_hz >= 0.5 / sample_time_s * (1 - 1e-9)
 
-    def vanishes(self, duration_s: float, uneven: float = 0.0) -> bool:
-        """Tell whether the damping may be none: its 95 % band holds what a recording of this length cannot resolve.
+    def vanishes(self, duration_s: float, uneven: float = 0.0, deviations: float = NORMAL) -> bool:
+        """Tell whether the damping may be none: its band holds what a recording of this length cannot resolve.
 
         That is a swing that decays by less than e within it, and what a line of a frequency that varies by the relative
-        deviation `uneven` is widened by. False where the deviation of the damping is not known.
+        deviation `uneven` is widened by. The band is of 95 %, or of so many deviations. False where the deviation of the damping is not known.
         """
         if self.damping_std is None or self.is_real:
             return False
         unresolved = 1 / (2 * np.pi * max(self.frequency_hz, 1e-12) * duration_s)
-        return bool(self.damping - NORMAL * self.damping_std <= max(unresolved, NORMAL * uneven))
+        return bool(self.damping - deviations * self.damping_std <= max(unresolved, NORMAL * uneven))
 
     def to_json(self) -> dict[str, Any]:
         """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
@@ -118,7 +118,7 @@ def modes_of(
         frequency, damping = frequency_and_damping(complex(s))
         deviation: tuple[float | None, float | None] = (None, None)
         if pole_covariance is not None:
-            spread = _spread(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
+            spread = pushed_to_modes(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
             deviation = spread if np.isfinite(spread).all() else (None, None)
         total = shape[:, i].sum() or 1.0
         shares = {o.name: float(v / total) for o, v in zip(model.outputs, shape[:, i], strict=True)}
@@ -149,7 +149,7 @@ def mark_harmonics(
     return tuple(marked)
 
 
-def _spread(z: complex, s: complex, h: float, covariance: Array) -> tuple[float, float]:
+def pushed_to_modes(z: complex, s: complex, h: float, covariance: Array) -> tuple[float, float]:
     """Push the covariance (2, 2) of (Re z, Im z) through s = log(z)/h to frequency and damping.
 
     ds = dz/(h z); d|s| = Re(s̄ ds)/|s|; dζ = −Re(ds)/|s| + Re(s) d|s|/|s|².

@@ -45,8 +45,8 @@ class Structure:
         s, v = np.linalg.eig(A)
         keep = np.flatnonzero(s.imag > 0)
         keep = keep[np.argsort(abs(s[keep]))]
-        hertz: Array = abs(s[keep]) / (2 * np.pi)
-        ratio: Array = -s[keep].real / abs(s[keep])
+        hertz = np.asarray(abs(s[keep]) / (2 * np.pi), dtype=np.float64)
+        ratio = np.asarray(-s[keep].real / abs(s[keep]), dtype=np.float64)
         return hertz, ratio, (C @ v[:, keep]).astype(complex)
 
 
@@ -104,7 +104,7 @@ def shaken(
     y = run_states(Phi, random.standard_normal((samples, len(A))) @ _root(Q).T, x0)[:-1] @ C.T
     size = np.sqrt(np.diag(C @ P @ C.T))
     y = y + noise * size * random.standard_normal(y.shape)
-    t: Array = np.arange(samples) * sample_time_s
+    t = np.asarray(np.arange(samples) * sample_time_s, dtype=np.float64)
     names = structure.names
     channels = [Channel(name, "m", "output") for name in names]
     if harmonics is not None:

@@ -1,0 +1,152 @@
+"""Find the poles of many orders and windows from one factor: what a stabilisation diagram shows.
+
+The factor of the longest window holds those of all shorter ones, one singular value decomposition of ΓK Z holds the
+states of all orders (the first n rows of the largest state map are the map of order n), and the deviations of each pole
+come straight from those of Ξ (`pole_spread`): a model more costs regressions on a few columns of the small factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.errors import NotIdentifiable
+from aeolid.identify.choose_past import Ladder, climb, longest_past, window_within_chance
+from aeolid.identify.markov import estimate_markov
+from aeolid.identify.order import FIT_PART, worth_a_state
+from aeolid.identify.pole_spread import Spreader
+from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, regressed_matrices
+from aeolid.identify.truncation import order_loss
+from aeolid.identify.windows import Scaling, WindowFactor, find_scaling, require_windows
+from aeolid.models.modes import continuous_poles, frequency_and_damping, pushed_to_modes
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+LARGEST_ORDER = 60
+BEYOND = 10  # states above the order that predicts best, up to which poles are looked at
+LONGER = (1.0, 2**0.5, 2.0)  # windows of a diagram, of the one that predicts
+
+
+@dataclass(frozen=True, eq=False)
+class Pole:
+    """Hold one pole of one model: of a window in samples and an order, with standard deviations (NaN: not known).
+
+    shape (l,): outputs in their scales, 1 at the output that moves most.
+    """
+
+    past: int
+    order: int
+    eigenvalue: complex
+    frequency_hz: float
+    damping: float
+    frequency_std_hz: float
+    damping_std: float
+    shape: ComplexArray
+
+
+@dataclass(frozen=True, eq=False)
+class Diagram:
+    """Hold the poles of all orders and windows.
+
+    windows, orders: those tried; past, order: the window and the order that predict the held-out part; scaling: of the
+    outputs; models: what finds the deviations of shapes, by window and order; samples, sample_time_s: of recordings.
+    """
+
+    poles: tuple[Pole, ...]
+    windows: tuple[int, ...]
+    orders: tuple[int, ...]
+    past: int
+    order: int
+    scaling: Scaling
+    models: dict[tuple[int, int], Spreader]
+    samples: int
+    sample_time_s: float
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Return the names of the outputs."""
+        return self.scaling.outputs
+
+
+def draw_up(
+    records: Sequence[Record], past: int | None = None, largest: int | None = None, regularization: str | float = "gcv"
+) -> Diagram:
+    """Find the poles of all orders over a few windows.
+
+    records: of one experiment set, outputs alone. past: window in samples, default the shortest whose held-out one-step
+    error is within what chance explains of the least; √2 and 2 of them are tried besides, as far as the data allow.
+    largest: order, default ten above the one that predicts, at most LARGEST_ORDER. Raises NotIdentifiable where there
+    are too few samples. Cost: 2 N m q operations, and some q³ a window.
+    """
+    scaling = find_scaling(records)
+    ladder = _ladder(records, scaling, past)
+    chosen = past if past is not None else window_within_chance(ladder, (), regularization)
+    windows = tuple(sorted({min(round(chosen * k), ladder.longest) for k in LONGER}))
+    order = _predicting_order(ladder.at(chosen)[0], regularization)
+    most = largest or min(order + BEYOND + order // 2, LARGEST_ORDER)
+    found: list[Pole] = []
+    models: dict[tuple[int, int], Spreader] = {}
+    orders: set[int] = set()
+    for window in windows:
+        whole = ladder.at(window)[1]
+        for n, model in _models(whole, most, regularization):
+            models[window, n] = model
+            found += _poles_of(model, window, n, ladder.sample_time_s)
+            orders.add(n)
+    return Diagram(
+        tuple(found), windows, tuple(sorted(orders)), chosen, min(order, max(orders)), scaling, models,
+        sum(map(len, records)), ladder.sample_time_s,
+    )  # fmt: skip
+
+
+def _ladder(records: Sequence[Record], scaling: Scaling, past: int | None) -> Ladder:
+    most = longest_past(records, scaling.channels)
+    longest = most if past is None else max(min(round(past * LONGER[-1]), most), past)
+    require_windows(records, longest if past is None else past, scaling.channels)
+    ladder = climb(records, scaling, longest)
+    while longest > (past or 1) and ladder.fitted.windows < 2 * (longest + 1) * scaling.channels:
+        longest = max(longest // 2, past or 1)  # missing samples left fewer windows than lengths promise
+        ladder = climb(records, scaling, longest)
+    if ladder.fitted.windows <= (longest + 1) * scaling.channels or ladder.held_out.windows == 0:
+        raise NotIdentifiable(
+            f"{records[0].source}: {ladder.fitted.windows} complete windows of {longest + 1} samples in the first "
+            f"{FIT_PART:.0%} are too few for {scaling.channels} outputs; record longer, or without gaps"
+        )
+    return ladder
+
+
+def _predicting_order(halves: tuple[WindowFactor, WindowFactor], regularization: str | float) -> int:
+    """Return the smallest order whose held-out one-step error is no more than chance above the least."""
+    fitted, held_out = halves
+    basis = find_states(fitted, estimate_markov(fitted, (), regularization).theta, fitted.past)
+    most = min(LARGEST_ORDER, largest_useful_order(basis))
+    if most == 0:
+        raise NotIdentifiable("nothing of the outputs follows from their past: there are no modes to find")
+    losses = np.array([order_loss(fitted, held_out, basis, n, ()) for n in range(1, most + 1)])
+    return int(np.flatnonzero(losses <= losses.min() + worth_a_state(held_out.windows))[0]) + 1
+
+
+def _models(whole: WindowFactor, most: int, regularization: str | float) -> list[tuple[int, Spreader]]:
+    """Return the models of a window, of orders 2 to `most` as far as there are singular values above rounding."""
+    estimate = estimate_markov(whole, (), regularization)
+    basis: StateBasis = find_states(whole, estimate.theta, whole.past)
+    usable = min(most, largest_useful_order(basis))
+    T = basis.state_map(max(usable, 1))
+    return [
+        (n, Spreader(whole, basis, regressed_matrices(whole, T[:n], ()), estimate)) for n in range(2, usable + 1)
+    ]  # fmt: skip
+
+
+def _poles_of(model: Spreader, past: int, order: int, step: float) -> list[Pole]:
+    poles = model.poles()
+    out = []
+    for value, s, covariance, shape in zip(
+        poles.values, continuous_poles(poles.values, step), poles.covariance, poles.shapes.T, strict=True
+    ):
+        spread = pushed_to_modes(complex(value), complex(s), step, covariance)
+        out.append(Pole(past, order, complex(value), *frequency_and_damping(complex(s)), *spread, shape))
+    return out
