@@ -3,13 +3,13 @@
 Poles of two models belong together where frequency, damping and shape agree: within a stated relative distance or what
 their deviations explain, and with a modal assurance criterion above a stated one. A model gives a cluster one pole at
 most; poles are handed out so that distances add up to least. A physical pole stays while states are added and the
-window grows; one that describes noise moves. So a cluster is physical where it has a pole in most of the models of at
-least the order that predicts best, in every window.
+window grows; one that describes noise moves. So a cluster is physical where it has a pole in most of the models of
+enough states, in every window.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from typing import Any
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from aeolid.identify.diagram import Diagram, Pole
+from aeolid.models.modes import Mode
 from aeolid.models.shapes import assurance
 
 Array = NDArray[np.float64]
@@ -30,18 +31,19 @@ class Criteria:
     """Hold what decides, all of it stated in the result.
 
     A pole is looked at where its damping is below `most_damping` and not below −3 deviations, and its band is narrow:
-    deviations of frequency below `frequency_width` of it, of damping below `damping_width`. It belongs to a cluster
-    where the frequency is within `frequency` of it or `deviations` deviations, the damping within `deviations`
-    deviations and `damping`, and the modal assurance criterion of the shapes above `assurance`. A cluster is physical
-    where it is in `share` of the models of the order that predicts and above, and in half of those of every window.
+    the deviations of frequency, relative, and of damping below `width` times √(ζ/(2π f T)), what a mode of frequency f and
+    damping ζ has that stands alone above the noise in a recording of T seconds (Au 2014). So must be those of the mode
+    itself. A pole belongs to a cluster where the frequency is within `frequency` of it or `deviations` deviations, the
+    damping within `deviations` deviations and `damping`, and the modal assurance criterion of the shapes is above
+    `assurance`. A cluster is physical where it is in `share` of the models that count (`Diagram.counting`), and in half
+    of those of every window.
     """
 
     frequency: float = 0.01
     damping: float = 0.005
     deviations: float = 3.0
     assurance: float = 0.8
-    frequency_width: float = 0.03
-    damping_width: float = 0.05
+    width: float = 4.0
     most_damping: float = 0.3
     share: float = 0.75
 
@@ -49,19 +51,26 @@ class Criteria:
         """Return the criteria as JSON facts."""
         return dict(self.__dict__)
 
-    def admits(self, pole: Pole) -> bool:
+    def admits(self, pole: Pole, duration_s: float) -> bool:
         """Tell whether a pole is looked at."""
-        spread, width = pole.damping_std, pole.frequency_std_hz
-        known = bool(np.isfinite(spread) and np.isfinite(width))
-        damped = -3 * spread - self.damping <= pole.damping <= self.most_damping
-        return known and damped and width <= self.frequency_width * pole.frequency_hz and spread <= self.damping_width
+        damped = -3 * pole.damping_std - self.damping <= pole.damping <= self.most_damping
+        return damped and self.is_narrow(pole, duration_s)
+
+    def is_narrow(self, pole: Pole | Mode, duration_s: float) -> bool:
+        """Tell whether the deviations of a pole or mode are those of something that stands out of the noise."""
+        if pole.frequency_std_hz is None or pole.damping_std is None or not pole.frequency_hz > 0:
+            return False
+        cycles = 2 * np.pi * pole.frequency_hz * duration_s
+        allowed = self.width * np.sqrt(max(pole.damping, 1 / cycles) / cycles)  # a line's damping is not resolved below
+        return bool(pole.frequency_std_hz <= allowed * pole.frequency_hz and pole.damping_std <= allowed)
 
 
 @dataclass(eq=False)
 class Cluster:
-    """Hold poles of different models that are one; share: of the models that count, in which there is one."""
+    """Hold poles of different models that are one; counted: those of models that count; share: of these, with one."""
 
     poles: list[Pole]
+    counted: list[Pole] = field(default_factory=list)
     share: float = 0.0
     physical: bool = False
     _centre: Pole | None = field(default=None, repr=False)
@@ -79,10 +88,6 @@ class Cluster:
         self.poles.append(pole)
         self._centre = None
 
-    def nearest_to(self, past: int, order: int) -> Pole:
-        """Return the pole of the model nearest to a window and an order, of that window if it has one."""
-        return min(self.poles, key=lambda p: (p.past != past, abs(p.order - order), p.order, p.past))
-
     def to_json(self) -> dict[str, Any]:
         """Return the facts: how often, and where its poles lie."""
         hertz, damping = ([getattr(p, name) for p in self.poles] for name in ("frequency_hz", "damping"))
@@ -95,14 +100,13 @@ class Cluster:
 def cluster(diagram: Diagram, criteria: Criteria) -> list[Cluster]:
     """Return the clusters of a diagram by frequency, those that are physical marked."""
     clusters: list[Cluster] = []
-    looked_at = [p for p in diagram.poles if criteria.admits(p)]
+    looked_at = [p for p in diagram.poles if criteria.admits(p, diagram.duration_s)]
     # the order that predicts first, then away from it: the first model to open a cluster is the most trusted one
     ranked = sorted(looked_at, key=lambda p: _rank(p, diagram))
     for _, model in groupby(ranked, key=lambda p: _rank(p, diagram)):
         _hand_out(list(model), clusters, criteria)
-    counting = {key for key in diagram.models if key[1] >= diagram.order}
     for found in clusters:
-        _judge(found, counting, diagram.windows, criteria)
+        _judge(found, diagram.counting, diagram.windows, criteria)
     return sorted(clusters, key=lambda c: c.centre.frequency_hz)
 
 
@@ -135,12 +139,10 @@ def _distance(pole: Pole, centre: Pole, criteria: Criteria) -> float:
     return float(hertz + ratio + 1 - alike) if alike >= criteria.assurance else FAR
 
 
-def _judge(found: Cluster, counting: Iterable[tuple[int, int]], windows: Sequence[int], criteria: Criteria) -> None:
+def _judge(found: Cluster, models: frozenset[tuple[int, int]], windows: Sequence[int], criteria: Criteria) -> None:
     """Say in how many of the models that count the cluster is, and whether it is physical."""
-    models = set(counting)
-    mine = {(p.past, p.order) for p in found.poles} & models
+    found.counted = [p for p in found.poles if (p.past, p.order) in models]
+    mine = [(p.past, p.order) for p in found.counted]
     found.share = len(mine) / max(len(models), 1)
-    by_window = [
-        sum(p == w for p, _ in mine) / max(sum(p == w for p, _ in models), 1) for w in windows
-    ]  # fmt: skip
+    by_window = [sum(p == w for p, _ in mine) / max(sum(p == w for p, _ in models), 1) for w in windows]
     found.physical = found.share >= criteria.share and min(by_window) >= 0.5

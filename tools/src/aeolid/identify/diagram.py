@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.choose_past import Ladder, climb, longest_past, window_within_chance
-from aeolid.identify.markov import estimate_markov
+from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, worth_a_state
 from aeolid.identify.pole_spread import Spreader
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, regressed_matrices
@@ -27,6 +27,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 LARGEST_ORDER = 60
+SURE = 4  # states above the order that predicts, from which models count
 BEYOND = 10  # states above the order that predicts best, up to which poles are looked at
 LONGER = (1.0, 2**0.5, 2.0)  # windows of a diagram, of the one that predicts
 
@@ -49,11 +50,26 @@ class Pole:
 
 
 @dataclass(frozen=True, eq=False)
+class Source:
+    """Hold what the models of all orders of one window come from."""
+
+    whole: WindowFactor
+    basis: StateBasis
+    estimate: MarkovEstimate
+    orders: tuple[int, ...]
+
+    def model(self, order: int) -> Spreader:
+        """Return the model of an order."""
+        matrices = regressed_matrices(self.whole, self.basis.state_map(order), ())
+        return Spreader(self.whole, self.basis, matrices, self.estimate)
+
+
+@dataclass(frozen=True, eq=False)
 class Diagram:
     """Hold the poles of all orders and windows.
 
     windows, orders: those tried; past, order: the window and the order that predict the held-out part; scaling: of the
-    outputs; models: what finds the deviations of shapes, by window and order; samples, sample_time_s: of recordings.
+    outputs; sources: what the models of each window come from; samples, sample_time_s: of recordings.
     """
 
     poles: tuple[Pole, ...]
@@ -62,7 +78,7 @@ class Diagram:
     past: int
     order: int
     scaling: Scaling
-    models: dict[tuple[int, int], Spreader]
+    sources: dict[int, Source]
     samples: int
     sample_time_s: float
 
@@ -70,6 +86,27 @@ class Diagram:
     def outputs(self) -> tuple[str, ...]:
         """Return the names of the outputs."""
         return self.scaling.outputs
+
+    @property
+    def duration_s(self) -> float:
+        """Return the length of all recordings together, seconds."""
+        return self.samples * self.sample_time_s
+
+    @property
+    def counting(self) -> frozenset[tuple[int, int]]:
+        """Return windows and orders of the models that count: SURE states above the order that predicts.
+
+        What a state gains in prediction falls below chance before the poles have settled: over 64 simulated recordings
+        frequencies at that order were off by 0.8 %, with two pairs more by 0.5 %, and no better with further ones.
+        """
+        return frozenset(
+            (w, n) for w, source in self.sources.items()
+            for n in source.orders if n >= min(self.order + SURE, max(source.orders) - SURE)
+        )  # fmt: skip
+
+    def model(self, past: int, order: int) -> Spreader:
+        """Return a model again, with what finds the deviations of its shapes."""
+        return self.sources[past].model(order)
 
 
 def draw_up(
@@ -88,18 +125,15 @@ def draw_up(
     windows = tuple(sorted({min(round(chosen * k), ladder.longest) for k in LONGER}))
     order = _predicting_order(ladder.at(chosen)[0], regularization)
     most = largest or min(order + BEYOND + order // 2, LARGEST_ORDER)
-    found: list[Pole] = []
-    models: dict[tuple[int, int], Spreader] = {}
-    orders: set[int] = set()
-    for window in windows:
-        whole = ladder.at(window)[1]
-        for n, model in _models(whole, most, regularization):
-            models[window, n] = model
-            found += _poles_of(model, window, n, ladder.sample_time_s)
-            orders.add(n)
+    sources = {w: _source(ladder.at(w)[1], most, regularization) for w in windows}
+    found = [
+        pole for w, source in sources.items() for n in source.orders
+        for pole in _poles_of(source.model(n), w, n, ladder.sample_time_s)
+    ]  # fmt: skip
+    orders = tuple(sorted({n for source in sources.values() for n in source.orders}))
     return Diagram(
-        tuple(found), windows, tuple(sorted(orders)), chosen, min(order, max(orders)), scaling, models,
-        sum(map(len, records)), ladder.sample_time_s,
+        tuple(found), windows, orders, chosen, min(order, orders[-1]), scaling, sources, sum(map(len, records)),
+        ladder.sample_time_s,
     )  # fmt: skip
 
 
@@ -130,15 +164,11 @@ def _predicting_order(halves: tuple[WindowFactor, WindowFactor], regularization:
     return int(np.flatnonzero(losses <= losses.min() + worth_a_state(held_out.windows))[0]) + 1
 
 
-def _models(whole: WindowFactor, most: int, regularization: str | float) -> list[tuple[int, Spreader]]:
-    """Return the models of a window, of orders 2 to `most` as far as there are singular values above rounding."""
+def _source(whole: WindowFactor, most: int, regularization: str | float) -> Source:
+    """Return what the models of a window come from, of orders 2 to `most` as far as there are singular values."""
     estimate = estimate_markov(whole, (), regularization)
-    basis: StateBasis = find_states(whole, estimate.theta, whole.past)
-    usable = min(most, largest_useful_order(basis))
-    T = basis.state_map(max(usable, 1))
-    return [
-        (n, Spreader(whole, basis, regressed_matrices(whole, T[:n], ()), estimate)) for n in range(2, usable + 1)
-    ]  # fmt: skip
+    basis = find_states(whole, estimate.theta, whole.past)
+    return Source(whole, basis, estimate, tuple(range(2, max(min(most, largest_useful_order(basis)), 2) + 1)))
 
 
 def _poles_of(model: Spreader, past: int, order: int, step: float) -> list[Pole]:

@@ -1,7 +1,8 @@
 """Find the modes of recordings of outputs alone: poles over orders and windows, clustered, with deviations and shapes.
 
-Values of a mode are those of the model of the window and order that predict the held-out part, or of the nearest that
-has it: estimates of one model have the deviations that are said, a mean over models that share their data has not.
+Values of a mode are the medians over the models that count; all are estimates from the same data, so that their median
+deviation, not that over the root of their number, is that of the median. What order and window still move a mode by is
+added to it: σ² = median(σ_i)² + var over the models, for frequency, damping and each entry of the shape alike.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import welch
 
 from aeolid.errors import UsageError
 from aeolid.identify.clusters import Cluster, Criteria, cluster
@@ -21,12 +23,15 @@ from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
 from aeolid.identify.prepare import at_a_glance
 from aeolid.identify.rotor import Rotation, rotation
+from aeolid.identify.uncertainty import covariance_of
 from aeolid.models.modes import Mode
+from aeolid.models.prediction import complete_stretches
 from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import Shape, index_of_reference
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+FEWEST, LONGEST = 32, 2048  # samples of a segment of the spectrum
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class Modal:
 
     modes: by frequency, harmonics and steady sines among them, marked; stability: of each the cluster it came from;
     spurious: clusters that are not physical; sources: of each recording its name, SHA-256 and samples.
+    spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale.
     """
 
     modes: tuple[Mode, ...]
@@ -44,6 +50,7 @@ class Modal:
     criteria: Criteria
     turning: Rotation | None
     sources: tuple[dict[str, Any], ...]
+    spectrum: tuple[Array, Array]
 
     @property
     def listed(self) -> tuple[Mode, ...]:
@@ -62,14 +69,16 @@ class Modal:
             "modes": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m in self.listed],
             "harmonics": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m not in self.listed],
             "poles": self._pole_facts(),
+            "spectrum": {"frequency_hz": self.spectrum[0].tolist(), "power": self.spectrum[1].tolist()},
         }  # fmt: skip
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
         d, h = self.diagram, self.diagram.sample_time_s
         lines = [
-            f"windows of {', '.join(map(str, d.windows))} samples, orders {d.orders[0]} to {d.orders[-1]}; values are "
-            f"those of window {d.past} ({d.past * h:.3g} s) and order {d.order}, which predict held-out samples",
+            f"windows of {', '.join(map(str, d.windows))} samples, orders {d.orders[0]} to {d.orders[-1]}; window "
+            f"{d.past} ({d.past * h:.3g} s) and order {d.order} predict held-out samples; values are medians from "
+            f"order {min(n for _, n in d.counting)}",
             *mode_lines(self.modes, h),
             *self._shape_lines(),
             f"{len(self.spurious)} clusters of poles come and go with order and window: spurious",
@@ -134,30 +143,60 @@ def find_modal(
     criteria = criteria or Criteria()
     diagram = draw_up(seen, past, largest)
     clusters = cluster(diagram, criteria)
-    kept = [c for c in clusters if c.physical]
-    chosen = [c.nearest_to(diagram.past, diagram.order) for c in kept]
-    order = np.argsort([p.frequency_hz for p in chosen], kind="stable")
-    modes = [_mode(chosen[i], diagram, at) for i in order]
+    found = [(_mode(c, diagram, at), c) for c in clusters if c.physical]
+    found = [(mode, c) for mode, c in found if criteria.is_narrow(mode, diagram.duration_s)]
+    found.sort(key=lambda pair: pair[0].frequency_hz)
+    kept = [c for _, c in found]
     return Modal(
-        marked(modes, seen, output_only=True), tuple(kept[i] for i in order),
-        tuple(c for c in clusters if not c.physical), diagram, criteria, rotation(seen[0]),
+        marked([mode for mode, _ in found], seen, output_only=True), tuple(kept),
+        tuple(c for c in clusters if c not in kept), diagram, criteria, rotation(seen[0]),
         tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
+        _spectrum(seen, diagram),
     )  # fmt: skip
 
 
-def _mode(pole: Pole, diagram: Diagram, reference: int | None) -> Mode:
-    """Return a pole as a mode, with its shape in the channels' units and the deviations of it."""
+def _spectrum(records: Sequence[Record], diagram: Diagram) -> tuple[Array, Array]:
+    """Return frequencies and the sum of the outputs' spectra by Welch's method, over the longest complete stretch."""
+    stretches = [
+        (b - a, r.columns(diagram.outputs)[a:b])
+        for r in records for a, b in complete_stretches(r.columns(diagram.outputs), 2)
+    ]  # fmt: skip
+    length, y = max(stretches, key=lambda s: s[0], default=(0, np.zeros((0, 1))))
+    if length < FEWEST:
+        return np.zeros(0), np.zeros(0)
+    part = min(max(length // 8, FEWEST), LONGEST)
+    hertz, power = welch(y / diagram.scaling.scale, fs=1 / diagram.sample_time_s, nperseg=part, axis=0)
+    return np.asarray(hertz, dtype=np.float64), np.asarray(power.sum(axis=1), dtype=np.float64)
+
+
+def _mode(cluster: Cluster, diagram: Diagram, reference: int | None) -> Mode:
+    """Return a cluster as a mode: medians, with the deviations of a model and what the models differ by."""
+    poles = cluster.counted
+    told = np.array([[p.frequency_hz, p.damping, p.frequency_std_hz, p.damping_std] for p in poles])
+    hertz, damping, *own = np.median(told, axis=0)
+    spread = np.hypot(own, told[:, :2].std(axis=0))
+    size = np.median([abs(p.shape) for p in poles], axis=0)
+    at = int(np.argmax(size)) if reference is None else reference
+    s = 2 * np.pi * hertz * (-damping + 1j * np.sqrt(max(1 - damping**2, 0.0)))
+    shares = dict(zip(diagram.outputs, map(float, size / size.sum()), strict=True))
+    return Mode(
+        float(hertz), float(damping), complex(np.exp(s * diagram.sample_time_s)), float(spread[0]), float(spread[1]),
+        shares, shape=_shape(poles, diagram, at, float(hertz)),
+    )  # fmt: skip
+
+
+def _shape(poles: Sequence[Pole], diagram: Diagram, at: int, hertz: float) -> Shape:
+    """Return the median shape in the channels' units, beside the output at an index."""
     scale, names = diagram.scaling.scale, diagram.outputs
-    at = int(np.argmax(abs(pole.shape))) if reference is None else reference
-    around = diagram.models[pole.past, pole.order].shape_covariance(pole.eigenvalue, at)
+    every = np.array([p.shape / p.shape[at] for p in poles])  # (models, l)
+    middle = np.median(every.real, axis=0) + 1j * np.median(every.imag, axis=0)
+    nearest = min(poles, key=lambda p: abs(p.frequency_hz - hertz))
+    around = diagram.model(nearest.past, nearest.order).shape_covariance(nearest.eigenvalue, at)
+    around = around + covariance_of((every - every.mean(axis=0)) / np.sqrt(len(every)))
     unit = scale / scale[at]
-    values = dict(zip(names, map(complex, pole.shape / pole.shape[at] * unit), strict=True))
+    values = dict(zip(names, map(complex, middle * unit), strict=True))
     spread = {
         name: (float(s[0, 0] * u**2), float(s[0, 1] * u**2), float(s[1, 1] * u**2))
         for name, s, u in zip(names, around, unit, strict=True)
     }
-    shape = Shape(names[at], values, spread if np.isfinite(around).all() else None)
-    size = abs(pole.shape)
-    shares = dict(zip(names, map(float, size / size.sum()), strict=True))
-    deviations = _known(pole.frequency_std_hz), _known(pole.damping_std)
-    return Mode(pole.frequency_hz, pole.damping, pole.eigenvalue, *deviations, shares, shape=shape)
+    return Shape(names[at], values, spread if np.isfinite(around).all() else None)

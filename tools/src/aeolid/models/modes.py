@@ -14,7 +14,7 @@ from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 NORMAL = 1.959964  # 95 % of a normal deviate
-BLADES = 3
+BLADES, WIDENED = 3, 9
 ComplexArray = NDArray[np.complex128]
 
 
@@ -58,7 +58,8 @@ class Mode:
         """Tell whether the damping may be none: its band holds what a recording of this length cannot resolve.
 
         That is a swing that decays by less than e within it, and what a line of a frequency that varies by the relative
-        deviation `uneven` is widened by. The band is of 95 %, or of so many deviations. False where the deviation of the damping is not known.
+        deviation `uneven` is widened by. The band is of 95 %, or of so many deviations. False where the deviation of
+        the damping is not known.
         """
         if self.damping_std is None or self.is_real:
             return False
@@ -132,8 +133,8 @@ def mark_harmonics(
     """Mark modes that are more likely harmonics: near a multiple of the rotor's speed, with little or no damping.
 
     deviation_hz: of the rotor's speed; duration_s: of the recording. Near: within 1.5 %, 3 deviations of the frequency
-    or what the speed varies by, at most 0.05 P or what it varies by. On 1P and the multiples of three blades, which
-    wind that the blades cut through widens, damping below 5 % is little. On another multiple only that which may
+    or what the speed varies by, at most 0.05 P or what it varies by. On 1P, 3P, 6P and 9P, which wind that three blades
+    cut through widens, damping below 5 % is little. On another multiple only that which may
     vanish is (see `vanishes`): a structure may well swing there. So is any below 5 % whose deviation is not known.
     """
     uneven = deviation_hz / rotor_hz
@@ -143,7 +144,8 @@ def mark_harmonics(
         varied = NORMAL * order * deviation_hz
         near = max(0.015 * mode.frequency_hz, 3 * (mode.frequency_std_hz or 0.0), varied)
         close = order >= 1 and abs(mode.frequency_hz - order * rotor_hz) <= min(near, max(0.05 * rotor_hz, varied))
-        little = abs(mode.damping) < 0.05 and (order == 1 or order % BLADES == 0 or mode.damping_std is None)
+        widened = order in (1, *range(BLADES, WIDENED + 1, BLADES))
+        little = abs(mode.damping) < 0.05 and (widened or mode.damping_std is None)
         harmonic = close and (little or mode.vanishes(duration_s, uneven))
         marked.append(replace(mode, rotor_order=order if harmonic else None))
     return tuple(marked)

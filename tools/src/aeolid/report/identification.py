@@ -124,13 +124,13 @@ def _modes(facts: Facts) -> Html:
         notes.append(f"Left out: {many} beyond the Nyquist frequency of {number(0.5 / step, 3)} Hz.")
     if _has_std(modes):
         notes.append("± is one standard deviation.")
-    parts: list[Html] = [_mode_table(swinging, bool(true))] if swinging else []
+    parts: list[Html] = [mode_table(swinging, bool(true))] if swinging else []
     if apart:
         words = "On multiples of the rotor's speed, more likely its harmonics than modes:"
-        parts += [tag("p", words), _mode_table(apart, bool(true))]
+        parts += [tag("p", words), mode_table(apart, bool(true))]
     if tones:
         words = "Steady sines whose damping may be none, periodic forces such as harmonics rather than modes:"
-        parts += [tag("p", words), _mode_table(tones, bool(true))]
+        parts += [tag("p", words), mode_table(tones, bool(true))]
     return section("Modes", *parts, *(tag("p", note, class_="soft") for note in notes))
 
 
@@ -138,7 +138,8 @@ def _units(facts: Facts) -> dict[str, str]:
     return {str(s["name"]): str(s.get("unit") or "") for s in (facts.get("model") or {}).get("outputs") or []}
 
 
-def _mode_table(pairs: list[tuple[Facts, Facts | None]], true: bool) -> Html:
+def mode_table(pairs: list[tuple[Facts, Facts | None]], true: bool) -> Html:
+    """Build a table of modes, each beside the true one where it is known; true: whether any is."""
     shares = any(m.get("outputs") for m, _ in pairs)
     rows = []
     for mode, real in pairs:
