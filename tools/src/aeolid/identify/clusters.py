@@ -31,10 +31,10 @@ class Criteria:
     """Hold what decides, all of it stated in the result.
 
     A pole is looked at where its damping is below `most_damping` and not below −3 deviations, and its band is narrow:
-    the deviations of frequency, relative, and of damping below `width` times √(ζ/(2π f T)), what a mode of frequency f and
-    damping ζ has that stands alone above the noise in a recording of T seconds (Au 2014). So must be those of the mode
-    itself. A pole belongs to a cluster where the frequency is within `frequency` of it or `deviations` deviations, the
-    damping within `deviations` deviations and `damping`, and the modal assurance criterion of the shapes is above
+    the deviations of frequency, relative, and of damping below `width` times √(ζ/(2π f T)), what a mode of frequency f
+    and damping ζ has that stands alone above the noise in a recording of T seconds (Au 2014). So must be those of the
+    mode itself. A pole belongs to a cluster where the frequency is within `frequency` of it or `deviations` deviations,
+    the damping within `deviations` deviations and `damping`, and the modal assurance criterion of the shapes is above
     `assurance`. A cluster is physical where it is in `share` of the models that count (`Diagram.counting`), and in half
     of those of every window.
     """
@@ -67,11 +67,15 @@ class Criteria:
 
 @dataclass(eq=False)
 class Cluster:
-    """Hold poles of different models that are one; counted: those of models that count; share: of these, with one."""
+    """Hold poles of different models that are one; counted: those of models that count; share: of these, with one.
+
+    by_window: the same share of each window's models.
+    """
 
     poles: list[Pole]
     counted: list[Pole] = field(default_factory=list)
     share: float = 0.0
+    by_window: dict[int, float] = field(default_factory=dict)
     physical: bool = False
     _centre: Pole | None = field(default=None, repr=False)
 
@@ -144,5 +148,5 @@ def _judge(found: Cluster, models: frozenset[tuple[int, int]], windows: Sequence
     found.counted = [p for p in found.poles if (p.past, p.order) in models]
     mine = [(p.past, p.order) for p in found.counted]
     found.share = len(mine) / max(len(models), 1)
-    by_window = [sum(p == w for p, _ in mine) / max(sum(p == w for p, _ in models), 1) for w in windows]
-    found.physical = found.share >= criteria.share and min(by_window) >= 0.5
+    found.by_window = {w: sum(p == w for p, _ in mine) / max(sum(p == w for p, _ in models), 1) for w in windows}
+    found.physical = found.share >= criteria.share and min(found.by_window.values()) >= 0.5

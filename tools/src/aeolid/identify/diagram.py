@@ -20,12 +20,13 @@ from aeolid.identify.order import FIT_PART, worth_a_state
 from aeolid.identify.pole_spread import Spreader
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order, regressed_matrices
 from aeolid.identify.truncation import order_loss
-from aeolid.identify.windows import Scaling, WindowFactor, find_scaling, require_windows
+from aeolid.identify.windows import Scaling, WindowFactor, require_windows
 from aeolid.models.modes import continuous_poles, frequency_and_damping, pushed_to_modes
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+REGULARIZATION = "gcv"
 LARGEST_ORDER = 60
 SURE = 4  # states above the order that predicts, from which models count
 BEYOND = 10  # states above the order that predicts best, up to which poles are looked at
@@ -109,35 +110,37 @@ class Diagram:
         return self.sources[past].model(order)
 
 
-def draw_up(
-    records: Sequence[Record], past: int | None = None, largest: int | None = None, regularization: str | float = "gcv"
-) -> Diagram:
-    """Find the poles of all orders over a few windows.
+def draw_up(ladder: Ladder, scaling: Scaling, past: int, largest: int | None = None) -> Diagram:
+    """Find the poles of all orders over the windows LONGER times `past`, as far as the ladder goes.
 
-    records: of one experiment set, outputs alone. past: window in samples, default the shortest whose held-out one-step
-    error is within what chance explains of the least; √2 and 2 of them are tried besides, as far as the data allow.
-    largest: order, default ten above the one that predicts, at most LARGEST_ORDER. Raises NotIdentifiable where there
-    are too few samples. Cost: 2 N m q operations, and some q³ a window.
+    past: p, samples. largest: order, default BEYOND and half as much again above the one that predicts, at most
+    LARGEST_ORDER. Cost: some q³ operations a window, none of the length of the recording.
     """
-    scaling = find_scaling(records)
-    ladder = _ladder(records, scaling, past)
-    chosen = past if past is not None else window_within_chance(ladder, (), regularization)
-    windows = tuple(sorted({min(round(chosen * k), ladder.longest) for k in LONGER}))
-    order = _predicting_order(ladder.at(chosen)[0], regularization)
+    windows = tuple(sorted({min(round(past * k), ladder.longest) for k in LONGER}))
+    order = _predicting_order(ladder.at(past)[0])
     most = largest or min(order + BEYOND + order // 2, LARGEST_ORDER)
-    sources = {w: _source(ladder.at(w)[1], most, regularization) for w in windows}
+    sources = {w: _source(ladder.at(w)[1], most) for w in windows}
     found = [
         pole for w, source in sources.items() for n in source.orders
         for pole in _poles_of(source.model(n), w, n, ladder.sample_time_s)
     ]  # fmt: skip
     orders = tuple(sorted({n for source in sources.values() for n in source.orders}))
     return Diagram(
-        tuple(found), windows, orders, chosen, min(order, orders[-1]), scaling, sources, sum(map(len, records)),
-        ladder.sample_time_s,
+        tuple(found), windows, orders, past, min(order, orders[-1]), scaling, sources,
+        ladder.whole.windows + ladder.longest, ladder.sample_time_s,
     )  # fmt: skip
 
 
-def _ladder(records: Sequence[Record], scaling: Scaling, past: int | None) -> Ladder:
+def shortest_window(ladder: Ladder) -> int:
+    """Return the shortest window whose held-out one-step error is within what chance explains of the least."""
+    return window_within_chance(ladder, (), REGULARIZATION)
+
+
+def ladder_of(records: Sequence[Record], scaling: Scaling, past: int | None) -> Ladder:
+    """Return the factors of all windows of outputs alone: up to twice a given one, else as long as the data allow.
+
+    Raises NotIdentifiable where there are too few samples. Cost: 2 N m q operations.
+    """
     most = longest_past(records, scaling.channels)
     longest = most if past is None else max(min(round(past * LONGER[-1]), most), past)
     require_windows(records, longest if past is None else past, scaling.channels)
@@ -153,10 +156,10 @@ def _ladder(records: Sequence[Record], scaling: Scaling, past: int | None) -> La
     return ladder
 
 
-def _predicting_order(halves: tuple[WindowFactor, WindowFactor], regularization: str | float) -> int:
+def _predicting_order(halves: tuple[WindowFactor, WindowFactor]) -> int:
     """Return the smallest order whose held-out one-step error is no more than chance above the least."""
     fitted, held_out = halves
-    basis = find_states(fitted, estimate_markov(fitted, (), regularization).theta, fitted.past)
+    basis = find_states(fitted, estimate_markov(fitted, (), REGULARIZATION).theta, fitted.past)
     most = min(LARGEST_ORDER, largest_useful_order(basis))
     if most == 0:
         raise NotIdentifiable("nothing of the outputs follows from their past: there are no modes to find")
@@ -164,9 +167,9 @@ def _predicting_order(halves: tuple[WindowFactor, WindowFactor], regularization:
     return int(np.flatnonzero(losses <= losses.min() + worth_a_state(held_out.windows))[0]) + 1
 
 
-def _source(whole: WindowFactor, most: int, regularization: str | float) -> Source:
+def _source(whole: WindowFactor, most: int) -> Source:
     """Return what the models of a window come from, of orders 2 to `most` as far as there are singular values."""
-    estimate = estimate_markov(whole, (), regularization)
+    estimate = estimate_markov(whole, (), REGULARIZATION)
     basis = find_states(whole, estimate.theta, whole.past)
     return Source(whole, basis, estimate, tuple(range(2, max(min(most, largest_useful_order(basis)), 2) + 1)))
 

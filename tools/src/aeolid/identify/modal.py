@@ -3,6 +3,10 @@
 Values of a mode are the medians over the models that count; all are estimates from the same data, so that their median
 deviation, not that over the root of their number, is that of the median. What order and window still move a mode by is
 added to it: σ² = median(σ_i)² + var over the models, for frequency, damping and each entry of the shape alike.
+
+The first window is the shortest that predicts no worse than chance explains. Where many poles stay over the orders of
+the longest window and not of all, it is doubled, as far as the data leave a longer one to compare with: what a window
+leaves out is little of the error and much of a weak mode.
 """
 
 from __future__ import annotations
@@ -17,13 +21,14 @@ from scipy.signal import welch
 
 from aeolid.errors import UsageError
 from aeolid.identify.clusters import Cluster, Criteria, cluster
-from aeolid.identify.diagram import Diagram, Pole, draw_up
+from aeolid.identify.diagram import Diagram, Pole, draw_up, ladder_of, shortest_window
 from aeolid.identify.harmonics import marked
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.output_only import ALL, of_outputs_alone
 from aeolid.identify.prepare import at_a_glance
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
+from aeolid.identify.windows import find_scaling
 from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
 from aeolid.models.rate import decimate_causally
@@ -31,6 +36,8 @@ from aeolid.models.shapes import Shape, index_of_reference
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+UNSETTLED = 1 / 3  # of the modes found: fewer poles that move with the window may be noise
+APART = 1.2  # of two windows: closer ones share too much to tell what moves
 FEWEST, LONGEST = 32, 2048  # samples of a segment of the spectrum
 
 
@@ -68,7 +75,7 @@ class Modal:
             "criteria": self.criteria.to_json(),
             "modes": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m in self.listed],
             "harmonics": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m not in self.listed],
-            "poles": self._pole_facts(),
+            "unsettled_hz": list(self.unsettled), "poles": self._pole_facts(),
             "spectrum": {"frequency_hz": self.spectrum[0].tolist(), "power": self.spectrum[1].tolist()},
         }  # fmt: skip
 
@@ -82,10 +89,29 @@ class Modal:
             *mode_lines(self.modes, h),
             *self._shape_lines(),
             f"{len(self.spurious)} clusters of poles come and go with order and window: spurious",
+            *self._unsettled_lines(),
         ]
         if not self.listed:
             lines.append("no mode is stable over orders and windows; record longer, or lower the rate (--decimate)")
         return "\n".join(lines)
+
+    @property
+    def unsettled(self) -> tuple[float, ...]:
+        """Return frequencies in Hz at which poles stay over the orders of the longest window, but not of all."""
+        longest, known = self.diagram.windows[-1], [m.frequency_hz for m in self.modes]
+        found = [
+            c.centre.frequency_hz for c in self.spurious if c.by_window.get(longest, 0.0) >= self.criteria.share
+        ]  # fmt: skip
+        return tuple(f for f in found if all(abs(f - k) > self.criteria.frequency * k for k in known))
+
+    def _unsettled_lines(self) -> list[str]:
+        if not self.unsettled:
+            return []
+        told = ", ".join(f"{f:.4g}" for f in self.unsettled)
+        return [
+            f"poles at {told} Hz stay over the orders of window {self.diagram.windows[-1]} and move with the window: "
+            "neither modes nor spurious for sure; lengthen --past, or --decimate"
+        ]
 
     def _pairs(self) -> list[tuple[Mode, Cluster]]:
         return list(zip(self.modes, self.stability, strict=True))
@@ -140,10 +166,23 @@ def find_modal(
     alone = of_outputs_alone(list(records), named)
     at = index_of_reference(alone[0].names("output"), reference)
     seen = [decimate_causally(r, decimation) for r in at_a_glance(alone, "auto", "offset", "auto")]
-    criteria = criteria or Criteria()
-    diagram = draw_up(seen, past, largest)
+    scaling = find_scaling(seen)
+    ladder = ladder_of(seen, scaling, past)
+    window, criteria = past or shortest_window(ladder), criteria or Criteria()
+    while True:
+        found = _gathered(draw_up(ladder, scaling, window, largest), criteria, seen, records, at)
+        few = len(found.unsettled) <= UNSETTLED * len(found.modes)
+        if past is not None or few or ladder.longest < APART * 2 * window:
+            return found
+        window *= 2
+
+
+def _gathered(
+    diagram: Diagram, criteria: Criteria, seen: Sequence[Record], records: Sequence[Record], reference: int | None
+) -> Modal:
+    """Return what the poles of a diagram say; seen: the recordings as they were used."""
     clusters = cluster(diagram, criteria)
-    found = [(_mode(c, diagram, at), c) for c in clusters if c.physical]
+    found = [(_mode(c, diagram, reference), c) for c in clusters if c.physical]
     found = [(mode, c) for mode, c in found if criteria.is_narrow(mode, diagram.duration_s)]
     found.sort(key=lambda pair: pair[0].frequency_hz)
     kept = [c for _, c in found]

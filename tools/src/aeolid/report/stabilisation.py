@@ -59,8 +59,8 @@ def _criteria(facts: Facts) -> Html:
     told = [
         ("windows (samples)", ", ".join(map(str, facts["windows"]))),
         ("orders", f"{facts['orders'][0]} … {facts['orders'][1]}; {facts['order']} predicts held-out samples"),
-        ("a pole is looked at", f"damping up to {percent(c['most_damping'])}, deviations of frequency and damping below "
-         f"{c['width']:g} times those of a mode that stands alone above the noise"),
+        ("a pole is looked at", f"damping up to {percent(c['most_damping'])}, deviations of frequency and damping "
+         f"below {c['width']:g} times those of a mode that stands alone above the noise"),
         ("poles are one mode", f"frequency within {percent(c['frequency'])} or {c['deviations']:g} deviations, damping "
          f"within {c['deviations']:g} deviations and {percent(c['damping'])}, assurance above {c['assurance']:g}"),
         ("a mode is physical", f"in {percent(c['share'])} of the models that count and in half of each window's"),
@@ -94,10 +94,11 @@ def _drawing(facts: Facts) -> Html:
     orders = facts["orders"]
 
     def across(hertz: float) -> float:
-        return _LEFT + (_WIDTH - _LEFT - _RIGHT) * hertz / top_hz
+        return float(_LEFT + (_WIDTH - _LEFT - _RIGHT) * hertz / top_hz)
 
     def up(order: float) -> float:
-        return _HEIGHT - _BOTTOM - (_HEIGHT - _TOP - _BOTTOM) * (order - orders[0] + 1) / (orders[1] - orders[0] + 2)
+        span = float(orders[1] - orders[0] + 2)
+        return _HEIGHT - _BOTTOM - (_HEIGHT - _TOP - _BOTTOM) * (order - float(orders[0]) + 1) / span
 
     parts = [_curve(facts.get("spectrum") or {}, across, top_hz), *_axes(across, up, top_hz, orders)]
     parts += sorted(_marks(facts, across, up, top_hz), key=lambda mark: "spurious" not in mark[:40])
@@ -152,7 +153,7 @@ def _ticks(top: float) -> list[float]:
     """Return some eight round values from 0 to `top`."""
     raw = top / 8
     size = 10.0 ** np.floor(np.log10(raw))
-    step = next(k * size for k in (1, 2, 5, 10) if k * size >= raw)
+    step = float(next(k * size for k in (1, 2, 5, 10) if k * size >= raw))
     return [float(f"{k * step:.6g}") for k in range(int(top / step + 1e-9) + 1)]
 
 
