@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import NotIdentifiable, UsageError
-from aeolid.identify.assemble import rotor_frequency
 from aeolid.identify.order import largest_gap
+from aeolid.identify.rotor import rotor_frequency
 from aeolid.identify.streamed import StreamedMarkov
 from aeolid.identify.subspace import kalman_gain, move_inside, spectral_radius
 from aeolid.identify.varx import identify_varx

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from aeolid.api.following import fleet as fleet
     from aeolid.api.identifying import identify as identify
     from aeolid.api.linear import LinearModel as LinearModel
+    from aeolid.api.modal import ModalAnalysis as ModalAnalysis
+    from aeolid.api.modal import modes as modes
     from aeolid.api.models import load_model as load_model
     from aeolid.api.reading import read as read
     from aeolid.api.record import Record as Record
@@ -40,9 +42,10 @@ _CALLED = ("diagnose", "fleet", "identify")
 _PLACES = {
     "AeolidError": "errors", "DataError": "errors", "NotIdentifiable": "errors", "UsageError": "errors",
     "Diagnosis": "api.diagnosis", "Effect": "api.diagnosis", "Equations": "api.equations", "Fleet": "api.following",
-    "LinearModel": "api.linear", "Record": "api.record", "ScheduledModel": "api.scheduled",
+    "LinearModel": "api.linear", "ModalAnalysis": "api.modal", "Record": "api.record",
+    "ScheduledModel": "api.scheduled",
     "Simulation": "api.simulation", "Table": "api.table", "Validation": "api.validation", "load_model": "api.models",
-    "read": "api.reading", "simulate": "api.simulation", "validate": "api.validation",
+    "modes": "api.modal", "read": "api.reading", "simulate": "api.simulation", "validate": "api.validation",
 }  # fmt: skip
 
 __all__ = ["__version__", *_CALLED, *_PLACES]

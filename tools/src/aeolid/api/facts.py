@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from aeolid.api.table import Table
 from aeolid.models.modes import Mode
+from aeolid.models.shapes import shape_from_json
 from aeolid.text_files import is_number, is_short
 
 Facts = Mapping[str, Any]
@@ -44,8 +46,9 @@ def _stated(row: dict[str, Any]) -> Mode:
     order = row["rotor_order"] if isinstance(row.get("rotor_order"), int) else None
     name = row["name"] if is_short(row.get("name")) else ""
     shares = dict(row["outputs"])
-    eigenvalue = complex(real, imaginary)
-    return Mode(row["frequency_hz"], row["damping"], eigenvalue, spread[0], spread[1], shares, order, name=name)
+    known = Mode(row["frequency_hz"], row["damping"], complex(real, imaginary), spread[0], spread[1], shares, order)
+    shape, tone = shape_from_json(row.get("shape")), row.get("tone") is True
+    return replace(known, name=name, tone=tone, shape=shape)
 
 
 def fit_table(facts: Facts | None, outputs: Sequence[str]) -> Table[dict[str, Any]]:

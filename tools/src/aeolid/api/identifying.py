@@ -55,6 +55,8 @@ def identify(
     uncertainty: str | None = None,
     bootstrap_runs: int | None = None,
     bootstrap_seed: int | None = None,
+    outputs: Sequence[str] | str | None = None,
+    reference: str | None = None,
     markov: str | Path | None = None,
     progress: Progress = None,
 ) -> LinearModel | ScheduledModel:
@@ -133,6 +135,11 @@ def identify(
         Runs of the bootstrap, 20 to 10000; default 200.
     bootstrap_seed : int, optional
         Seed of the bootstrap; default 0.
+    outputs : sequence of str, or str, optional
+        varx, varmax: channels to identify by themselves, without inputs (operational modal analysis); "all" for those
+        of the role. Recordings without a channel of the role input are identified so anyhow.
+    reference : str, optional
+        varx, varmax: output that mode shapes are scaled to; default the one that moves most in each.
     markov : str or pathlib.Path, optional
         Streamed Markov parameters (markov.npz) in place of those of the recordings.
     progress : bool or callable, optional
@@ -161,6 +168,7 @@ def identify(
         scheduling_scaling=scheduling_scaling, offsets=offsets, refine=refine, memory=memory, joint_order=joint_order,
         deterministic_order=deterministic_order, response=response, stable=stable, allow_unstable=allow_unstable,
         uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
+        outputs=outputs, reference=reference,
     )  # fmt: skip
     request.check(streamed=markov is not None)
     return _identified(as_records(records), request, markov, progress)

@@ -24,6 +24,8 @@ def draw_bode(
     """Draw gains (rows 0, 2, …) and phases (rows 1, 3, …) from each input to each output."""
     from aeolid.identify.frequency import frequency_response
 
+    if not model.inputs:
+        raise UsageError("the model has no input, identified from outputs alone: it has no frequency response")
     sources, targets = _chosen(inputs, model.inputs, "input"), _chosen(outputs, model.outputs, "output")
     found = places.grid(axes, 2 * len(targets), len(sources), size=(4.0, 1.9), sharex=True)
     response = frequency_response(model.state_space)
@@ -102,4 +104,26 @@ def draw_poles(groups: Sequence[tuple[NDArray[np.complex128], str]], sample_time
     place.set_ylabel("imaginary part" + ("" if sample_time_s > 0 else " (1/s)"))
     if len(groups) > 1:
         place.legend(loc="best", fontsize="small")
+    return place
+
+
+def draw_stabilisation(facts: Any, axes: Any) -> Any:
+    """Draw the poles of a modal analysis over frequency and order, those of modes with 95 % bands."""
+    place = places.one(axes, size=(9.0, 4.6))
+    poles, lines = facts["poles"], {m["frequency_hz"] for m in facts["harmonics"]}
+    hertz, order = (np.array(poles[n], dtype=float) for n in ("frequency_hz", "order"))
+    width = np.array([np.nan if v is None else v for v in poles["frequency_std_hz"]], dtype=float)
+    kind = np.array([0 if m is None else 1 if m in lines else 2 for m in poles["mode_hz"]])
+    for which, colour, text in ((0, "0.7", "spurious"), (1, "#d55e00", "harmonics, sines"), (2, "#0072b2", "modes")):
+        mine = kind == which
+        bars = None if which == 0 else _NORMAL * width[mine]
+        size = 2.0 if which == 0 else 3.5
+        place.errorbar(
+            hertz[mine], order[mine], xerr=bars, fmt="o", color=colour, markersize=size, elinewidth=0.7, label=text
+        )
+    known = [m["frequency_hz"] for m in [*facts["modes"], *facts["harmonics"]]]
+    place.set_xlim(0.0, min(4 / 3 * max(known, default=np.inf), 0.5 / facts["sample_time_s"]))
+    place.set_xlabel("frequency (Hz)")
+    place.set_ylabel("order")
+    place.legend(loc="upper right", fontsize="small")
     return place

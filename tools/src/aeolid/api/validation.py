@@ -64,7 +64,7 @@ class Validation:
     @property
     def fit(self) -> Table[dict[str, Any]]:
         """Return VAF in percent and NRMSE of each output: free run, one step and k steps ahead."""
-        runs = [("free run", self.result.free_run)]
+        runs = [("free run", self.result.free_run)] if self.result.driven else []
         if self.result.fit is not None:
             runs += [("1 step", self.result.fit.one_step)]
             runs += [(f"{k} steps", score) for k, score in self.result.fit.steps.items()]
@@ -148,8 +148,9 @@ class Validation:
         return found
 
     def __repr__(self) -> str:
-        free = min(self.result.free_run.vaf.values())
-        parts = [markup.count(len(self.outputs), "output"), f"free-run fit {free:.0f} %"]
+        parts = [markup.count(len(self.outputs), "output")]
+        if self.result.driven:
+            parts += [f"free-run fit {min(self.result.free_run.vaf.values()):.0f} %"]
         if self.result.fit is not None:
             parts += [f"one-step fit {min(self.result.fit.one_step.vaf.values()):.0f} %", f"innovations {self.verdict}"]
         return f"<Validation: {', '.join(parts)}{'' if self.divergence is None else ', DIVERGES'}>"

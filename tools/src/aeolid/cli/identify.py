@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
+    "aeolid identify monday.csv --roles roles.toml --outputs all --out modes.json",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
 
@@ -226,6 +227,18 @@ def identify(
     bootstrap_seed: Annotated[
         int | None, typer.Option("--bootstrap-seed", help="Seed of the bootstrap; default 0.")
     ] = None,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--outputs",
+            help="varx, varmax: channel to identify by itself, without inputs; repeatable, or all of the role output.",
+            autocompletion=one_of("all"),
+        ),
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option("--reference", help="varx, varmax: output that mode shapes are scaled to; default the largest."),
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     resample: ResampleOption = None,
     json_target: JsonOption = None,
@@ -240,6 +253,7 @@ def identify(
         scheduling_scaling=scheduling_scaling, offsets=offsets, refine=refine, memory=memory, joint_order=joint_order,
         deterministic_order=deterministic_order, response=response, stable=stable, allow_unstable=allow_unstable,
         uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
+        outputs=outputs, reference=reference,
     )  # fmt: skip
     request.check(streamed=markov is not None)
     files = {"--out": out, "--report": report, "--json": json_target}

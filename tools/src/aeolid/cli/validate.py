@@ -78,6 +78,8 @@ def validate(
     record = at_rate_of(rate_of(model), read_record(recording, load_roles(roles, resample)))
     result = validate_model(model, record, horizons)
     facts: dict[str, Any] = {"model": str(model_file), "recording": str(recording)} | result.to_json()
+    if fail_above is not None and metric == "free-run" and not result.driven:
+        raise UsageError(f"{model_file}: the model has no input, and a free run says nothing of it: --metric one-step")
     worst = result.worst_nrmse(metric)
     bad = fail_above is not None and not worst <= fail_above  # a score that is not a number is bad news too
     told = worst if worst < 1e300 else None
@@ -103,10 +105,9 @@ def validate(
 def _modes(path: Path, model: Model, record: Record) -> tuple[Mode, ...]:
     """Return the modes that a model file states with their deviations, else those of its poles."""
     from aeolid.api.facts import stated_modes
-    from aeolid.identify.assemble import rotor_frequency
-    from aeolid.identify.mode_names import named
+    from aeolid.identify.harmonics import marked
     from aeolid.models.load import LinearModel
-    from aeolid.models.modes import mark_harmonics, modes_of
+    from aeolid.models.modes import modes_of
     from aeolid.text_files import load_json
 
     if not isinstance(model, LinearModel):
@@ -115,9 +116,7 @@ def _modes(path: Path, model: Model, record: Record) -> tuple[Mode, ...]:
     found = stated_modes(told.get("identification") if isinstance(told, dict) else None)
     if found is not None and any(m.name for m in found):
         return found
-    rotor_hz = rotor_frequency(record)
-    modes = modes_of(model.state_space) if found is None else found
-    return named(modes if rotor_hz is None else mark_harmonics(modes, rotor_hz), rotor_hz)
+    return marked(modes_of(model.state_space) if found is None else found, [record], output_only=not model.inputs)
 
 
 def _horizons(text: str) -> tuple[int, ...]:

@@ -15,8 +15,8 @@ from aeolid.identify.compressed import Windows
 from aeolid.identify.enough import require_enough
 from aeolid.identify.excitation import require_own_excitation, require_states
 from aeolid.identify.fit import Fit, measure_fit, stretches
+from aeolid.identify.harmonics import marked
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
-from aeolid.identify.mode_names import named
 from aeolid.identify.order import (
     FIT_PART,
     OrderChoice,
@@ -41,8 +41,9 @@ from aeolid.identify.subspace import (
 )
 from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.model_file import Signal
-from aeolid.models.modes import Mode, mark_harmonics, modes_of
+from aeolid.models.modes import Mode, modes_of
 from aeolid.models.prediction import estimate_initial_state
+from aeolid.models.shapes import index_of_reference, with_shapes
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
@@ -81,7 +82,7 @@ def assemble(
     model, fit = with_innovations(model, records)
     return Identification(
         model=model,
-        modes=find_modes(model, windows.output_scale, known.poles, records),
+        modes=find_modes(model, windows.output_scale, known.poles, records, known.shapes, settings.reference),
         singular_values=basis.singular_values,
         order_choice=choice,
         fit=fit,
@@ -239,24 +240,16 @@ def with_innovations(model: StateSpace, records: Sequence[Record]) -> tuple[Stat
 
 
 def find_modes(
-    model: StateSpace, output_scale: Array, spread: Array | None, records: Sequence[Record]
-) -> tuple[Mode, ...]:
-    """List the modes; where the rotor's azimuth is recorded, those on its harmonics are marked."""
+    model: StateSpace, output_scale: Array, spread: Array | None, records: Sequence[Record],
+    shapes: Array | None = None, reference: str | None = None,
+) -> tuple[Mode, ...]:  # fmt: skip
+    """List the modes with their shapes; those on harmonics of the rotor, where its speed is known, are marked.
+
+    spread, shapes: covariances as in `Uncertainty`; reference: the output that shapes are scaled to.
+    """
     modes = modes_of(model, output_scale=output_scale, pole_covariance=spread)
-    rotor_hz = rotor_frequency(records[0])
-    return named(modes if rotor_hz is None else mark_harmonics(modes, rotor_hz), rotor_hz)
-
-
-def rotor_frequency(record: Record) -> float | None:
-    """Return the mean rotor speed in Hz from the azimuth channel, None where there is none or it stands still."""
-    for channel in record.of("azimuth"):
-        turn = 360.0 if channel.unit == "deg" else 2 * np.pi
-        steps = np.diff(record.column(channel.name))
-        steps = steps[np.isfinite(steps)]
-        turned = np.mod(steps / turn + 0.5, 1.0) - 0.5 if len(steps) else np.zeros(1)
-        speed = abs(float(turned.mean())) / record.sample_time_s
-        return speed if speed > 1e-4 else None
-    return None
+    at = index_of_reference([s.name for s in model.outputs], reference)
+    return marked(with_shapes(modes, model, output_scale, at, shapes), records, not model.inputs)
 
 
 def model_in_units(scaled: ScaledModel, rest: Array, scaling: Scaling, record: Record) -> StateSpace:

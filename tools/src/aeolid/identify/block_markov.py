@@ -63,7 +63,7 @@ def estimate_block(record: Record, *, past: int, method: str, feedthrough: Seque
     if method not in BLOCK_METHODS:
         raise UsageError(f"method {method!r} is none of {', '.join(BLOCK_METHODS)}")
     names = check_feedthrough([record], feedthrough)
-    scaling = find_scaling([record])
+    scaling = find_scaling([record], driven=True)
     through = [name in names for name in scaling.inputs]
     theta = BLOCK_METHODS[method]([record], scaling, past, through).theta
     r, outputs = len(scaling.inputs), len(scaling.outputs)

@@ -27,6 +27,7 @@ from aeolid.identify.markov import MarkovEstimate, regressor_columns
 from aeolid.identify.outcome import nearest
 from aeolid.identify.subspace import ScaledModel, find_states, regressed_matrices
 from aeolid.identify.windows import Scaling, WindowFactor, decompose, window_rows
+from aeolid.models.shapes import reference_outputs, scaled_to
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -47,10 +48,14 @@ class Scores:
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Hold what the runs found: poles (runs, n) beside the estimate's, responses (runs, points, l, r)."""
+    """Hold what the runs found: poles (runs, n) beside the estimate's, responses (runs, points, l, r).
+
+    shapes (runs, n, l): of the modes, scaled to the reference that the estimate has.
+    """
 
     poles: ComplexArray
     responses: ComplexArray
+    shapes: ComplexArray
     block: float
     failed: int
 
@@ -113,9 +118,9 @@ def perturbations(
 
 def run_bootstrap(
     factor: WindowFactor, markov: MarkovEstimate, model: ScaledModel, scores: Scores, through: tuple[bool, ...],
-    future: int, z: ComplexArray, runs: int, seed: int,
+    future: int, z: ComplexArray, runs: int, seed: int, reference: int | None = None,
 ) -> Draws:  # fmt: skip
-    """Find poles and responses at z (points,) of `runs` perturbed estimates.
+    """Find poles, responses at z (points,) and mode shapes of `runs` perturbed estimates.
 
     Raises NotIdentifiable where more than a fifth of them lead to no model. Cost a run: that of the decomposition of ΓK
     and of the regressions; no sample is touched again.
@@ -123,21 +128,25 @@ def run_bootstrap(
     keep = markov.columns or regressor_columns(factor, through)
     block = max(block_length(factor.past, factor.windows), float(scores.length))
     drawn = signs(scores, block, runs, seed)
-    poles, found, responses = np.linalg.eigvals(model.A).astype(complex), [], []
+    poles, vectors = (part.astype(complex) for part in np.linalg.eig(model.A))
+    at = reference_outputs(model.C @ vectors, reference)
+    found, responses, shapes = [], [], []
     for delta in perturbations(factor, markov, scores, keep, drawn):
         try:
             other = perturbed(factor, markov, delta, len(model.A), through, future)
-            values = np.linalg.eigvals(other.A).astype(complex)
+            values, vectors = (part.astype(complex) for part in np.linalg.eig(other.A))
         except np.linalg.LinAlgError:
             continue
-        found.append(values[nearest(poles, values)])
+        own = nearest(poles, values)
+        found.append(values[own])
+        shapes.append(scaled_to(other.C @ vectors[:, own], at).T)
         responses.append(frequency_response(other, z))
     if len(found) < SOUND * runs:
         raise NotIdentifiable(
             f"{runs - len(found)} of {runs} bootstrap runs led to no model; lower the order, or take the asymptotic "
             "uncertainty"
         )
-    return Draws(np.array(found), np.array(responses), block, runs - len(found))
+    return Draws(np.array(found), np.array(responses), np.array(shapes), block, runs - len(found))
 
 
 def perturbed(

@@ -76,7 +76,7 @@ def choose(
     scaling, ladder = _climbed(records, given)
     tested: tuple[Feedthrough, ...] = ()
     at = min(given if given is not None else max(round(TESTED * ladder.longest), 1), ladder.longest)
-    if checked or feedthrough == "auto":
+    if scaling.inputs and (checked or feedthrough == "auto"):
         halves, whole = ladder.at(at)
         tested = choose_feedthrough(records, scaling, whole, halves)
     on = tuple(t.name for t in tested if t.on) if feedthrough == "auto" else tuple(feedthrough)

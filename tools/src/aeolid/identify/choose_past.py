@@ -102,9 +102,8 @@ def choose_past(
 
     followed: whether prediction-error steps from the model follow, where they can be paid for.
     """
-    tried = _windows(ladder.longest)
-    losses = np.array([held_out_power(ladder.at(p)[0], through, regularization) for p in tried])
-    chance = 2.0 / np.sqrt(max(ladder.held_out.windows, 1)) * 0.1
+    tried, losses = _losses(ladder, through, regularization)
+    chance = _chance(ladder)
     fits: dict[tuple[int, int | None], WindowFit] = {}
     past, within = _shortest(tried, losses, chance), "chance of the least"
     start = _shortest(tried, losses, max(chance, LOWERED))
@@ -126,6 +125,20 @@ def choose_past(
     if check.holds is None or past == ladder.longest:
         reason += f"; {ladder.longest} is the most that the data allow"
     return PastChoice(past, reason, check)
+
+
+def window_within_chance(ladder: Ladder, through: tuple[bool, ...], regularization: str | float) -> int:
+    """Return the shortest window whose held-out one-step error is within what chance explains of the least."""
+    return _shortest(*_losses(ladder, through, regularization), _chance(ladder))
+
+
+def _losses(ladder: Ladder, through: tuple[bool, ...], regularization: str | float) -> tuple[list[int], Array]:
+    tried = _windows(ladder.longest)
+    return tried, np.array([held_out_power(ladder.at(p)[0], through, regularization) for p in tried])
+
+
+def _chance(ladder: Ladder) -> float:
+    return float(2.0 / np.sqrt(max(ladder.held_out.windows, 1)) * 0.1)
 
 
 def _shortest(tried: list[int], losses: Array, allowed: float) -> int:

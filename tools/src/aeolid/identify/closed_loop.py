@@ -43,7 +43,7 @@ def require_outside_excitation(
     names: inputs in the factor's order; order: n of the model; future: f. Raises NotIdentifiable that names the input.
     Cost: 2 q³ for an input, and where all are tied three fits to the factor.
     """
-    if not noisy(factor):
+    if not names or not noisy(factor):
         return
     shares = outside_shares(factor, feedthrough)
     if not all(besides < TIED * own for own, besides in shares):

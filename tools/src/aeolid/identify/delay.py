@@ -85,6 +85,8 @@ def estimate_delays(records: Sequence[Record], past: int, feedthrough: Sequence[
     them SHARP times more than that. Too few windows for the regression: none.
     """
     scaling = find_scaling(records)
+    if not scaling.inputs:
+        return {}
     r, outputs, samples = len(scaling.inputs), len(scaling.outputs), min(sum(map(len, records)), ROWS)
     y_lags = min(PAST, max(samples // (PER_LAG * outputs), 1))
     room = (samples - PER_COLUMN * (r + outputs * (y_lags + 1))) / (1 + PER_COLUMN * r) - TAIL

@@ -88,7 +88,7 @@ def identify_fir(
     settings = replace(asked, uncertainty="jackknife")
     prepared = prepare(records, settings, delays)
     records = prepared.records
-    scaling, source = find_scaling(records), records[0].source
+    scaling, source = find_scaling(records, driven=True), records[0].source
     through = tuple(name in feedthrough for name in scaling.inputs)
     require_windows(records, past, len(scaling.inputs))
     spans = [(g / GROUPS, (g + 1) / GROUPS) for g in range(GROUPS)]

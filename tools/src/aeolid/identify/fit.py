@@ -46,17 +46,22 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Hold the fit on a set of recordings; `steps` maps a horizon k to its score, innovations is (N, l)."""
+    """Hold the fit on a set of recordings; `steps` maps a horizon k to its score, innovations is (N, l).
+
+    driven: whether the model has an input; without one a free run only decays and is no measure of it.
+    """
 
     samples: int
     one_step: Score
     free_run: Score
     steps: dict[int, Score]
     innovations: Array
+    driven: bool = True
 
     def to_json(self) -> dict[str, Any]:
         """Return the scores as JSON facts."""
-        facts = {"samples": self.samples, "one_step": self.one_step.to_json(), "free_run": self.free_run.to_json()}
+        free = self.free_run.to_json() if self.driven else None
+        facts = {"samples": self.samples, "one_step": self.one_step.to_json(), "free_run": free}
         return facts | {"k_step": {str(k): s.to_json() for k, s in self.steps.items()}}
 
 
@@ -87,7 +92,8 @@ def measure_fit(model: StateSpace, records: Sequence[Record], steps: Sequence[in
     y, free, one, *later = (np.concatenate(column) for column in zip(*parts, strict=True))
     names = [s.name for s in model.outputs]
     scores = [score(names, y, estimate) for estimate in later]
-    return Fit(len(y), score(names, y, one), score(names, y, free), dict(zip(steps, scores, strict=True)), y - one)
+    ahead_by = dict(zip(steps, scores, strict=True))
+    return Fit(len(y), score(names, y, one), score(names, y, free), ahead_by, y - one, bool(model.inputs))
 
 
 def score(names: Sequence[str], y: Array, estimate: Array) -> Score:

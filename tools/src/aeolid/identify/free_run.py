@@ -40,13 +40,18 @@ def run_free(model: Model, record: Record, initial: str = "estimate") -> FreeRun
     """Run a model free on the recorded inputs.
 
     initial: first state: "estimate" from the recording (of equations those that the file leaves free), "model" (as the
-    file has it) or "zero".
-    Raises UsageError on another start, DataError where a channel is missing, in another unit or incomplete.
+    file has it) or "zero". Raises UsageError on another start or a model of outputs alone, DataError where a channel
+    is missing, in another unit or incomplete.
     """
     if initial not in STARTS:
         raise UsageError(f"--initial {initial!r} is none of {', '.join(STARTS)}")
     if isinstance(model, LinearModel | LpvModel):
         model = replace(model, initial=initial)
+    if isinstance(model, LinearModel) and not model.inputs and model.state_space.K is not None:
+        raise UsageError(
+            "the model has no input: identified from outputs alone it tells modes and predicts from the past (aeolid "
+            "validate), and has nothing to run on"
+        )
     record = at_rate_of(rate_of(model), record)
     matched(record, model.inputs)
     first, model = model, started(model, record, initial)

@@ -37,6 +37,8 @@ def disturbance_variance(model: StateSpace, samples: float = np.inf) -> np.ndarr
 
 def free_run_reason(model: StateSpace, fit: Fit, inputs: tuple[str, ...]) -> list[str]:
     """Return a sentence or two on the outputs whose free run explains little while their prediction is good."""
+    if not inputs:
+        return []
     stated = disturbance_variance(model, fit.samples)
     names = [s.name for s in model.outputs]
     free, ahead = fit.free_run, fit.one_step

@@ -58,7 +58,7 @@ def keep_better(
 def _errors(fit: Fit) -> tuple[float, float]:
     """Return the geometric means over the outputs of the one-step and of the free-run error, infinite for none."""
     out = []
-    for score in (fit.one_step, fit.free_run):
+    for score in (fit.one_step, fit.free_run if fit.driven else fit.one_step):
         errors = np.array(list(score.nrmse.values()))
         good = np.isfinite(errors).all()
         out.append(float(np.exp(np.mean(np.log(np.maximum(errors, 1e-300))))) if good else float("inf"))

@@ -71,15 +71,23 @@ def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
     """
     beyond = [m for m in modes if sample_time_s > 0 and m.is_beyond(sample_time_s)]
     kept = [m for m in modes if m not in beyond]
-    swinging = [m for m in kept if not m.is_real and not m.rotor_order]
+    swinging = [m for m in kept if not m.is_real and not m.rotor_order and not m.tone]
     real = [m for m in kept if m.is_real]
     turning = [m for m in kept if m.rotor_order and not m.is_real]
-    width = max([len("mode"), *(len(m.name) for m in [*swinging, *turning])])
-    lines = [f"  {'mode':{width}s}  frequency Hz         damping           mostly in"] if swinging or turning else []
+    tones = [m for m in kept if m.tone and not m.is_real and not m.rotor_order]
+    width = max([len("mode"), *(len(m.name) for m in [*swinging, *turning, *tones])])
+    lines = (
+        [f"  {'mode':{width}s}  frequency Hz         damping           mostly in"]
+        if swinging or turning or tones
+        else []
+    )
     lines += [_line(m, width) for m in swinging]
     if turning:
         lines.append("  on multiples of the rotor's speed, more likely its harmonics than modes:")
         lines += [_line(m, width) for m in turning]
+    if tones:
+        lines.append("  steady sines whose damping may be none, periodic forces such as harmonics rather than modes:")
+        lines += [_line(m, width) for m in tones]
     if real:
         lines.append(f"  real poles: {'; '.join(_constant(m) for m in real)}")
     if beyond:

@@ -134,5 +134,7 @@ def model_facts(result: Outcome) -> dict[str, Any]:
 
 
 def fit_lines(fit: Fit) -> list[str]:
-    """Return a line an output: one step and free run."""
+    """Return a line an output: one step and, where the model has inputs, free run."""
+    if not fit.driven:
+        return [f"{n}: one step {fit.one_step.text(n)}" for n in fit.one_step.vaf]
     return [f"{n}: one step {fit.one_step.text(n)}, free run {fit.free_run.text(n)}" for n in fit.one_step.vaf]

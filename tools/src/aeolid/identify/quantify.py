@@ -15,9 +15,11 @@ from aeolid.identify.bootstrap import collect_scores, run_bootstrap
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
 from aeolid.identify.outcome import nearest
 from aeolid.identify.result import Settings
+from aeolid.identify.shape_spread import shape_covariance
 from aeolid.identify.subspace import ScaledModel, StateBasis
 from aeolid.identify.uncertainty import MatrixSpread, covariance_of, matrix_spread, pole_covariance
 from aeolid.identify.windows import Scaling, WindowFactor
+from aeolid.models.shapes import index_of_reference
 from aeolid.record import Record
 
 if TYPE_CHECKING:
@@ -35,11 +37,13 @@ class Uncertainty:
     """Hold what is known of a model's uncertainty.
 
     poles (n, 2, 2): covariance of real and imaginary part of each, in the order of eig(A); band: of the model in scaled
-    units; both None where nothing is known. facts: JSON facts beyond the settings.
+    units; shapes (n, l, 2, 2): covariance of each entry of the mode shapes, outputs in their scales; all None where
+    nothing is known. facts: JSON facts beyond the settings.
     """
 
     poles: Array | None = None
     band: Band | None = None
+    shapes: Array | None = None
     facts: dict[str, Any] = field(default_factory=dict)
 
 
@@ -73,7 +77,7 @@ def quantify(
     """
     if settings.uncertainty == "none":
         return Uncertainty()
-    h = records[0].sample_time_s
+    h, reference = records[0].sample_time_s, index_of_reference(scaling.outputs, settings.reference)
     frequency = grid(h, np.linalg.eigvals(model.A).astype(complex))
     z = on_circle(frequency, h)
     facts: dict[str, Any] = {}
@@ -81,26 +85,33 @@ def quantify(
         keep = markov.columns or regressor_columns(factor, through)
         scores = collect_scores(records, scaling, factor, markov.theta, keep)
         runs, seed = settings.bootstrap_runs or BOOTSTRAP_RUNS, settings.bootstrap_seed or 0
-        draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed)
+        draws = run_bootstrap(factor, markov, fitted, scores, through, settings.future, z, runs, seed, reference)
         poles, responses = in_order_of(_scatter(draws.poles), fitted.A, model.A), _scatter(draws.responses)
+        shapes = in_order_of(_scatter(draws.shapes), fitted.A, model.A)
         facts["bootstrap"] = {"runs": runs, "failed": draws.failed, "mean_block": draws.block, "seed": seed}
     elif refined is not None and refined.steps:
         own = refined.spread()
         if own is None:
             return Uncertainty()
-        poles, responses = _pushed(model, model, own, z)
+        poles, responses, shapes = _pushed(model, model, own, z, reference)
     else:
         spread = matrix_spread(factor, basis, fitted, markov, through)
-        poles, responses = _pushed(fitted, model, spread, z)
-    known = bool(np.isfinite(responses).all())
+        poles, responses, shapes = _pushed(fitted, model, spread, z, reference)
+    known = factor.inputs > 0 and bool(np.isfinite(responses).all())
     band = Band(frequency, frequency_response(model, z), responses) if known else None
-    return Uncertainty(poles, band, facts)
+    return Uncertainty(poles, band, shapes, facts)
 
 
-def _pushed(fitted: ScaledModel, model: ScaledModel, spread: MatrixSpread, z: ComplexArray) -> tuple[Array, Array]:
-    """Return the covariance of the model's poles (n, 2, 2) and of its response, with its second order, at z."""
+def _pushed(
+    fitted: ScaledModel, model: ScaledModel, spread: MatrixSpread, z: ComplexArray, reference: int | None
+) -> tuple[Array, Array, Array]:
+    """Return the covariance of the poles (n, 2, 2), of the response, with its second order, at z, and of the shapes.
+
+    Shapes: (n, l, 2, 2), outputs in their scales.
+    """
     poles = in_order_of(pole_covariance(fitted.A, spread), fitted.A, model.A)
-    return poles, response_covariance(model, spread, z) + curvature_covariance(model, poles, z)
+    shapes = in_order_of(shape_covariance(fitted, spread, reference), fitted.A, model.A)
+    return poles, response_covariance(model, spread, z) + curvature_covariance(model, poles, z), shapes
 
 
 def _scatter(draws: ComplexArray) -> Array:
@@ -109,7 +120,7 @@ def _scatter(draws: ComplexArray) -> Array:
 
 
 def in_order_of(covariance: Array, before: Array, after: Array) -> Array:
-    """Return the poles' covariance (n, 2, 2) in the order of eig(after): each pole's goes to the nearest one."""
+    """Return covariances (n, …) of poles in the order of eig(after): each pole's goes to the nearest one."""
     if after is before:
         return covariance
     here, there = (np.linalg.eigvals(A).astype(complex) for A in (after, before))

@@ -11,6 +11,7 @@ from aeolid.identify.request_checks import (
     check_finish,
     check_method,
     check_ort_and_fir,
+    check_output_only,
     check_passes,
     check_preparation,
     check_scheduled,
@@ -31,9 +32,10 @@ class Request:
     default p. order: n or "auto". order_criterion, missing, detrend, robust, solution, passes, forget, scheduling,
     varying, kernel_*, scheduling_scaling, offsets, refine, memory (gigabytes), joint_order, deterministic_order,
     response, uncertainty, bootstrap_*: of single methods, refused with another. feedthrough, angle: names, "auto" or
-    "none". delay: samples by name of the input, texts NAME=SAMPLES, "auto" or "none"; None is "auto" where the method
-    has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move poles inside the unit circle;
-    allow_unstable: return also a model that is unstable or whose free run diverges.
+    "none". outputs: channels to identify by themselves, without inputs, or "all" of the role. reference: output that
+    mode shapes are scaled to (varx, varmax). delay: samples by name of the input, texts NAME=SAMPLES, "auto" or "none";
+    None is "auto" where the method has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move poles
+    inside the unit circle; allow_unstable: return also a model that is unstable or whose free run diverges.
     """
 
     past: str | int = "auto"
@@ -69,6 +71,8 @@ class Request:
     uncertainty: str | None = None
     bootstrap_runs: int | None = None
     bootstrap_seed: int | None = None
+    outputs: Sequence[str] | str | None = None
+    reference: str | None = None
 
     def check(self, *, streamed: bool = False) -> None:
         """Refuse settings that do not go together, before anything is read; streamed: whether Ξ comes from a stream.
@@ -82,6 +86,7 @@ class Request:
         check_finish(self.given("order_criterion", "refine", "solution"), self.method, str(self.order or "auto"))
         self.delays(streamed=streamed)
         check_preparation(self.given("missing", "detrend", "robust"), self.method, streamed)
+        check_output_only(self.given("outputs", "reference"), self.method, streamed)
         joint = self.given("joint_order", "deterministic_order", "response")
         check_ort_and_fir(joint, self.method, streamed, self.regularize, self.stable)
         read_order(self.order)
@@ -98,7 +103,7 @@ class Request:
         """Return the arguments of this method alone, those that were given."""
         given = self._scheduled() | self.given(
             "passes", "forget", "uncertainty", "bootstrap_runs", "bootstrap_seed", "joint_order", "deterministic_order",
-            "response", "order_criterion", "refine", "solution", "missing", "detrend", "robust",
+            "response", "order_criterion", "refine", "solution", "missing", "detrend", "robust", "reference",
         )  # fmt: skip
         if "scheduling" in given:
             given["scheduling"] = names(self.scheduling)

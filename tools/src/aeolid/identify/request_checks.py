@@ -79,6 +79,14 @@ def check_preparation(given: dict[str, Any], method: str, streamed: bool) -> Non
             raise UsageError(f"--{name} changes samples that the filter of --markov has used; leave one of them out")
 
 
+def check_output_only(given: dict[str, Any], method: str, streamed: bool) -> None:
+    """Refuse outputs alone, and a reference of the shapes, where the method has no such thing."""
+    if given and method not in METHODS[:2]:
+        raise UsageError(f"--{next(iter(given))} is for --method varx and varmax, not {method}; leave it out")
+    if "outputs" in given and streamed:
+        raise UsageError("--outputs changes the channels that the filter of --markov has used; leave one of them out")
+
+
 def check_finish(given: dict[str, Any], method: str, order: str) -> None:
     """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
     if "solution" in given and method != "varx":

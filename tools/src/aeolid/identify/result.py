@@ -32,7 +32,7 @@ class Settings:
     samples by which they act late. missing, detrend and robust say what was done to the recordings first. solution:
     which Ξ is taken where data are singular. unexcited: "refuse" or "take" loops that nothing moves from outside.
     contrast: with prediction-error steps from the model: "none", "apart" (their end is taken where it is told apart) or
-    "always" (it is taken).
+    "always" (it is taken). reference: the output that mode shapes are scaled to, None for the one that moves most.
     """
 
     method: str
@@ -58,6 +58,7 @@ class Settings:
     unexcited: str = "refuse"
     solution: str = "smallest"
     contrast: str = "none"
+    reference: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Return the settings as JSON facts."""

@@ -9,9 +9,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from aeolid.errors import UsageError
+from aeolid.identify.output_only import NOTE, of_outputs_alone
 from aeolid.identify.request import Request, names
 from aeolid.identify.request_checks import CHOOSING, SCHEDULED
 from aeolid.models.angles import renamed, split_angles
+from aeolid.models.shapes import index_of_reference
 
 if TYPE_CHECKING:
     from aeolid.identify.choices import Choices
@@ -51,8 +53,9 @@ def identify_records(
     from aeolid.identify.sound import identify_soundly
 
     request.check(streamed=streamed is not None)
-    own = request.own()
-    records, turned = _turn_angles(list(records), request, own, streamed)
+    records, own = of_outputs_alone(list(records), names(request.outputs)), request.own()
+    index_of_reference(records[0].names("output"), request.reference)
+    records, turned = _turn_angles(records, request, own, streamed)
     through = turned.of_parts(names(request.feedthrough))
     with tell(f"looking at {sum(map(len, records))} samples for feedthrough, dead times and past window"):
         seen = _at_a_glance(request, records, streamed)
@@ -63,7 +66,10 @@ def identify_records(
     with tell(f"identifying with a past window of {made.past} samples"):
         run = partial(_run_method, request.method, records, common, own, streamed)
         result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
-        return replace(result, notes=(*result.notes, *turned.notes, *_say_rival(request.method, records, result)))
+        alone = () if records[0].names("input") else (NOTE,)
+        return replace(
+            result, notes=(*result.notes, *turned.notes, *alone, *_say_rival(request.method, records, result))
+        )
 
 
 def _turn_angles(

@@ -57,7 +57,9 @@ def make_settings(
     return Settings(method, past, chosen, order, through, regularization, decimation, stable, source)
 
 
-def with_choices(settings: Settings, refined: bool, order_criterion: str, contrast: str = "none") -> Settings:
+def with_choices(
+    settings: Settings, refined: bool, order_criterion: str, contrast: str = "none", reference: str | None = None
+) -> Settings:
     """Return the settings with the way to the order and to the final numbers; raises UsageError on what cannot be."""
     if order_criterion not in CRITERIA:
         raise UsageError(f"order criterion {order_criterion!r} is none of {', '.join(CRITERIA)}")
@@ -65,4 +67,4 @@ def with_choices(settings: Settings, refined: bool, order_criterion: str, contra
         raise UsageError(f"contrast {contrast!r} is none of {', '.join(CONTRASTS)}")
     if refined and settings.uncertainty == "bootstrap":
         raise UsageError("a bootstrap repeats the subspace estimate, not its refinement; leave one of them out")
-    return replace(settings, refined=refined, order_criterion=order_criterion, contrast=contrast)
+    return replace(settings, refined=refined, order_criterion=order_criterion, contrast=contrast, reference=reference)

@@ -64,7 +64,7 @@ def matrix_spread(
     n, r, outputs = len(model.A), factor.inputs, factor.outputs
     width = factor.past * factor.channels
     S = basis.selector(n).reshape(n, -1, outputs).transpose(1, 0, 2)  # (f, n, l): S_i
-    before, after, rest, direct, now, fitted = _projections(factor, basis.state_map(n), model, through)
+    before, after, rest, direct, now, fitted = projections(factor, basis.state_map(n), model, through)
 
     def moved(projected: Array) -> Array:
         """Return S ΔΓK · projected (n, columns, l, rank); block row i of ΓK holds Ξ moved right by i blocks."""
@@ -87,7 +87,7 @@ def matrix_spread(
     J[:n] += _times(model.K, plain(direct))
     columns = [*range(n), *(n + i for i, t in enumerate(through) if t)]
     J[n:, columns] = plain(fitted) - _times(model.C, moved(now))
-    J = np.einsum("abcr,cd->abdr", J, _root(markov.residual_covariance))
+    J = np.einsum("abcr,cd->abdr", J, root_of(markov.residual_covariance))
     rows = J.reshape((n + outputs) * (n + r), -1).T
     if markov.bias is not None:  # as if it were a deviation; the fit to all windows has none
         shift = _shift(markov.bias, S, model, (before, after, rest, now), columns, factor.channels)
@@ -148,14 +148,14 @@ def _times(matrix: Array, J: Array) -> Array:
     return out
 
 
-def _root(covariance: Array) -> Array:
+def root_of(covariance: Array) -> Array:
     """Return F (l, l) with F Fᵀ = covariance, which may be singular."""
     values, vectors = np.linalg.eigh(covariance)
     out: Array = vectors * np.sqrt(np.maximum(values, 0.0))
     return out
 
 
-def _projections(
+def projections(
     factor: WindowFactor, T: Array, model: ScaledModel, through: Sequence[bool]
 ) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Return Z₋ M†, Z₊ M†, Z₋ (I − P) M†, Ψ P M†, Z₋ N†, Ψ N†; of M† the columns of x and u."""

@@ -31,6 +31,11 @@ class Validation:
     residuals: ResidualReport | None
     divergence: Divergence | None = None
 
+    @property
+    def driven(self) -> bool:
+        """Tell whether the model has an input, without which a free run says nothing of it."""
+        return self.fit is None or self.fit.driven
+
     def worst_nrmse(self, metric: str) -> float:
         """Return the largest NRMSE of the outputs, infinite where it is not a number or not available."""
         scores = self.free_run if metric == "free-run" else None if self.fit is None else self.fit.one_step
@@ -41,7 +46,7 @@ class Validation:
         """Return the facts for machines."""
         facts: dict[str, Any] = {"free_run": self.free_run.to_json(), "one_step": None, "k_step": {}, "residuals": None}
         if self.fit is not None:
-            facts |= self.fit.to_json() | {"free_run": self.free_run.to_json()}
+            facts |= self.fit.to_json() | ({"free_run": self.free_run.to_json()} if self.driven else {})
         if self.residuals is not None:
             facts["residuals"] = self.residuals.to_json()
         facts["divergence"] = None if self.divergence is None else self.divergence.to_json()
@@ -61,7 +66,8 @@ class Validation:
                 f"The gain K does not fit the noise of {noise.output}: {noise.predictable:.1%} of its innovations "
                 "follow from past outputs. Poles and free run do not hang on K, predictions and their deviations do. "
                 "Identify with a longer past window or a higher order; if the noise has changed since, identify from "
-                "this recording too." + (" A free run predicts better here than K does." if one > free else "")
+                "this recording too."
+                + (" A free run predicts better here than K does." if one > free and self.driven else "")
             )
         direct = _worst([t for t in failed if t.kind == "feedthrough"])
         if direct is not None:
@@ -84,7 +90,7 @@ class Validation:
         """Return a few lines of text."""
         lines = [] if self.divergence is None else [f"WARNING: {self.divergence.text()}"]
         for name in self.free_run.vaf:
-            lines.append(f"{name}\n    free run  {self.free_run.text(name)}")
+            lines.append(f"{name}\n    free run  {self.free_run.text(name)}" if self.driven else name)
             if self.fit is not None:
                 lines.append(f"    one step  {self.fit.one_step.text(name)}")
                 lines += [f"  {k:4d} steps  {s.text(name)}" for k, s in self.fit.steps.items()]
@@ -125,6 +131,8 @@ def validate_model(model: Model, record: Record, steps: tuple[int, ...] = ()) ->
     states that are estimated, of equations those that the file leaves free.
     """
     found, part = _measured(model, record, steps), free_stretch(model, record)
+    if not found.driven:
+        return found
     model = started(model, part)
     return replace(found, divergence=diverged(model, part, model.simulate(part)))
 

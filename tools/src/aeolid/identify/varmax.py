@@ -48,6 +48,7 @@ def identify_varmax(
     detrend: str = "offset",
     robust: str = "auto",
     contrast: str = "none",
+    reference: str | None = None,
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by VARMAX-based PBSIDopt (paper 000), open or closed loop.
 
@@ -66,14 +67,15 @@ def identify_varmax(
     forgetting: λ of the first pass, 0.9 … 1; pass i uses λ^{1/i}, the last one 1, so that less than 1 takes two passes.
     Default 1: less forgets the wrong e of the start sooner and changes little; what the data leave open (fewer noise
     sources than outputs) is held at the start of the pass. uncertainty … robust: as in `identify_varx`, with e as
-    found; missing cells are drawn once. contrast: as there.
+    found; missing cells are drawn once. contrast, reference: as there.
     Raises as `identify_varx`. Cost: N (5/2 n² + 4 l n) operations a pass, n = p (r + 2 l), and 2 N n² an iteration.
     """
     settings = make_settings(
         "varmax", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_preparation(with_choices(settings, refined, order_criterion, contrast), missing, detrend, robust)
+    settings = with_choices(settings, refined, order_criterion, contrast, reference)
+    settings = with_preparation(settings, missing, detrend, robust)
     _check_passes(passes, forgetting)
     if markov is None:
         settings = replace(settings, passes=passes, forgetting=forgetting)

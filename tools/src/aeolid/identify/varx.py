@@ -40,6 +40,7 @@ def identify_varx(
     solution: str = "auto",
     unexcited: str = "refuse",
     contrast: str = "none",
+    reference: str | None = None,
 ) -> Identification:
     """Identify x⁺ = A x + B u + K e, y = C x + D u + e by PBSIDopt (papers 000 and 001), open or closed loop.
 
@@ -62,7 +63,9 @@ def identify_varx(
     solution: of singular data, "smallest", "pivoted" or "auto" (default: by held-out error; see `solution`).
     unexcited: "refuse" (default) loops whose recordings fit plants that differ, "take" them where no plant is sought.
     contrast: with the end of prediction-error steps, which takes the model's place: "none" (default), "apart" where
-    poles differ by more than their deviations explain, or "always" (see `contrast`).
+    poles differ by more than their deviations explain, or "always" (see `contrast`). reference: output that mode shapes
+    are scaled to, default the one that moves most in each.
+    Recordings without an input are identified by their outputs alone: B and D have no columns.
     Raises NotIdentifiable on constant channels, too few samples or missing excitation; UsageError on bad options.
     Cost: 2 N q² operations, q = (p + 1)(r + l); memory q² beside the recordings.
     """
@@ -70,7 +73,8 @@ def identify_varx(
         "varx", records, past, future, order, feedthrough, regularization, markov, decimation, stable
     )
     settings = with_uncertainty(settings, uncertainty, bootstrap_runs, bootstrap_seed)
-    settings = with_preparation(with_choices(settings, refined, order_criterion, contrast), missing, detrend, robust)
+    settings = with_choices(settings, refined, order_criterion, contrast, reference)
+    settings = with_preparation(settings, missing, detrend, robust)
     settings = with_solution(settings, solution, unexcited)
     prepared = prepare(records, settings, delays)
     records = prepared.records

@@ -133,15 +133,16 @@ def decompose(matrix: Array) -> tuple[Array, Array, Array]:
     return U, s, Vt
 
 
-def find_scaling(records: Sequence[Record]) -> Scaling:
+def find_scaling(records: Sequence[Record], *, driven: bool = False) -> Scaling:
     """Return the common offset and scale of all recordings' inputs and outputs.
 
-    Raises NotIdentifiable on a constant channel, DataError on a channel without samples or none of a role.
+    driven: whether the method needs an input; the others take recordings of outputs alone. Raises NotIdentifiable on a
+    constant channel, DataError on a channel without samples or none of a role.
     """
     require_same_layout(records, ordered=False)
     inputs, outputs = records[0].names("input"), records[0].names("output")
-    if not inputs or not outputs:
-        role = "input" if not inputs else "output"
+    if not outputs or (driven and not inputs):
+        role = "input" if outputs else "output"
         raise DataError(f"{records[0].source}: no channel has the role {role!r}; name one in the roles file")
     count, mean, square = (np.zeros(len(inputs + outputs)) for _ in range(3))
     for record in records:

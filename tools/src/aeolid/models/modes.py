@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.models.shapes import Shape
 from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
+NORMAL = 1.959964  # 95 % of a normal deviate
+BLADES, WIDENED = 3, 9
 ComplexArray = NDArray[np.complex128]
 
 
@@ -25,7 +28,9 @@ class Mode:
     scales, sum 1.
     rotor_order is k where the mode sits on k times the rotor speed and is more likely its harmonic than a mode.
     folded_from_hz is a peak beyond Nyquist whose image the mode may be, in a decimated recording. name says what an
-    engineer would call it (tower fore-aft, 3P), empty where that is not known.
+    engineer would call it (tower fore-aft, 3P), empty where that is not known. tone: the outputs hold a steady sine
+    there, and the damping may be none: a periodic force rather than a mode. shape is None of real poles, and where a
+    model was not identified with shapes.
     """
 
     frequency_hz: float
@@ -37,6 +42,8 @@ class Mode:
     rotor_order: int | None = None
     folded_from_hz: float | None = None
     name: str = ""
+    tone: bool = False
+    shape: Shape | None = None
 
     @property
     def is_real(self) -> bool:
@@ -46,6 +53,18 @@ class Mode:
     def is_beyond(self, sample_time_s: float) -> bool:
         """Tell whether it is faster than half the sample rate, or changes sign from sample to sample."""
         return self.frequency_hz >= 0.5 / sample_time_s * (1 - 1e-9)
+
+    def vanishes(self, duration_s: float, uneven: float = 0.0, deviations: float = NORMAL) -> bool:
+        """Tell whether the damping may be none: its band holds what a recording of this length cannot resolve.
+
+        That is a swing that decays by less than e within it, and what a line of a frequency that varies by the relative
+        deviation `uneven` is widened by. The band is of 95 %, or of so many deviations. False where the deviation of
+        the damping is not known.
+        """
+        if self.damping_std is None or self.is_real:
+            return False
+        unresolved = 1 / (2 * np.pi * max(self.frequency_hz, 1e-12) * duration_s)
+        return bool(self.damping - deviations * self.damping_std <= max(unresolved, NORMAL * uneven))
 
     def to_json(self) -> dict[str, Any]:
         """Return the mode as JSON facts; the eigenvalue as [real, imaginary]."""
@@ -59,7 +78,8 @@ class Mode:
             "rotor_order": self.rotor_order,
             "folded_from_hz": self.folded_from_hz,
             "name": self.name,
-        }
+            "tone": self.tone,
+        } | ({} if self.shape is None else {"shape": self.shape.to_json()})
 
 
 def continuous_poles(eigenvalues: ComplexArray, sample_time_s: float) -> ComplexArray:
@@ -99,7 +119,7 @@ def modes_of(
         frequency, damping = frequency_and_damping(complex(s))
         deviation: tuple[float | None, float | None] = (None, None)
         if pole_covariance is not None:
-            spread = _spread(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
+            spread = pushed_to_modes(complex(values[i]), complex(s), model.sample_time_s, pole_covariance[i])
             deviation = spread if np.isfinite(spread).all() else (None, None)
         total = shape[:, i].sum() or 1.0
         shares = {o.name: float(v / total) for o, v in zip(model.outputs, shape[:, i], strict=True)}
@@ -107,18 +127,31 @@ def modes_of(
     return tuple(sorted(found, key=lambda m: m.frequency_hz))
 
 
-def mark_harmonics(modes: Sequence[Mode], rotor_hz: float) -> tuple[Mode, ...]:
-    """Mark modes with less than 5 % damping near a multiple of rotor_hz (1.5 % or 3 deviations, never over 0.05 P)."""
+def mark_harmonics(
+    modes: Sequence[Mode], rotor_hz: float, deviation_hz: float = 0.0, duration_s: float = np.inf
+) -> tuple[Mode, ...]:
+    """Mark modes that are more likely harmonics: near a multiple of the rotor's speed, with little or no damping.
+
+    deviation_hz: of the rotor's speed; duration_s: of the recording. Near: within 1.5 %, 3 deviations of the frequency
+    or what the speed varies by, at most 0.05 P or what it varies by. On 1P, 3P, 6P and 9P, which wind that three blades
+    cut through widens, damping below 5 % is little. On another multiple only that which may
+    vanish is (see `vanishes`): a structure may well swing there. So is any below 5 % whose deviation is not known.
+    """
+    uneven = deviation_hz / rotor_hz
     marked = []
     for mode in modes:
         order = round(mode.frequency_hz / rotor_hz)
-        near = max(0.015 * mode.frequency_hz, 3 * (mode.frequency_std_hz or 0.0))
-        close = order >= 1 and abs(mode.frequency_hz - order * rotor_hz) <= min(near, 0.05 * rotor_hz)
-        marked.append(replace(mode, rotor_order=order if close and abs(mode.damping) < 0.05 else None))
+        varied = NORMAL * order * deviation_hz
+        near = max(0.015 * mode.frequency_hz, 3 * (mode.frequency_std_hz or 0.0), varied)
+        close = order >= 1 and abs(mode.frequency_hz - order * rotor_hz) <= min(near, max(0.05 * rotor_hz, varied))
+        widened = order in (1, *range(BLADES, WIDENED + 1, BLADES))
+        little = abs(mode.damping) < 0.05 and (widened or mode.damping_std is None)
+        harmonic = close and (little or mode.vanishes(duration_s, uneven))
+        marked.append(replace(mode, rotor_order=order if harmonic else None))
     return tuple(marked)
 
 
-def _spread(z: complex, s: complex, h: float, covariance: Array) -> tuple[float, float]:
+def pushed_to_modes(z: complex, s: complex, h: float, covariance: Array) -> tuple[float, float]:
     """Push the covariance (2, 2) of (Re z, Im z) through s = log(z)/h to frequency and damping.
 
     ds = dz/(h z); d|s| = Re(s̄ ds)/|s|; dζ = −Re(ds)/|s| + Re(s) d|s|/|s|².

@@ -21,7 +21,7 @@ _NORMAL = 1.96  # 95 %
 def bode_part(facts: Facts) -> Html:
     """Build the section of the frequency responses, a row of figures an output; empty without a linear model."""
     model, true = facts.get("model"), facts.get("true_model")
-    if not model or model.get("scheduling"):
+    if not model or model.get("scheduling") or not model.get("inputs"):
         return Html("")
     inputs, outputs = model["inputs"], model["outputs"]
     columns = max(1, min(len(inputs), 3))

@@ -12,6 +12,7 @@ from aeolid.report.bode import bode_part
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, quantity, with_std
 from aeolid.report.response import poles
+from aeolid.report.shapes import shapes_part
 
 Facts = dict[str, Any]
 
@@ -36,6 +37,7 @@ def identification_parts(facts: Facts) -> Html:
             tag("p", _summary(facts)),
             *(tag("p", f"Note: {note}", class_="soft") for note in facts.get("notes") or []),
             _modes(facts),
+            shapes_part(facts.get("modes") or [], _units(facts)),
             tag("div", join([_singular_values(facts), _poles(facts)]), class_="pair"),
             bode_part(facts),
             _fit(facts.get("fit") or {}),
@@ -112,22 +114,32 @@ def _modes(facts: Facts) -> Html:
     beyond = [m for m in modes if step and (m.get("frequency_hz") or 0.0) >= 0.5 / step * (1 - 1e-9)]
     pairs = [(m, t) for m, t in paired(modes, true) if m not in beyond]
     apart = [(m, t) for m, t in pairs if m.get("rotor_order")]
-    swinging = [(m, t) for m, t in pairs if _oscillates(m) and not m.get("rotor_order")]
-    real = [(m, t) for m, t in pairs if not _oscillates(m) and not m.get("rotor_order")]
+    tones = [(m, t) for m, t in pairs if m.get("tone") and not m.get("rotor_order")]
+    listed = [(m, t) for m, t in pairs if not m.get("rotor_order") and not m.get("tone")]
+    swinging = [(m, t) for m, t in listed if _oscillates(m)]
+    real = [(m, t) for m, t in listed if not _oscillates(m)]
     notes = [_real_poles(real)] if real else []
     if beyond:
         many = "one pole" if len(beyond) == 1 else f"{len(beyond)} poles"
         notes.append(f"Left out: {many} beyond the Nyquist frequency of {number(0.5 / step, 3)} Hz.")
     if _has_std(modes):
         notes.append("± is one standard deviation.")
-    parts: list[Html] = [_mode_table(swinging, bool(true))] if swinging else []
+    parts: list[Html] = [mode_table(swinging, bool(true))] if swinging else []
     if apart:
         words = "On multiples of the rotor's speed, more likely its harmonics than modes:"
-        parts += [tag("p", words), _mode_table(apart, bool(true))]
+        parts += [tag("p", words), mode_table(apart, bool(true))]
+    if tones:
+        words = "Steady sines whose damping may be none, periodic forces such as harmonics rather than modes:"
+        parts += [tag("p", words), mode_table(tones, bool(true))]
     return section("Modes", *parts, *(tag("p", note, class_="soft") for note in notes))
 
 
-def _mode_table(pairs: list[tuple[Facts, Facts | None]], true: bool) -> Html:
+def _units(facts: Facts) -> dict[str, str]:
+    return {str(s["name"]): str(s.get("unit") or "") for s in (facts.get("model") or {}).get("outputs") or []}
+
+
+def mode_table(pairs: list[tuple[Facts, Facts | None]], true: bool) -> Html:
+    """Build a table of modes, each beside the true one where it is known; true: whether any is."""
     shares = any(m.get("outputs") for m, _ in pairs)
     rows = []
     for mode, real in pairs:

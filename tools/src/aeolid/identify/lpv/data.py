@@ -111,7 +111,7 @@ def find_lpv_scaling(
     prints its algorithms), "centre" (about its mean, in its units) or "standard" (about its mean, unit deviation).
     Raises NotIdentifiable on a constant input, output or scheduling channel and on collinear scheduling channels.
     """
-    signals = find_scaling(records)
+    signals = find_scaling(records, driven=True)
     if centre is None:
         centre = bool((abs(signals.offset) > MEAN_MATTERS * signals.scale).any())
     if not centre:

@@ -167,7 +167,7 @@ def _gather(
         replace(r, channels=tuple(replace(c, role="input") if c.role == "disturbance" else c for c in r.channels))
         for r in records
     ]
-    scaling, span = find_scaling(joint), settings.past + settings.future
+    scaling, span = find_scaling(joint, driven=True), settings.past + settings.future
     r = tuple(i for i, name in enumerate(scaling.inputs) if name in settings.disturbances)
     u = tuple(i for i in range(len(scaling.inputs)) if i not in r)
     if not u:

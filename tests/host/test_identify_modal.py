@@ -1,0 +1,184 @@
+"""Check modal analysis of outputs alone: stabilisation, clusters, deviations, command, page and Python."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import aeolid as ae
+from aeolid.cli.main import main
+from aeolid.errors import NotIdentifiable, UsageError
+from aeolid.formats import write_table
+from aeolid.identify.clusters import Cluster, Criteria, _hand_out, _judge
+from aeolid.identify.compressed import compress
+from aeolid.identify.diagram import Pole
+from aeolid.identify.markov import estimate_markov
+from aeolid.identify.modal import find_modal
+from aeolid.identify.pole_spread import Spreader
+from aeolid.identify.shape_spread import shape_covariance
+from aeolid.identify.subspace import find_states, regressed_matrices
+from aeolid.identify.uncertainty import matrix_spread, pole_covariance
+from aeolid.identify.windows import find_scaling
+from aeolid.models.shapes import assurance
+from aeolid.plants.structure import Harmonics, shaken, shear_building
+
+STEP = 0.1
+BUILDING = shear_building()
+LINES = Harmonics(0.31, (1, 3, 6), (0.6, 0.6, 0.3))
+
+
+@pytest.fixture(scope="module")
+def record():
+    return shaken(BUILDING, 6000, STEP, 3)
+
+
+@pytest.fixture(scope="module")
+def found(record):
+    return find_modal([record])
+
+
+@pytest.mark.parametrize("order", [8, 11])
+def test_deviations_straight_from_the_markov_parameters_are_those_by_way_of_the_matrices(record, order):
+    factor = compress([record], find_scaling([record]), 10).whole
+    estimate = estimate_markov(factor, (), "gcv")
+    basis = find_states(factor, estimate.theta, 10)
+    model = regressed_matrices(factor, basis.state_map(order), ())
+    spread = matrix_spread(factor, basis, model, estimate, ())
+    straight = Spreader(factor, basis, model, estimate)
+    poles, up = straight.poles(), np.linalg.eigvals(model.A).imag > 0
+    np.testing.assert_allclose(poles.covariance, pole_covariance(model.A, spread)[up], rtol=1e-8)
+    by_matrices = shape_covariance(model, spread, 1)[up]
+    for value, expected in zip(poles.values, by_matrices, strict=True):
+        np.testing.assert_allclose(straight.shape_covariance(value, 1), expected, rtol=1e-7, atol=1e-12)
+
+
+def test_states_of_a_smaller_order_are_the_first_of_a_larger_one(record):
+    factor = compress([record], find_scaling([record]), 10).whole
+    basis = find_states(factor, estimate_markov(factor, (), "gcv").theta, 10)
+    np.testing.assert_array_equal(basis.state_map(12)[:7], basis.state_map(7))
+
+
+def test_modes_are_those_of_the_structure_and_all_else_is_spurious(found):
+    hertz, damping, shapes = BUILDING.modes()
+    assert len(found.modes) == 4 and found.listed == found.modes
+    for mode, f, d, true in zip(found.modes, hertz, damping, shapes.T, strict=True):
+        assert abs(mode.frequency_hz - f) < 4 * mode.frequency_std_hz < 0.03 * f
+        assert abs(mode.damping - d) < 4 * mode.damping_std
+        shape = np.array([mode.shape.values[n] for n in BUILDING.names])
+        assert assurance(shape[:, None], true[:, None])[0, 0] > 0.99
+    assert all(c.share > 0.9 for c in found.stability) and len(found.spurious) > 0
+    taken = {id(p) for c in found.stability for p in c.poles}
+    assert not any(id(p) in taken for c in found.spurious for p in c.poles)
+
+
+def test_a_cluster_has_one_pole_of_a_model_at_most(found):
+    for c in (*found.stability, *found.spurious):
+        models = [(p.past, p.order) for p in c.poles]
+        assert len(models) == len(set(models))
+
+
+@pytest.mark.parametrize("azimuth", [True, False])
+def test_no_harmonic_is_listed_as_a_mode(azimuth):
+    result = find_modal([shaken(BUILDING, 6000, STEP, 5, harmonics=LINES, colour_hz=0.5, azimuth=azimuth)])
+    assert [m.frequency_hz for m in result.listed] == pytest.approx(list(BUILDING.modes()[0]), rel=0.03)
+    lines = [m for m in result.modes if m not in result.listed]
+    assert [m.frequency_hz / 0.31 for m in lines] == pytest.approx([1, 3, 6], rel=2e-3)
+    assert [m.rotor_order for m in lines] == ([1, 3, 6] if azimuth else [None] * 3)
+    assert len(result.to_json()["harmonics"]) == 3
+
+
+def test_another_unit_or_order_of_channels_changes_nothing_else(found, record):
+    swapped = record.channels[::-1]
+    values = record.values[:, ::-1] * np.array([1.0, 1.0, 1.0, 50.0])
+    other = find_modal([replace(record, channels=swapped, values=values)])
+    assert other.diagram.windows == found.diagram.windows
+    for one, two in zip(found.modes, other.modes, strict=True):
+        assert two.frequency_hz == pytest.approx(one.frequency_hz, rel=1e-6)
+        assert two.damping_std == pytest.approx(one.damping_std, rel=1e-4)
+        unit = 50.0 if one.shape.reference == "floor_1" else 1.0
+        assert two.shape.values["floor_1"] == pytest.approx(50.0 / unit * one.shape.values["floor_1"], rel=1e-4)
+
+
+def test_two_recordings_tell_more_than_one(found, record):
+    more = find_modal([record, *(shaken(BUILDING, 6000, STEP, s) for s in (31, 32, 33))])
+    ratios = [b.frequency_std_hz / a.frequency_std_hz for a, b in zip(found.modes, more.modes, strict=True)]
+    assert np.median(ratios) == pytest.approx(0.5, rel=0.3)
+
+
+def pole(order, hertz, damping=0.01, shape=(1.0, 0.5), past=10, deviation=0.001):
+    return Pole(past, order, 0j, hertz, damping, deviation * hertz, deviation, np.array(shape, dtype=complex))
+
+
+def test_poles_join_by_frequency_damping_and_shape():
+    clusters, criteria = [], Criteria()
+    _hand_out([pole(4, 1.0), pole(4, 2.0)], clusters, criteria)
+    _hand_out([pole(5, 1.005), pole(5, 2.2)], clusters, criteria)  # too far in frequency
+    _hand_out([pole(6, 1.0, damping=0.05), pole(6, 1.0, shape=(1.0, -2.0))], clusters, criteria)  # damping, shape
+    _hand_out([pole(7, 1.001), pole(7, 1.004)], clusters, criteria)  # one of each model, the nearer one
+    assert [len(c.poles) for c in clusters] == [3, 1, 1, 1, 1, 1]
+    assert [p.order for p in clusters[0].poles] == [4, 5, 7]
+
+
+def test_what_is_in_too_few_models_or_one_window_alone_is_spurious():
+    models = frozenset((w, n) for w in (10, 20) for n in range(10, 20))
+    everywhere = Cluster([pole(n, 1.0, past=w) for w in (10, 20) for n in range(10, 20)])
+    one_window = Cluster([pole(n, 1.0, past=10) for n in range(10, 20)])
+    below = Cluster([pole(n, 1.0, past=w) for w in (10, 20) for n in range(2, 10)])
+    for c in (everywhere, one_window, below):
+        _judge(c, models, (10, 20), Criteria())
+    assert everywhere.physical and everywhere.share == 1.0
+    assert not one_window.physical and one_window.by_window == {10: 1.0, 20: 0.0}
+    assert not below.physical and below.counted == []
+
+
+def test_a_wide_band_is_one_of_noise():
+    criteria, alone = Criteria(), np.sqrt(0.01 / (2 * np.pi * 600))  # a mode of 1 Hz and 1 % in 600 s
+    assert criteria.admits(pole(4, 1.0, deviation=3.9 * alone), 600.0)
+    assert not criteria.admits(pole(4, 1.0, deviation=4.1 * alone), 600.0)
+    assert not criteria.admits(pole(4, 1.0, damping=0.4), 600.0)
+    assert not criteria.admits(pole(4, 1.0, deviation=np.nan), 600.0)
+    assert criteria.admits(pole(4, 1.0, damping=0.0, deviation=1e-4), 600.0)  # a line has a band, if a narrow one
+
+
+def test_settings_that_cannot_be_are_refused(record):
+    with pytest.raises(UsageError, match="past window 1"):
+        find_modal([record], past=1)
+    with pytest.raises(UsageError, match="largest order 1"):
+        find_modal([record], largest=1)
+    with pytest.raises(NotIdentifiable, match="record longer|needs at least"):
+        find_modal([record.slice(0, 40)], past=30)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    where = tmp_path_factory.mktemp("modal")
+    record = shaken(BUILDING, 3000, STEP, 3, harmonics=LINES)
+    columns = {"time_s": record.time_s} | {c.name: record.column(c.name) for c in record.channels}
+    write_table(where / "shaken.csv", columns, {"time_s": "s"})
+    roles = ['[recording]\ntime = "time_s"']
+    roles += [
+        f'[[channel]]\nname = "{c.name}"\nunit = "{c.unit}"\nrole = "{c.role}"' for c in record.channels
+    ]  # fmt: skip
+    (where / "roles.toml").write_text("\n".join(roles))
+    return where
+
+
+def test_the_command_writes_facts_page_and_picture_as_python_does(folder, capsys):
+    base = [str(folder / "shaken.csv"), "--roles", str(folder / "roles.toml")]
+    files = {name: folder / name for name in ("facts.json", "page.html", "diagram.svg")}
+    own = ["--json", files["facts.json"], "--report", files["page.html"], "--picture", files["diagram.svg"]]
+    assert main(["modes", *base, *map(str, own), "--reference", "floor_2"]) == 0
+    shown = capsys.readouterr().out
+    assert "shapes (amplitude beside the reference" in shown and "on multiples of the rotor's speed" in shown
+    facts, page = json.loads(files["facts.json"].read_text()), files["page.html"].read_text()
+    assert {m["rotor_order"] for m in facts["harmonics"]} == {1, 3, 6}
+    assert all(m["shape"]["reference"] == "floor_2" for m in facts["modes"])
+    assert "<script" not in page and page.count('type="checkbox"') == 3 + len(facts["windows"])
+    assert page.count("<circle") == sum(p is not None for p in facts["poles"]["mode_hz"]) + page.count('r="2"')
+    assert "<svg" in files["diagram.svg"].read_text()
+    same = ae.modes(ae.read(folder / "shaken.csv", roles=folder / "roles.toml"), reference="floor_2")
+    assert [m.frequency_hz for m in same.modes] == [m["frequency_hz"] for m in facts["modes"]]
+    assert len(same.harmonics) == 3 and same.plot().get_xlabel() == "frequency (Hz)"
+    assert main(["modes", *base, "--picture", str(folder / "diagram.gif")]) == 2
+    assert "a picture is written as" in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,110 @@
+"""Find the modes of recordings by their outputs alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from aeolid.cli.common import (
+    ForceOption,
+    JsonOption,
+    ResampleOption,
+    RolesOption,
+    console,
+    emit_json,
+    extent,
+    load_roles,
+    one_of,
+    waiting,
+)
+from aeolid.errors import UsageError
+from aeolid.output import declare
+
+EXAMPLES = (
+    "aeolid modes monday.csv --roles roles.toml",
+    "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
+)
+PICTURES = (".svg", ".png", ".pdf")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the sub-command."""
+    app.command(name="modes")(modes)
+
+
+def modes(
+    recordings: Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one experiment set.")],
+    roles: RolesOption,
+    outputs: Annotated[
+        list[str] | None,
+        typer.Option("--outputs", help="Channel to use; repeatable. Default: those of the role output."),
+    ] = None,
+    past: Annotated[
+        str,
+        typer.Option(
+            "--past",
+            help="Past window: samples, seconds (12s), or auto. Longer ones are tried besides.",
+            autocompletion=one_of("auto"),
+        ),
+    ] = "auto",
+    largest_order: Annotated[
+        int | None, typer.Option("--largest-order", help="Up to which order poles are found; default by the data.")
+    ] = None,
+    decimate: Annotated[int, typer.Option("--decimate", help="Lower the sample rate by this factor first.")] = 1,
+    reference: Annotated[
+        str | None, typer.Option("--reference", help="Output that shapes are scaled to; default the largest of each.")
+    ] = None,
+    report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="Write the stabilisation diagram (.svg, .png or .pdf).")
+    ] = None,
+    resample: ResampleOption = None,
+    json_target: JsonOption = None,
+    force: ForceOption = False,
+) -> None:
+    """Find modes, shapes and harmonics by outputs alone: operational modal analysis with a stabilisation diagram.
+
+    Inputs of the roles file are left out: modes are those of everything that moves, the loop of a controller included.
+    """
+    if picture is not None and picture.suffix.lower() not in PICTURES:
+        raise UsageError(f"--picture {picture}: a picture is written as {', '.join(PICTURES)}")
+    files = {"--report": report, "--picture": picture, "--json": json_target}
+    declare("modes", force=force, inputs=[*recordings, roles], files=files)
+    from aeolid.api.modal import modes as find
+    from aeolid.formats import read_record
+
+    with waiting("reading"):
+        layout = load_roles(roles, resample)
+        records = [read_record(path, layout) for path in recordings]
+    with waiting("finding poles over orders and windows"):
+        found = find(
+            records, outputs=outputs, past=past, largest_order=largest_order, decimate=decimate, reference=reference
+        )
+    if json_target != "-":
+        for record in records:
+            console.print(extent(record), markup=False, soft_wrap=True)
+        console.print(found.summary(), markup=False, soft_wrap=True)
+    if report is not None:
+        found.report(report)
+    if picture is not None:
+        _draw(found.to_json(), picture)
+    emit_json(found.to_json(), json_target)
+
+
+def _draw(facts: dict[str, object], path: Path) -> None:
+    """Write the diagram as a picture, whole or not at all."""
+    import io
+
+    from matplotlib.figure import Figure
+
+    from aeolid import output
+    from aeolid.api.pictures import draw_stabilisation
+
+    figure = Figure(figsize=(10.6, 4.6), layout="constrained")
+    draw_stabilisation(facts, figure.subplots())
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=path.suffix.lower().lstrip("."), dpi=150)
+    with output.replacing(path) as handle:
+        handle.write(drawn.getvalue())

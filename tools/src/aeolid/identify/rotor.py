@@ -1,0 +1,55 @@
+"""Find how fast the rotor turns, and how evenly, from its azimuth or its speed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.formats.meanings import meaning_of
+from aeolid.record import Record
+
+Array = NDArray[np.float64]
+STANDS = 1e-4  # Hz; slower than a turn in three hours is standing still
+_TURNS = {"rpm": 1 / 60, "1/min": 1 / 60, "rad/s": 1 / (2 * np.pi), "deg/s": 1 / 360, "Hz": 1.0, "1/s": 1.0}
+
+
+@dataclass(frozen=True)
+class Rotation:
+    """Hold the rotor's mean frequency in Hz and the standard deviation of its speed, taken over whole turns, in Hz."""
+
+    frequency_hz: float
+    deviation_hz: float
+
+
+def rotation(record: Record) -> Rotation | None:
+    """Return how the rotor turns: by the azimuth, else by a rotor speed; None where neither is there, or it stands."""
+    for channel in record.of("azimuth"):
+        turn = 360.0 if channel.unit == "deg" else 2 * np.pi
+        steps = np.diff(record.column(channel.name)) / turn
+        return _turning(np.mod(steps + 0.5, 1.0) - 0.5, record.sample_time_s)
+    for channel in record.channels:
+        meaning = meaning_of(channel.name)
+        if meaning is not None and meaning.kind == "rotor_speed" and not meaning.demand and channel.unit in _TURNS:
+            turned = record.column(channel.name)[1:] * _TURNS[channel.unit] * record.sample_time_s
+            return _turning(turned, record.sample_time_s)
+    return None
+
+
+def rotor_frequency(record: Record) -> float | None:
+    """Return the mean rotor speed in Hz, None where it is not known."""
+    found = rotation(record)
+    return None if found is None else found.frequency_hz
+
+
+def _turning(steps: Array, sample_time_s: float) -> Rotation | None:
+    """Return the rotation of steps (N,) in turns a sample, NaN where one is not known."""
+    known = steps[np.isfinite(steps)]
+    mean = abs(float(known.mean())) if len(known) else 0.0
+    if mean <= STANDS * sample_time_s:
+        return None
+    length = max(min(round(1 / mean), len(known)), 1)  # a turn: an azimuth that is uneven within it says nothing
+    total = np.concatenate([[0.0], np.cumsum(known)])
+    speed = (total[length:] - total[:-length]) / length
+    return Rotation(mean / sample_time_s, float(speed.std()) / sample_time_s)
