@@ -206,7 +206,7 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     """Say verdict, parameters and sealed proof in a few lines; names come from files, so nothing in them is markup."""
     from rich.markup import escape
 
-    from aeolid.cli.wording import odds
+    from aeolid.wording import odds
 
     console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
     for effect in diagnosis["effects"]:

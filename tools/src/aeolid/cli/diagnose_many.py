@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.cli.common import console, progress_console
-from aeolid.cli.wording import place
 from aeolid.errors import AeolidError, DataError, UsageError
 from aeolid.inputs import open_regular
 from aeolid.output import write_json, write_text
 from aeolid.output.ledger import digest
 from aeolid.text_files import MOST_JSON, load_json
+from aeolid.wording import place
 
 TABLE, FACTS = "cases.csv", "cases.json"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
