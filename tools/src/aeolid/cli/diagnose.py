@@ -27,6 +27,7 @@ EXAMPLES = (
     "aeolid diagnose my_case --out checked --sham 5 --fail-on-mismatch --json -",
 )
 
+OR = " — or: "  # between the explanations of a statement that leaves several open
 FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
 
 
@@ -206,17 +207,16 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     """Say verdict, parameters and sealed proof in a few lines; names come from files, so nothing in them is markup."""
     from rich.markup import escape
 
-    from aeolid.wording import odds
+    from aeolid.diagnose.hypotheses.catalogue import in_words
+    from aeolid.wording import odds, spoken
 
-    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
+    alternatives = diagnosis["statement"].split(OR) if diagnosis["verdict"] == "ambiguous" else []
+    said = diagnosis["statement"] if len(alternatives) < 2 else "more than one explanation fits; one of"
+    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(in_words(spoken(said)))}", soft_wrap=True)
+    for text in alternatives if len(alternatives) > 1 else []:
+        console.print(f"  - {in_words(spoken(text))}", soft_wrap=True, markup=False)
     for effect in diagnosis["effects"]:
-        for name, value in effect["parameters"].items():
-            told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
-            spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
-            unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
-            console.print(f"  {effect['id']} {name} = {told}{spread}{unit}", markup=False)
-        for row in effect.get("settings", []):
-            console.print(f"  {effect['id']} in {row['simulator']}: {row['set']}", soft_wrap=True, markup=False)
+        _print_values(effect)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]
@@ -232,10 +232,30 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             )
 
 
+def _print_values(effect: dict[str, Any]) -> None:
+    """Say the values of an effect, each by what it means, and what to set in which simulator."""
+    from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
+
+    called = name_of(effect["id"])
+    for name, value in effect["parameters"].items():
+        told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
+        spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
+        unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
+        meaning = meaning_of(effect["id"], name)
+        label = f"{meaning} ({name})" if meaning else name
+        console.print(f"  {called}: {label} = {told}{spread}{unit}", soft_wrap=True, markup=False)
+    for row in effect.get("settings", []):
+        console.print(f"  in {row['simulator']}: set {row['set']}", soft_wrap=True, markup=False)
+
+
 def _print_next(diagnosis: dict[str, Any]) -> None:
     """Say what to record next, where there is something to decide."""
+    from aeolid.diagnose.hypotheses.catalogue import in_words
+    from aeolid.wording import spoken
+
     if diagnosis["next_experiment"]:
-        console.print(f"  next: {diagnosis['next_experiment']['text']}", soft_wrap=True, markup=False)
+        text = in_words(spoken(diagnosis["next_experiment"]["text"]))
+        console.print(f"  record next: {text}", soft_wrap=True, markup=False)
 
 
 def _print_free_run(evidence: dict[str, Any], out: Path) -> None:

@@ -28,9 +28,9 @@ a { color: var(--accent); }
 .soft, figcaption, .unit { color: var(--soft); }
 .warn { border-left: .3rem solid #e69f00; padding-left: .8rem; }
 figcaption { font-size: .875rem; max-width: 60rem; }
-figure { margin: .6rem 0 1.2rem; break-inside: avoid; position: relative; }
+figure { margin: .6rem 0 1.2rem; break-inside: avoid; }
 figure svg { width: 100%; height: auto; display: block; }
-.zoom { position: absolute; right: 0; top: -.2rem; z-index: 1; font-size: .8rem; color: var(--soft); cursor: pointer; }
+.zoom { display: block; text-align: right; font-size: .8rem; color: var(--soft); cursor: pointer; }
 figure:has(> .zoom input:checked) svg { width: 220%; max-width: none; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); gap: 0 1.5rem; }
 .contents { font-size: .9rem; margin: 1rem 0; columns: 17rem; max-width: 62rem; }
