@@ -18,20 +18,20 @@ from aeolid.formats.table import Array, Choose, Table
 MOST_PARTS = 2000  # each takes a process of its own to read
 
 
-def parts_of(folder: Path) -> list[Path]:
+def parts_of(path: Path) -> list[Path]:
     """Return the Parquet files below a folder in the order of their names, numbers by size; hidden ones left out.
 
     Raises DataError where there are none, or more than can be read.
     """
     found = [
-        p for p in folder.rglob("*.parquet")
-        if p.is_file() and not any(part[:1] in "._" for part in p.relative_to(folder).parts)
+        p for p in path.rglob("*.parquet")
+        if p.is_file() and not any(part[:1] in "._" for part in p.relative_to(path).parts)
     ]  # fmt: skip
     if not found:
-        raise DataError(f"{folder}: a folder without Parquet files; name the file in it")
+        raise DataError(f"{path}: a folder without Parquet files; name the file in it")
     if len(found) > MOST_PARTS:
-        raise DataError(f"{folder}: {len(found)} Parquet files, {MOST_PARTS} at most are one recording; join them")
-    return sorted(found, key=lambda p: _natural(p.relative_to(folder).as_posix()))
+        raise DataError(f"{path}: {len(found)} Parquet files, {MOST_PARTS} at most are one recording; join them")
+    return sorted(found, key=lambda p: _natural(p.relative_to(path).as_posix()))
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
