@@ -17,6 +17,7 @@ from aeolid.output import declare, make_folder
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
     from aeolid.fleet.workers import Pool
+    from aeolid.record import Roles
 
 EXAMPLES = (
     "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
@@ -36,7 +37,7 @@ def fleet(
         list[str], typer.Argument(metavar="DIR|GLOB...", help="Folders (searched to the bottom), patterns or files.")
     ],
     roles: RolesOption,
-    past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
+    past: Annotated[str, typer.Option("--past", help="Past window p in samples, or in seconds (12s).")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the table, the page and the cache of factors.")],
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto: one for each turbine.")] = "auto",
     group: Annotated[
@@ -85,8 +86,8 @@ def fleet(
     from aeolid.fleet.tables import mode_rows, write_models, write_modes
     from aeolid.report.fleet import render_fleet
 
-    plan = _plan(roles, past, order, group, window, feedthrough)
     paths = find_recordings(recordings, out)
+    plan = _plan(roles, past, paths, order, group, window, feedthrough)
     files = {"--json": json_target}
     declare("fleet", force=force, inputs=[roles, *paths], folders={"--out": out}, files=files, inside=FILES)
     if models:
@@ -124,8 +125,9 @@ def _open(
 
 
 def _plan(
-    roles: Path, past: int, order: str, group: str | None, window: str | None, feedthrough: list[str] | None
-) -> Plan:
+    roles: Path, past: str, paths: list[Path], order: str, group: str | None, window: str | None,
+    feedthrough: list[str] | None,
+) -> Plan:  # fmt: skip
     from aeolid.fleet.plan import Plan, names_period, parse_window
     from aeolid.record import Roles
 
@@ -134,7 +136,29 @@ def _plan(
     except ValueError:
         raise UsageError(f"--order {order!r} is neither a whole number nor auto") from None
     length = None if window is None and names_period(group) else parse_window(window or "1d")
-    return Plan(Roles.load(roles), past, states, tuple(feedthrough or ()), group, length)
+    held = Roles.load(roles)
+    return Plan(held, _samples(past, held, paths), states, tuple(feedthrough or ()), group, length)
+
+
+def _samples(past: str, roles: Roles, paths: list[Path]) -> int:
+    """Return the window in samples; of one in seconds by the sample time of the first recording that can be read."""
+    from aeolid.errors import AeolidError
+    from aeolid.formats import read_record
+    from aeolid.identify.choose_past import SECONDS, read_past
+
+    step = roles.sample_time_s
+    if SECONDS.fullmatch(past.strip()) is None:
+        found = read_past(past, 1.0)
+        if found is None:
+            raise UsageError("--past auto is for identify; give the fleet one window, in samples (30) or seconds (12s)")
+        return found
+    for path in paths if step is None else ():
+        try:
+            step = read_record(path, roles).sample_time_s
+            break
+        except AeolidError:  # the run says of each recording why it cannot be read
+            continue
+    return read_past(past, step or 1.0) or 1
 
 
 @contextmanager
