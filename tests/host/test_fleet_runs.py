@@ -331,6 +331,19 @@ def test_a_window_in_seconds(folder, fresh, tmp_path):
     assert main([*asked, "--past", "auto", "--out", str(tmp_path / "no")]) == 2
 
 
+def test_each_turbine_is_held_against_a_case(folder, fresh, tmp_path, capsys):
+    """The table has every turbine; here none can be diagnosed, for the model of the case is not there."""
+    (template := tmp_path / "template").mkdir()
+    (template / "case.toml").write_text('[baseline]\nkind = "state_space"\nfile = "model.json"\n')
+    out = tmp_path / "out"
+    asked = ("--order", "4", "--diagnose", str(template), "--workers", "1")
+    assert command(folder, out, str(folder / "data"), *asked) == 0
+    rows = json.loads((out / "diagnoses" / "cases.json").read_text())["cases"]
+    assert [r["case"] for r in rows] == ["T0", "T1"] and all("model.json: no such file" in r["fault"] for r in rows)
+    assert (out / "cases" / "T1" / "case.toml").read_text().count(".parquet") == 6
+    assert "2 cases: 2 not read" in capsys.readouterr().out
+
+
 def test_no_model_of_a_period_takes_the_place_of_another(tmp_path):
     """Turbines and periods that differ in what no file name holds, and a name that would leave the folder."""
     names = [("a/b", "1"), ("a_b", "1"), ("a:b", "1"), ("..", "1"), (".", ".")]
