@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from aeolid.errors import DataError
+from aeolid.errors import AeolidError, Contradiction, DataError
 
 FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
 
@@ -39,28 +39,34 @@ def require_case(case: Path) -> None:
 
 
 def diagnose_piece(piece: tuple[str, str], asked: Asked, out: str, inside: Sequence[str], force: bool) -> Any:
-    """Diagnose the case of a name into a folder of that name in `out`; returns the content of diagnosis.json.
+    """Diagnose the case of a name into a folder of that name in `out`; returns diagnosis.json's content or its error.
 
     piece: name and folder of the case; inside: what the whole command writes within `out`.
     """
+    from aeolid.output import declare, make_folder
+
+    name, case, folder = piece[0], Path(piece[1]), Path(out) / piece[0]
+    try:
+        require_case(case)
+        declare("diagnose", force=force, inputs=[case], folders={"--out": Path(out)}, inside=inside)
+        make_folder(folder)
+        return _diagnosed(name, case, folder, asked)
+    except AeolidError as error:  # what is wrong with one case is a line of the table
+        return error
+
+
+def _diagnosed(name: str, case: Path, folder: Path, asked: Asked) -> dict[str, Any]:
     from aeolid.diagnose.conclude import conclude, ended
     from aeolid.diagnose.data.case import load_case
     from aeolid.diagnose.deadline import Deadline
-    from aeolid.errors import Contradiction
-    from aeolid.output import declare, discard, make_folder
+    from aeolid.output import discard
 
-    name, case = piece[0], Path(piece[1])
-    require_case(case)
-    declare("diagnose", force=force, inputs=[case], folders={"--out": Path(out)}, inside=inside)
-    folder = Path(out) / name
-    make_folder(folder)
-    options = {"allow_outside": asked.allow_outside, "allow_fmu": asked.allow_fmu, "resample": asked.resample}
     try:
-        held = load_case(case, **options)  # type: ignore[arg-type]
+        held = load_case(case, allow_outside=asked.allow_outside, allow_fmu=asked.allow_fmu, resample=asked.resample)
         late = Deadline(asked.time_limit)
         diagnosis, evidence = conclude(held, folder, sham=asked.sham, seed=asked.seed, progress=_silent, deadline=late)
     except Contradiction as error:  # the files themselves disagree about the recording
-        diagnosis, evidence = ended("data_fault", case.name, str(error), folder)
+        diagnosis, evidence = ended("data_fault", name, str(error), folder)
     discard(folder / "report.html")  # of an earlier run
     if asked.report:
         from aeolid.report.diagnosis import render_diagnosis
