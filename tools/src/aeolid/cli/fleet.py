@@ -19,6 +19,7 @@ from aeolid.cli.pools import (
     Where,
     WorkersOption,
 )
+from aeolid.cli.publishing import PublishOption, publish_once, targets_of
 from aeolid.errors import UsageError
 from aeolid.output import declare, make_folder
 
@@ -71,6 +72,7 @@ def fleet(
             "--diagnose", metavar="CASE_DIR", help="Hold each turbine's recordings against the baseline of this case."
         ),
     ] = None,
+    publish: PublishOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     tls_ca: TlsCaOption = None,
@@ -83,6 +85,7 @@ def fleet(
     """Map recordings to models of each turbine and period and follow their modes; a second run does what is new."""
     where = Where(workers, scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
     where.check()
+    targets = targets_of(publish)
     from aeolid.fleet.plan import find_recordings
     from aeolid.fleet.run import run_fleet
     from aeolid.fleet.tables import mode_rows, write_models, write_modes
@@ -107,6 +110,10 @@ def fleet(
     render_fleet(facts, out / "report.html")
     if json_target != "-":
         console.print(_text(facts, out, models), markup=False)
+    if targets:
+        from aeolid.publish.rows import rows_of_fleet
+
+        publish_once(targets, rows_of_fleet(facts))
     if diagnose is not None:
         members = _members(facts, plan, paths)
         facts["diagnoses"] = _diagnose(diagnose, roles, members, out, where, force, json_target != "-")
