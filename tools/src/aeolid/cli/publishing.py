@@ -20,8 +20,7 @@ PublishOption = Annotated[
     typer.Option(
         "--publish",
         metavar="URL",
-        help="Send the facts to a broker, mqtt://HOST/TOPIC, or as InfluxDB's lines, http://HOST:8086/write?db=NAME;"
-        " repeatable.",
+        help="Send the facts to mqtt://HOST/TOPIC or, as InfluxDB's lines, to http://HOST/write?db=X; repeatable.",
     ),
 ]
 PublishEveryOption = Annotated[
