@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
     'aeolid fleet "park/*/2026-*.csv" --roles roles.toml --past 30 --window 1w --models --out trends',
+    "aeolid fleet park --roles roles.toml --past 12s --out above_rated --keep status=1 --keep wind=12..",
     "aeolid fleet park --roles roles.toml --past 12s --out trends --diagnose my_case --workers 2",
 )
 
@@ -63,6 +64,12 @@ def fleet(
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
     ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keep", metavar="CHANNEL=LOW..HIGH", help="Use samples of this range or state only; all of several."
+        ),
+    ] = None,
     models: Annotated[
         bool, typer.Option("--models", help="Write the model of each period, models/TURBINE/PERIOD.json.")
     ] = False,
@@ -92,7 +99,7 @@ def fleet(
     from aeolid.report.fleet import render_fleet
 
     paths = find_recordings(recordings, out)
-    plan = _plan(roles, past, paths, order, group, window, feedthrough)
+    plan = _plan(roles, past, paths, order, group, window, feedthrough, keep)
     files = {"--json": json_target}
     declare("fleet", force=force, inputs=[roles, *paths], folders={"--out": out}, files=files, inside=FILES)
     if models:
@@ -148,8 +155,9 @@ def _members(facts: dict[str, Any], plan: Plan, paths: list[Path]) -> dict[str, 
 
 def _plan(
     roles: Path, past: str, paths: list[Path], order: str, group: str | None, window: str | None,
-    feedthrough: list[str] | None,
+    feedthrough: list[str] | None, keep: list[str] | None,
 ) -> Plan:  # fmt: skip
+    from aeolid.fleet.keep import parse_keep
     from aeolid.fleet.plan import Plan, names_period, parse_window
     from aeolid.record import Roles
 
@@ -159,7 +167,8 @@ def _plan(
         raise UsageError(f"--order {order!r} is neither a whole number nor auto") from None
     length = None if window is None and names_period(group) else parse_window(window or "1d")
     held = Roles.load(roles)
-    return Plan(held, _samples(past, held, paths), states, tuple(feedthrough or ()), group, length)
+    rules = tuple(parse_keep(text, held) for text in keep or ())
+    return Plan(held, _samples(past, held, paths), states, tuple(feedthrough or ()), group, length, rules)
 
 
 def _samples(past: str, roles: Roles, paths: list[Path]) -> int:
