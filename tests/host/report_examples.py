@@ -63,6 +63,7 @@ def diagnosis() -> dict[str, Any]:
             "location": {"entry": "input:pitch", "outputs": ["generator_speed", "tower_fore_aft"], "inputs": ["pitch"],
                          "frequency_hz": [0.1, 0.6], "azimuth_order": None, "region": None, "time_s": None},
             "equation": "d(beta)/dt = (beta_cmd - beta)/tau",
+            "settings": [{"simulator": "ROSCO", "set": "PA_Mode = 1, PA_CornerFreq = 3.2 rad/s"}],
             "parameters": {"tau": {"value": 0.3123, "std": 0.0212, "unit": "s"}},
             "rivals": [{"id": "transport_delay", "entry": "input:pitch", "weight": 0.2}], "weight": 0.75}],
         "location": {"entry": "input:pitch", "outputs": ["generator_speed"], "frequency_hz": [0.1, 0.6]},
@@ -112,6 +113,43 @@ def cells(outputs: list[str]) -> dict[str, list[dict[str, Any]]]:
     )  # fmt: skip
     return {"time": time, "region": region, "azimuth": azimuth, "path": path, "horizon": horizon, "effort": effort,
             "inferred": inferred}  # fmt: skip
+
+
+def candidates() -> list[dict[str, Any]]:
+    """Return what three fits gained: the named one, one not told apart, one that ran to the end of its range."""
+    lag, delay = [["actuator_lag", "input:pitch"]], [["transport_delay", "input:pitch"]]
+    second = [["actuator_second_order", "input:pitch"]]
+    why = "damping of actuator_second_order input:pitch ran to the end of its physical range (0.98 1)"
+    return [
+        {"key": "actuator_lag input:pitch", "parts": lag, "score": 240.0, "fit_gain": 200.0, "select_gain": 43.0,
+         "plausible": True, "reason": ""},
+        {"key": "transport_delay input:pitch", "parts": delay, "score": 238.6, "fit_gain": 201.0, "select_gain": 41.0,
+         "plausible": True, "reason": ""},
+        {"key": "actuator_second_order input:pitch", "parts": second, "score": 251.0, "fit_gain": 210.0,
+         "select_gain": 44.0, "plausible": False, "reason": why},
+    ]  # fmt: skip
+
+
+def mode(frequency: float, output: str, name: str = "", damping: float = 0.02) -> dict[str, Any]:
+    shares = {"generator_speed": 0.1, "tower_fore_aft": 0.1} | {output: 0.9}
+    return {"frequency_hz": frequency, "frequency_std_hz": 0.002, "damping": damping, "damping_std": 0.004,
+            "outputs": shares, "rotor_order": None, "name": name}  # fmt: skip
+
+
+def sides() -> dict[str, Any]:
+    """Return modes, responses and means over the turn of a recording and a simulation that lacks a mode."""
+    recorded = [mode(0.32, "tower_fore_aft", "tower fore-aft"), mode(1.7, "generator_speed", "drive train")]
+    f = np.geomspace(0.01, 5.0, 40)
+    pair = {"input": "pitch", "output": "tower_fore_aft", "gain": (1 / f).tolist(), "gain_std": (0.1 / f).tolist(),
+            "phase_deg": [-90.0] * 40, "phase_std_deg": [4.0] * 40}  # fmt: skip
+    angle = np.arange(5.0, 360.0, 10.0)
+    turn = {"azimuth_deg": angle.tolist(), "recorded": np.cos(np.radians(angle)).tolist(), "simulated": [0.0] * 36,
+            "unit": "m/s"}  # fmt: skip
+    both = {side: {"frequency_hz": f.tolist(), "pairs": [pair]} for side in ("recorded", "simulated")}
+    return {
+        "modes": {"recorded": recorded, "simulated": [mode(0.34, "tower_fore_aft", "tower fore-aft")]},
+        "responses": both | {"units": {"pitch": "deg", "tower_fore_aft": "m/s"}}, "turning": {"tower_fore_aft": turn},
+    }  # fmt: skip
 
 
 def equations() -> list[dict[str, Any]]:
@@ -171,5 +209,6 @@ def evidence() -> dict[str, Any]:
                         "pull": 0.61}],
         "horizon": {"generator_speed": {"steps": steps, "before": [0.1, 0.15, 0.25, 0.4, 0.41, 0.41],
                                         "after": [0.03, 0.03, 0.04, 0.04, 0.045, 0.045]}},
+        "candidates": candidates(), **sides(),
         "timing_s": {"predictor": 2.31, "score_bank": 3.9, "sham_runs": 24.1},
     }  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import tomllib
@@ -141,6 +142,27 @@ def test_check_says_what_was_understood(pair: tuple[Path, Path], capsys: pytest.
     rows = {c["name"]: c for c in facts["files"][1]["channels"]}
     assert rows["torque"]["unit"] == "N m" and rows["torque"]["hold"] == "by likelihood (smooth)"
     assert page.read_text().count("<svg") == 1
+
+
+def test_check_says_a_thing_once_and_draws_each_channel_on_one_line(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Also where the model is not there yet, so that the recordings are read a second time."""
+    monkeypatch.setenv("COLUMNS", "100")
+    rows = [f"{1709290800 + 0.1 * k:.1f},{np.sin(k):.4f},{1170 + np.cos(k):.3f},{np.sin(2 * k):.4f}" for k in range(99)]
+    text = "\n".join(["time,BldPitch1,GenSpeed,Nacelle fore-aft acceleration", *rows])
+    (tmp_path / "turbine.csv").write_text(text + "\n")
+    assert main(["init", str(tmp_path / "turbine.csv")]) == 0
+    capsys.readouterr()
+    caplog.clear()
+    assert main(["check", str(tmp_path)]) == 3
+    out = capsys.readouterr().out
+    assert caplog.text.count("counts s since 1970") == 1
+    line = next(row for row in out.splitlines() if "tower_acc_fore_aft" in row)
+    assert re.search("[▁-█]{10}", line) and not any(re.fullmatch("[ ▁-█]+", row) for row in out.splitlines())
 
 
 def test_nothing_that_exists_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from aeolid.cli.diagnose_many import diagnose_many, fingerprint, names_of
+from aeolid.cli.diagnose_many import diagnose_many, fingerprint, in_turn, names_of
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
+from aeolid.fleet.cases import write_cases
 from aeolid.output import make_folder, write_json
 
 SETTINGS = {"sham": 2, "seed": 1}
@@ -51,7 +53,7 @@ class Diagnoses:
 def test_one_table_of_all_and_only_what_is_new(tmp_path: Path) -> None:
     named, out, diagnose = cases_in(tmp_path / "park", "lag", "broken", "still"), tmp_path / "out", Diagnoses()
     out.mkdir()
-    rows = diagnose_many(named, out, SETTINGS, diagnose)
+    rows = diagnose_many(named, out, SETTINGS, in_turn(diagnose))
     assert [r["verdict"] for r in rows] == ["named", "not read", "no_mismatch"]
     with open(out / "cases.csv", newline="") as handle:
         table = list(csv.DictReader(handle))
@@ -62,12 +64,12 @@ def test_one_table_of_all_and_only_what_is_new(tmp_path: Path) -> None:
     assert table[0]["statement"] == "'=pitch, late"  # no formula to a spreadsheet
     assert table[1]["statement"] == "a.csv: sample 3 is 'off'" and table[2]["effect"] == ""
     assert json.loads((out / "cases.json").read_text())["cases"] == rows
-    again = diagnose_many(named, out, SETTINGS, diagnose)
+    again = diagnose_many(named, out, SETTINGS, in_turn(diagnose))
     assert diagnose.asked == ["lag", "broken", "still", "broken"] and again == rows
     (tmp_path / "park" / "still" / "recording.csv").write_text("other")
-    diagnose_many(named, out, SETTINGS, diagnose)
+    diagnose_many(named, out, SETTINGS, in_turn(diagnose))
     assert diagnose.asked[4:] == ["broken", "still"]
-    diagnose_many(named, out, SETTINGS | {"seed": 2}, diagnose)
+    diagnose_many(named, out, SETTINGS | {"seed": 2}, in_turn(diagnose))
     assert diagnose.asked[6:] == ["lag", "broken", "still"]
 
 
@@ -76,7 +78,7 @@ def test_an_answer_that_was_spoilt_is_made_again(tmp_path: Path, content: str) -
     named, diagnose = cases_in(tmp_path / "park", "lag"), Diagnoses()
     (tmp_path / "out").mkdir()
     for _ in range(2):
-        diagnose_many(named, tmp_path / "out", SETTINGS, diagnose)
+        diagnose_many(named, tmp_path / "out", SETTINGS, in_turn(diagnose))
         (tmp_path / "out" / "lag" / "diagnosis.json").write_text(content)
     assert diagnose.asked == ["lag", "lag"]
 
@@ -98,3 +100,67 @@ def test_what_is_hidden_in_a_folder_does_not_count(tmp_path: Path) -> None:
     before = fingerprint(case, SETTINGS)
     (case / ".aeolid").write_text("ledger")
     assert fingerprint(case, SETTINGS) == before
+
+
+def test_workers_give_the_table_in_the_order_of_the_cases(tmp_path: Path) -> None:
+    """Whatever is ready first; a worker that was lost has its sentence, and is asked again by the next run."""
+    named, out = cases_in(tmp_path / "park", "a", "b", "c"), tmp_path / "out"
+    out.mkdir()
+    asked: list[list[str]] = []
+
+    def work(pieces: Any) -> Any:
+        asked.append([name for name, _, _ in pieces])
+        for index in reversed(range(len(pieces))):
+            name, case, folder = pieces[index]
+            lost = name == "b" and len(asked) == 1
+            yield index, RuntimeError("its process ended") if lost else Diagnoses()(case, folder)
+
+    rows = diagnose_many(named, out, SETTINGS, work)
+    assert [r["case"] for r in rows] == ["a", "b", "c"] and rows[1]["fault"] == "RuntimeError: its process ended"
+    assert [r["verdict"] for r in diagnose_many(named, out, SETTINGS, work)] == ["no_mismatch"] * 3
+    assert asked == [["a", "b", "c"], ["b"]]
+
+
+def test_two_processes_diagnose_faulty_cases(tmp_path: Path) -> None:
+    """Recordings that contradict themselves end at once; a folder without a case is said so."""
+    cases = []
+    for name in ("t1", "t2"):
+        case = tmp_path / name
+        case.mkdir()
+        (case / "case.toml").write_text(
+            '[recordings]\nfiles = ["a.csv"]\nroles = "roles.toml"\n[baseline]\nkind = "state_space"\nfile = "m.json"\n'
+        )
+        cases.append(str(case))
+    (tmp_path / "t3").mkdir()
+    out = tmp_path / "out"
+    assert main(["diagnose", *cases, str(tmp_path / "t3"), "--out", str(out), "--workers", "2"]) == 3
+    rows = json.loads((out / "cases.json").read_text())["cases"]
+    assert [r["case"] for r in rows] == ["t1", "t2", "t3"] and all("no such file" in r["fault"] for r in rows)
+
+
+def test_options_of_workers_are_those_of_the_fleet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cases_in(tmp_path, "t1", "t2")
+    asked = ["diagnose", str(tmp_path / "t1"), str(tmp_path / "t2"), "--out", str(tmp_path / "out")]
+    for more, told in ((["--workers", "0"], "--workers is 1 to"), (["--tls-ca", "x"], "go with --scheduler"),
+                       (["--scheduler", "tcp://127.0.0.1:1"], "--insecure-scheduler")):  # fmt: skip
+        assert main([*asked, *more]) == 2
+        assert told in capsys.readouterr().err
+
+
+def test_each_turbine_becomes_a_case_of_the_template(tmp_path: Path) -> None:
+    (template := tmp_path / "template").mkdir()
+    (template / "case.toml").write_text(
+        '[case]\ntitle = "x"\n[recordings]\nfiles = ["own.csv"]\nroles = "r.toml"\n[baseline]\nkind = "state_space"\n'
+        'file = "model.json"\n[context]\nblades = 3\n'
+    )
+    members = {"a/b": [tmp_path / "1.csv", tmp_path / "2.csv"], "a_b": [tmp_path / '3 "x".csv']}
+    cases = write_cases(template, tmp_path / "roles.toml", members, tmp_path / "cases")
+    assert list(cases) == ["a_b", "a_b_"]
+    data = [tomllib.loads((folder / "case.toml").read_text()) for folder in cases.values()]
+    assert data[0]["recordings"] == {"files": [str(tmp_path / "1.csv"), str(tmp_path / "2.csv")],
+                                     "roles": str(tmp_path / "roles.toml")}  # fmt: skip
+    assert data[0]["case"]["title"] == "turbine a/b" and data[1]["recordings"]["files"] == [str(tmp_path / '3 "x".csv')]
+    assert data[1]["baseline"]["file"] == str(template / "model.json") and data[1]["context"] == {"blades": 3}
+    (template / "case.toml").write_text("[case]\n")
+    with pytest.raises(DataError, match=r"no \[baseline\] that turbines could be held against"):
+        write_cases(template, tmp_path / "roles.toml", members, tmp_path / "cases")

@@ -20,6 +20,7 @@ from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
 from aeolid.record import Roles
 from aeolid.report.fleet import render_fleet
+from aeolid.report.fleet_charts import clock_of, colours_of, keys_of, newest
 
 ROLES = '[recording]\ntime = "time_s"\n' + "".join(
     f'[[channel]]\nname = "{name}"\nunit = ""\nrole = "{role}"\n'
@@ -287,6 +288,60 @@ def test_the_page_tells_the_change_of_each_mode(tmp_path):
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     for words in ("−20.0 ± 1.4", "1.00 ± 0.28", "0.4800", "3.000", "Turbine T7"):  # mHz, points, Hz, %
         assert words in page, words
+
+
+def park(turbines=3, days=4):
+    """Return the facts of a park whose modes have names, and other numbers of tracks in each turbine."""
+    periods = []
+    for t in range(turbines):
+        for k in range(days):
+            modes = [
+                {"frequency_hz": f * (1 + 0.01 * t), "frequency_std_hz": 0.001, "damping": 0.02, "damping_std": 0.002,
+                 "track": track if t % 2 else 3 - track, "rotor_order": None, "name": name, "outputs": {"y": 1.0}}
+                for track, (f, name) in enumerate(((0.3, "tower fore-aft"), (1.7, "drive train"), (2.5, "")), 1)
+            ]  # fmt: skip
+            when = {"start_s": (19000 + k) * DAY, "middle_s": (19000 + k) * DAY + 300.0, "period": f"day {k}"}
+            periods.append({"turbine": f"T{t}", "modes": modes} | when)
+    return {"periods": periods, "tracks": _tracks(periods), "recordings": 12, "usable": 12, "skipped": [],
+            "order_reasons": {}, "settings": {"past": 8}, "reused": 0}  # fmt: skip
+
+
+def test_the_page_has_dates_names_and_the_whole_park(tmp_path):
+    facts = park()
+    render_fleet(facts, tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in ("The park", "date (UTC)", "2022-Jan", "tower fore-aft", "drive train", "near 2.5"):
+        assert words in page, words
+    last, shared = newest(facts["tracks"], facts["periods"])
+    assert len(shared) == 3 and all(len([t for t, n in last if n == name]) == 3 for name in shared)
+
+
+def test_a_mode_has_one_colour_on_all_turbines():
+    facts = park()
+    keys, colours = keys_of(facts["periods"]), colours_of(facts["periods"])
+    assert {keys["T0", 2], keys["T1", 1]} == {"tower fore-aft"}  # whatever number the track has
+    assert len({colours.of(k) for k in ("tower fore-aft", "drive train")}) == 2
+    assert clock_of([{"start_s": 0.0, "period": "0 s"}, {"start_s": 43200.0, "period": "x"}]).times.tolist() == [0, 0.5]
+
+
+def test_a_window_in_seconds(folder, fresh, tmp_path):
+    asked = ["fleet", str(folder / "data" / "T0"), "--roles", str(folder / "roles.toml"), "--order", "4"]
+    assert main([*asked, "--past", "0.8s", "--out", str(tmp_path / "out")]) == 0
+    assert json.loads((tmp_path / "out" / "fleet.json").read_text())["settings"]["past"] == 8
+    assert main([*asked, "--past", "auto", "--out", str(tmp_path / "no")]) == 2
+
+
+def test_each_turbine_is_held_against_a_case(folder, fresh, tmp_path, capsys):
+    """The table has every turbine; here none can be diagnosed, for the model of the case is not there."""
+    (template := tmp_path / "template").mkdir()
+    (template / "case.toml").write_text('[baseline]\nkind = "state_space"\nfile = "model.json"\n')
+    out = tmp_path / "out"
+    asked = ("--order", "4", "--diagnose", str(template), "--workers", "1")
+    assert command(folder, out, str(folder / "data"), *asked) == 0
+    rows = json.loads((out / "diagnoses" / "cases.json").read_text())["cases"]
+    assert [r["case"] for r in rows] == ["T0", "T1"] and all("model.json: no such file" in r["fault"] for r in rows)
+    assert (out / "cases" / "T1" / "case.toml").read_text().count(".parquet") == 6
+    assert "2 cases: 2 not read" in capsys.readouterr().out
 
 
 def test_no_model_of_a_period_takes_the_place_of_another(tmp_path):

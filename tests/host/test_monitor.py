@@ -307,8 +307,8 @@ def get(server: PageServer, path: str, host: str | None = None, method: str = "G
 
 def test_every_answer_keeps_the_page_to_itself(served: PageServer) -> None:
     for path, status in (("", 200), ("monitor.js", 200), ("charts.js", 200), ("monitor.css", 200), ("icon.svg", 200),
-                         ("plotly.min.js", 200), ("state", 200), ("nothing", 404), ("index.html", 404),
-                         ("../server.py", 404), ("state?modes=x", 400)):  # fmt: skip
+                         ("plotly.min.js", 200), ("state", 200), ("metrics", 200), ("nothing", 404),
+                         ("index.html", 404), ("../server.py", 404), ("state?modes=x", 400)):  # fmt: skip
         code, headers, _ = get(served, path)
         assert code == status, path
         policy = headers["Content-Security-Policy"]

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from aeolid.errors import UsageError
 from aeolid.report import identification_facts, render_demo, render_diagnosis, render_identification
+from aeolid.report.answer import verdict_sentence
 from aeolid.report.bode import _deviation, _phase, _shade
 from aeolid.report.charts import AFTER, GREY, decade, sketch, smooth_spectrum, thin
-from aeolid.report.diagnosis import verdict_sentence
 from aeolid.report.evidence import score_bank
 from aeolid.report.identification import _singular_values
 from aeolid.report.markup import Html, tag, write_page
@@ -34,7 +34,7 @@ VERDICTS = [*SINGLE, "ambiguous", "multiple", "unnamed", "not_testable"]
 class Text(HTMLParser):
     """Collect what a reader sees outside the drawings, and check that every element is closed."""
 
-    VOID = frozenset({"meta", "br", "path", "use", "rect", "image"})
+    VOID = frozenset({"meta", "br", "input", "path", "use", "rect", "image"})
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -128,9 +128,11 @@ def test_as_many_singular_values_are_kept_as_the_order_says() -> None:
 def test_diagnosis_page_starts_with_the_verdict(tmp_path: Path) -> None:
     diagnosis, evidence = report_examples.diagnosis(), report_examples.evidence()
     seen = Text(page_of(lambda p: render_diagnosis(diagnosis, evidence, p), tmp_path)).seen
-    order = ["Verdict: Named", diagnosis["effects"][0]["statement"], "Before and after", "41.2 %", "4.30 %",
-             "0.312 ± 0.021", "transport_delay", "Every effect that was tried", "Where it sits", "0.12 1/m²",
-             "Pitch PRBS of 0.5 deg", "20 recordings generated", "as declared", "−37\u202f100 ± 310"]  # fmt: skip
+    order = ["Verdict: Named · first-order actuator lag", diagnosis["effects"][0]["statement"],
+             "In ROSCO: set PA_Mode = 1", "What to record next", "Pitch PRBS of 0.5 deg", "Before and after", "41.2 %",
+             "4.30 %", "0.312 ± 0.021", "What decided", "transport delay, at the input pitch", "Where it sits",
+             "What was worth a fit", "0.12 1/m²", "20 recordings generated", "as declared",
+             "−37\u202f100 ± 310"]  # fmt: skip
     place = 0
     for part in order:  # each one after the one before it
         place = seen.index(part, place)
@@ -147,8 +149,8 @@ def test_every_verdict_has_a_sentence(verdict: str, tmp_path: Path) -> None:
 def test_what_is_named_is_shown_among_the_effects_tried_however_softly_it_speaks() -> None:
     loud = [{"id": "backlash", "entry": f"output:y{i}", "statistic": 9.0, "threshold": 4.4} for i in range(40)]
     named = {"id": "actuator_lag", "entry": "input:pitch", "statistic": 2.98, "threshold": 4.4}
-    assert "actuator_lag" in score_bank([*loud, named], {("actuator_lag", "input:pitch")})
-    assert "actuator_lag" not in score_bank([*loud, named], set())
+    assert "first-order actuator lag" in score_bank([*loud, named], {("actuator_lag", "input:pitch")})
+    assert "first-order actuator lag" not in score_bank([*loud, named], set())
 
 
 @pytest.mark.parametrize("key", ["none", *report_examples.evidence()])

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import report_examples
 
-from aeolid.report.charts import INK
+from aeolid.report.charts import DOT as INK
 from aeolid.report.where import equations, maps
 
 CAPTIONS = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -69,7 +70,12 @@ def _loaded(
         held = load_case(case, allow_outside=allow_outside, allow_fmu=allow_fmu, resample=resample)
         return held.records, held, None
     except DataError as error:
-        return load_recordings(case, allow_outside=allow_outside, resample=resample), None, error
+        told = logging.getLogger("aeolid.formats")
+        told.disabled = True  # what there is to say of the files has been said
+        try:
+            return load_recordings(case, allow_outside=allow_outside, resample=resample), None, error
+        finally:
+            told.disabled = False
 
 
 def _run_of(held: Case | None) -> Record | None:
@@ -98,7 +104,9 @@ def _show(files: list[tuple[str, Record]], held: Case | None, odd: tuple[str, ..
             ("greatest", True),
             ("over time", False),
         ):
-            table.add_column(heading, justify="right" if right else "left", overflow="fold")
+            told = heading == "between samples"  # words may be folded; names, numbers and the picture may not
+            justify: Any = "right" if right else "left"
+            table.add_column(heading, justify=justify, overflow="fold" if told else "crop", no_wrap=not told)
         for r in rows_of(record):
             cells = [*_cells(r), r.shape]
             table.add_row(*(Text(c) for c in cells))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +18,16 @@ from aeolid.cli.common import (
     progress_console,
     read_resample,
 )
+from aeolid.cli.diagnose_piece import FILES, Asked, require_case
+from aeolid.cli.pools import (
+    InsecureOption,
+    SchedulerOption,
+    TlsCaOption,
+    TlsCertOption,
+    TlsKeyOption,
+    Where,
+    WorkersOption,
+)
 from aeolid.output import declare, discard, make_folder
 
 EXAMPLES = (
@@ -27,25 +36,12 @@ EXAMPLES = (
     "aeolid diagnose my_case --out checked --sham 5 --fail-on-mismatch --json -",
 )
 
-FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
+OR = " — or: "  # between the explanations of a statement that leaves several open
 
 
 def register(app: typer.Typer) -> None:
     """Add the sub-command."""
     app.command("diagnose")(run)
-
-
-@dataclass(frozen=True)
-class Asked:
-    """Hold the options that an answer depends on, as `run` names them."""
-
-    sham: int
-    seed: int
-    time_limit: float
-    allow_outside: bool
-    allow_fmu: bool
-    resample: float | str | None
-    report: bool
 
 
 def run(
@@ -77,21 +73,30 @@ def run(
         float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
     ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
     resample: ResampleOption = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    tls_ca: TlsCaOption = None,
+    tls_cert: TlsCertOption = None,
+    tls_key: TlsKeyOption = None,
+    insecure_scheduler: InsecureOption = False,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
     """Locate what a model leaves out, name it, model it and prove it on sealed data.
 
     Writes diagnosis.json, report.html, the corrected model and the sealed data before and after; always ends with a
-    verdict. Several cases give one table, cases.csv; what an earlier run did from the same files is not done again.
+    verdict. Several cases give one table, cases.csv; what an earlier run did from the same files is not done again,
+    and --workers or --scheduler do several at a time.
     """
     from aeolid.errors import UsageError
 
     if not 0 < time_limit < float("inf"):
         raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
     asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report)
+    where = Where(workers, scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
+    where.check()
     if len(cases) > 1:
-        verdicts = _many(cases, out, asked, json_target, force)
+        verdicts = _many(cases, out, asked, where, json_target, force)
     else:
         verdicts = [_one(cases[0], out, asked, json_target, force)]
     if fail_on_mismatch and any(v not in ("no_mismatch", "immaterial", "not_testable") for v in verdicts):
@@ -100,7 +105,7 @@ def run(
 
 def _one(case: Path, out: Path, asked: Asked, json_target: str | None, force: bool) -> str:
     """Diagnose one case and say all of it; returns the verdict."""
-    _require_case(case)
+    require_case(case)
     declare("diagnose", force=force, inputs=[case], folders={"--out": out}, files={"--json": json_target}, inside=FILES)
     diagnosis, evidence = _written(case, out, asked)
     if json_target != "-":
@@ -115,23 +120,24 @@ def _one(case: Path, out: Path, asked: Asked, json_target: str | None, force: bo
     return str(diagnosis["verdict"])
 
 
-def _many(cases: list[Path], out: Path, asked: Asked, json_target: str | None, force: bool) -> list[str]:
+def _many(cases: list[Path], out: Path, asked: Asked, where: Where, json_target: str | None, force: bool) -> list[str]:
     """Diagnose several cases into one table; returns the verdicts of those that could be read."""
-    from aeolid import __version__
-    from aeolid.cli.diagnose_many import FACTS, TABLE, diagnose_many, names_of, show
+    from aeolid.cli.diagnose_many import diagnose_many, in_turn, names_of, run_many, settings_of, show, written_by
     from aeolid.errors import DataError
 
     named = names_of(cases)
-    inside = [TABLE, FACTS, *(f"{name}/{file}" for name in named for file in FILES)]
-    files = {"--json": json_target}
-    declare("diagnose", force=force, inputs=cases, folders={"--out": out}, files=files, inside=inside)
+    if where.workers in (None, 1) and where.scheduler is None:
+        files = {"--json": json_target}
+        declare("diagnose", force=force, inputs=cases, folders={"--out": out}, files=files, inside=written_by(named))
 
-    def diagnose(case: Path, folder: Path) -> dict[str, Any]:
-        _require_case(case)
-        make_folder(folder)
-        return _written(case, folder, asked)[0]
+        def diagnose(case: Path, folder: Path) -> dict[str, Any]:
+            require_case(case)
+            make_folder(folder)
+            return _written(case, folder, asked)[0]
 
-    rows = diagnose_many(named, out, asdict(asked) | {"version": __version__}, diagnose)
+        rows = diagnose_many(named, out, settings_of(asked), in_turn(diagnose))
+    else:
+        rows = run_many(named, out, asked, where, force, json_target)
     if json_target != "-":
         show(rows, out)
     emit_json({"cases": rows}, json_target)
@@ -139,16 +145,6 @@ def _many(cases: list[Path], out: Path, asked: Asked, json_target: str | None, f
     if not read:
         raise DataError(f"none of {len(rows)} cases could be read; the first: {rows[0]['fault']}")
     return read
-
-
-def _require_case(case: Path) -> None:
-    from aeolid.errors import DataError
-
-    if not (case / "case.toml").is_file():
-        raise DataError(
-            f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
-            " model: aeolid init RECORDING writes one, aeolid example . two"
-        )
 
 
 def _written(case: Path, out: Path, asked: Asked) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -206,17 +202,16 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
     """Say verdict, parameters and sealed proof in a few lines; names come from files, so nothing in them is markup."""
     from rich.markup import escape
 
-    from aeolid.cli.wording import odds
+    from aeolid.diagnose.hypotheses.catalogue import in_words
+    from aeolid.wording import odds, spoken
 
-    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(diagnosis['statement'])}", soft_wrap=True)
+    alternatives = diagnosis["statement"].split(OR) if diagnosis["verdict"] == "ambiguous" else []
+    said = diagnosis["statement"] if len(alternatives) < 2 else "more than one explanation fits; one of"
+    console.print(f"[bold]{diagnosis['verdict']}[/bold]: {escape(in_words(spoken(said)))}", soft_wrap=True)
+    for text in alternatives if len(alternatives) > 1 else []:
+        console.print(f"  - {in_words(spoken(text))}", soft_wrap=True, markup=False)
     for effect in diagnosis["effects"]:
-        for name, value in effect["parameters"].items():
-            told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
-            spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
-            unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
-            console.print(f"  {effect['id']} {name} = {told}{spread}{unit}", markup=False)
-        for row in effect.get("settings", []):
-            console.print(f"  {effect['id']} in {row['simulator']}: {row['set']}", soft_wrap=True, markup=False)
+        _print_values(effect)
     sealed = diagnosis["sealed"]
     if sealed["nrmse_before"]:
         low, high = sealed["interval"]
@@ -232,10 +227,30 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
             )
 
 
+def _print_values(effect: dict[str, Any]) -> None:
+    """Say the values of an effect, each by what it means, and what to set in which simulator."""
+    from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
+
+    called = name_of(effect["id"])
+    for name, value in effect["parameters"].items():
+        told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
+        spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
+        unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
+        meaning = meaning_of(effect["id"], name)
+        label = f"{meaning} ({name})" if meaning else name
+        console.print(f"  {called}: {label} = {told}{spread}{unit}", soft_wrap=True, markup=False)
+    for row in effect.get("settings", []):
+        console.print(f"  in {row['simulator']}: set {row['set']}", soft_wrap=True, markup=False)
+
+
 def _print_next(diagnosis: dict[str, Any]) -> None:
     """Say what to record next, where there is something to decide."""
+    from aeolid.diagnose.hypotheses.catalogue import in_words
+    from aeolid.wording import spoken
+
     if diagnosis["next_experiment"]:
-        console.print(f"  next: {diagnosis['next_experiment']['text']}", soft_wrap=True, markup=False)
+        text = in_words(spoken(diagnosis["next_experiment"]["text"]))
+        console.print(f"  record next: {text}", soft_wrap=True, markup=False)
 
 
 def _print_free_run(evidence: dict[str, Any], out: Path) -> None:

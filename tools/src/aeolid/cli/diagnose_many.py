@@ -1,26 +1,30 @@
-"""Diagnose many cases after each other: one table of all, and a second run does what is new."""
+"""Diagnose many cases: one table of all, and a second run does what is new."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from aeolid.cli.common import console, progress_console
-from aeolid.cli.wording import place
+from aeolid.cli.diagnose_piece import FILES, Asked, diagnose_piece
+from aeolid.cli.pools import Where
 from aeolid.errors import AeolidError, DataError, UsageError
 from aeolid.inputs import open_regular
-from aeolid.output import write_json, write_text
+from aeolid.output import declare, write_json, write_text
 from aeolid.output.ledger import digest
 from aeolid.text_files import MOST_JSON, load_json
+from aeolid.wording import place
 
 TABLE, FACTS = "cases.csv", "cases.json"
 _DONE = "done.json"  # in the folder of a case: what it was diagnosed from
 COLUMNS = ("case", "verdict", "effect", "where", "value", "std", "unit", "gain", "low", "statement")
 
 Diagnose = Callable[[Path, Path], dict[str, Any]]
+Work = Callable[[Sequence[tuple[str, Path, Path]]], Iterator[tuple[int, Any]]]
 
 
 def names_of(cases: Sequence[Path]) -> dict[str, Path]:
@@ -34,31 +38,93 @@ def names_of(cases: Sequence[Path]) -> dict[str, Path]:
     return named
 
 
+def in_turn(diagnose: Diagnose) -> Work:
+    """Return what diagnoses cases one after the other in this process."""
+
+    def work(pieces: Sequence[tuple[str, Path, Path]]) -> Iterator[tuple[int, Any]]:
+        for index, (_, case, folder) in enumerate(pieces):
+            try:
+                yield index, diagnose(case, folder)
+            except AeolidError as error:
+                yield index, error
+
+    return work
+
+
 def diagnose_many(
-    cases: Mapping[str, Path], out: Path, settings: Mapping[str, Any], diagnose: Diagnose
+    cases: Mapping[str, Path], out: Path, settings: Mapping[str, Any], work: Work
 ) -> list[dict[str, Any]]:
     """Diagnose each case into a folder of its own in `out`; what was done from the same files is taken over.
 
-    settings: what else an answer depends on; diagnose: case and folder to a diagnosis. A case that cannot be read has
-    its sentence in the table and the others go on. The table is written after each case. Returns its rows.
+    settings: what else an answer depends on; work: pieces (name, case, folder) to their diagnoses or exceptions, as
+    they are done. A case that cannot be read has its sentence in the table and the others go on. The table is written
+    after each case. Returns its rows, in the order of the cases.
     """
-    rows: list[dict[str, Any]] = []
-    for number, (name, case) in enumerate(cases.items(), 1):
-        try:
-            key = fingerprint(case, settings)
-            known = _known(out / name, key)
-            again = "as before" if known else "diagnosing"
-            progress_console.print(f"case {number} of {len(cases)}, {name}: {again}", markup=False, soft_wrap=True)
-            found = known or diagnose(case, out / name)
-            if not known:
-                write_json(out / name / _DONE, {"key": key})
-            rows.append(row_of(name, found) | {"fault": None})
-        except AeolidError as error:
+    rows: dict[str, dict[str, Any]] = {}
+    keys: dict[str, str] = {}
+    left: list[tuple[str, Path, Path]] = []
+
+    def enter(name: str, found: Any) -> None:
+        if isinstance(found, BaseException):
             empty: dict[str, Any] = dict.fromkeys(COLUMNS)
-            rows.append(empty | {"case": name, "verdict": "not read", "statement": str(error), "fault": str(error)})
-        write_text(out / TABLE, csv_of(rows))
-        write_json(out / FACTS, {"cases": rows})
-    return rows
+            told = str(found) if isinstance(found, AeolidError) else f"{type(found).__name__}: {found}"
+            rows[name] = empty | {"case": name, "verdict": "not read", "statement": told, "fault": told}
+        else:
+            rows[name] = row_of(name, found) | {"fault": None}
+        listed = [rows[n] for n in cases if n in rows]
+        write_text(out / TABLE, csv_of(listed))
+        write_json(out / FACTS, {"cases": listed})
+
+    for name, case in cases.items():
+        try:
+            keys[name] = fingerprint(case, settings)
+        except AeolidError as error:
+            enter(name, error)
+            continue
+        if (known := _known(out / name, keys[name])) is not None:
+            _tell(len(rows) + 1, cases, name, "as before")
+            enter(name, known)
+        else:
+            left.append((name, case, out / name))
+    for index, found in work(left):
+        name = left[index][0]
+        if not isinstance(found, BaseException):
+            write_json(out / name / _DONE, {"key": keys[name]})
+        _tell(len(rows) + 1, cases, name, "not read" if isinstance(found, BaseException) else "diagnosed")
+        enter(name, found)
+    return [rows[name] for name in cases]
+
+
+def _tell(number: int, cases: Mapping[str, Path], name: str, what: str) -> None:
+    progress_console.print(f"case {number} of {len(cases)}, {name}: {what}", markup=False, soft_wrap=True)
+
+
+def settings_of(asked: Asked) -> dict[str, Any]:
+    """Return what an answer depends on beside the files of its case."""
+    from aeolid import __version__
+
+    return asdict(asked) | {"version": __version__}
+
+
+def written_by(cases: Mapping[str, Path]) -> list[str]:
+    """Return the names of what a diagnosis of these cases writes."""
+    return [TABLE, FACTS, *(f"{name}/{file}" for name in cases for file in FILES)]
+
+
+def run_many(
+    cases: Mapping[str, Path], out: Path, asked: Asked, where: Where, force: bool, json_target: str | None = None
+) -> list[dict[str, Any]]:
+    """Diagnose cases on the workers that the options name; returns the rows of their table."""
+    inside = written_by(cases)
+    files = {"--json": json_target}
+    declare("diagnose", force=force, inputs=list(cases.values()), folders={"--out": out}, files=files, inside=inside)
+
+    def work(pieces: Sequence[tuple[str, Path, Path]]) -> Iterator[tuple[int, Any]]:
+        given = [(name, str(case.resolve())) for name, case, _ in pieces]
+        with where.open(len(given)) as pool:
+            yield from pool.run(diagnose_piece, given, asked, str(out.resolve()), inside, force)
+
+    return diagnose_many(cases, out, settings_of(asked), work)
 
 
 def fingerprint(case: Path, settings: Mapping[str, Any]) -> str:

@@ -2,25 +2,36 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, RolesOption, console, emit_json, progress_console
+from aeolid.cli.pools import (
+    InsecureOption,
+    SchedulerOption,
+    TlsCaOption,
+    TlsCertOption,
+    TlsKeyOption,
+    Where,
+    WorkersOption,
+)
+from aeolid.cli.publishing import PublishOption, publish_once, targets_of
 from aeolid.errors import UsageError
 from aeolid.output import declare, make_folder
 
 if TYPE_CHECKING:
     from aeolid.fleet.plan import Plan
-    from aeolid.fleet.workers import Pool
+    from aeolid.record import Roles
 
 EXAMPLES = (
     "aeolid fleet recordings --roles roles.toml --past 30 --out trends",
     'aeolid fleet "park/*/2026-*.csv" --roles roles.toml --past 30 --window 1w --models --out trends',
+    "aeolid fleet park --roles roles.toml --past 12s --out above_rated --keep status=1 --keep wind=12..",
+    "aeolid fleet park --roles roles.toml --past 12s --out trends --diagnose my_case --workers 2",
 )
 
 FILES = ("modes.parquet", "fleet.json", "report.html")
@@ -36,7 +47,7 @@ def fleet(
         list[str], typer.Argument(metavar="DIR|GLOB...", help="Folders (searched to the bottom), patterns or files.")
     ],
     roles: RolesOption,
-    past: Annotated[int, typer.Option("--past", help="Past window p in samples.")],
+    past: Annotated[str, typer.Option("--past", help="Past window p in samples, or in seconds (12s).")],
     out: Annotated[Path, typer.Option("--out", help="Folder for the table, the page and the cache of factors.")],
     order: Annotated[str, typer.Option("--order", help="Number of states, or auto: one for each turbine.")] = "auto",
     group: Annotated[
@@ -53,50 +64,48 @@ def fleet(
     feedthrough: Annotated[
         list[str] | None, typer.Option("--feedthrough", help="Input that acts within the sample; repeatable.")
     ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keep", metavar="CHANNEL=LOW..HIGH", help="Use samples of this range or state only; all of several."
+        ),
+    ] = None,
     models: Annotated[
         bool, typer.Option("--models", help="Write the model of each period, models/TURBINE/PERIOD.json.")
     ] = False,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Local processes; default one a core, 1 is this process.")
+    diagnose: Annotated[
+        Path | None,
+        typer.Option(
+            "--diagnose", metavar="CASE_DIR", help="Hold each turbine's recordings against the baseline of this case."
+        ),
     ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", help="tls://HOST:PORT of a Dask scheduler whose workers see the same paths."),
-    ] = None,
-    tls_ca: Annotated[
-        Path | None, typer.Option("--tls-ca", help="Certificate of the authority of that cluster, PEM.")
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option("--tls-cert", help="Certificate to show to it, PEM.")] = None,
-    tls_key: Annotated[Path | None, typer.Option("--tls-key", help="Its key, PEM.")] = None,
-    insecure_scheduler: Annotated[
-        bool,
-        typer.Option("--insecure-scheduler", help="Take tcp://HOST:PORT too: whoever reaches it runs programs as you."),
-    ] = False,
+    publish: PublishOption = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    tls_ca: TlsCaOption = None,
+    tls_cert: TlsCertOption = None,
+    tls_key: TlsKeyOption = None,
+    insecure_scheduler: InsecureOption = False,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
     """Map recordings to models of each turbine and period and follow their modes; a second run does what is new."""
-    if workers is not None and (scheduler is not None or not 1 <= workers <= 1024):
-        raise UsageError("--workers is 1 to 1024 local processes, and goes without --scheduler")
-    if scheduler is None and (tls_ca or tls_cert or tls_key or insecure_scheduler):
-        raise UsageError("--tls-ca, --tls-cert, --tls-key and --insecure-scheduler go with --scheduler")
+    where = Where(workers, scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
+    where.check()
+    targets = targets_of(publish)
     from aeolid.fleet.plan import find_recordings
     from aeolid.fleet.run import run_fleet
     from aeolid.fleet.tables import mode_rows, write_models, write_modes
     from aeolid.report.fleet import render_fleet
 
-    plan = _plan(roles, past, order, group, window, feedthrough)
     paths = find_recordings(recordings, out)
+    plan = _plan(roles, past, paths, order, group, window, feedthrough, keep)
     files = {"--json": json_target}
     declare("fleet", force=force, inputs=[roles, *paths], folders={"--out": out}, files=files, inside=FILES)
     if models:
         make_folder(out / "models")
-    count = min(workers or len(os.sched_getaffinity(0)), len(paths))
-    where = None
-    if scheduler is not None:
-        where = (scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
     try:
-        with _open(count, where) as pool, _progress() as notice:
+        with where.open(len(paths)) as pool, _progress() as notice:
             facts = run_fleet(paths, plan, out, pool, notice)
     except KeyboardInterrupt:
         progress_console.print(f"stopped; what is finished is kept in {out / 'cache'}: the same command goes on there")
@@ -108,24 +117,47 @@ def fleet(
     render_fleet(facts, out / "report.html")
     if json_target != "-":
         console.print(_text(facts, out, models), markup=False)
+    if targets:
+        from aeolid.publish.rows import rows_of_fleet
+
+        publish_once(targets, rows_of_fleet(facts))
+    if diagnose is not None:
+        members = _members(facts, plan, paths)
+        facts["diagnoses"] = _diagnose(diagnose, roles, members, out, where, force, json_target != "-")
     emit_json(facts, json_target)
 
 
-def _open(
-    count: int, scheduler: tuple[str, Path | None, Path | None, Path | None, bool] | None
-) -> AbstractContextManager[Pool]:
-    if scheduler is None:
-        from aeolid.fleet.workers import open_pool
+def _diagnose(
+    template: Path, roles: Path, members: dict[str, list[Path]], out: Path, where: Where, force: bool, told: bool
+) -> list[dict[str, Any]]:
+    """Diagnose each turbine with the baseline of a case; returns the rows of their table."""
+    from aeolid.cli.diagnose_many import run_many, show
+    from aeolid.cli.diagnose_piece import Asked
+    from aeolid.fleet.cases import write_cases
 
-        return open_pool(count)
-    from aeolid.fleet.cluster import Scheduler, open_cluster
+    cases = write_cases(template, roles, members, out / "cases")
+    asked = Asked(0, 1, 3600.0, True, False, None, True)  # null simulations of each turbine would take days
+    rows = run_many(cases, out / "diagnoses", asked, where, force)
+    if told:
+        show(rows, out / "diagnoses")
+    return rows
 
-    return open_cluster(Scheduler(*scheduler))
+
+def _members(facts: dict[str, Any], plan: Plan, paths: list[Path]) -> dict[str, list[Path]]:
+    """Return the recordings of each turbine that were used, in the order of their names."""
+    left = {row["name"] for row in facts["skipped"] if row["kind"] == "recording"}
+    found: dict[str, list[Path]] = {}
+    for path in sorted(paths):
+        if str(path) not in left:
+            found.setdefault(plan.place(path)[0], []).append(path)
+    return found
 
 
 def _plan(
-    roles: Path, past: int, order: str, group: str | None, window: str | None, feedthrough: list[str] | None
-) -> Plan:
+    roles: Path, past: str, paths: list[Path], order: str, group: str | None, window: str | None,
+    feedthrough: list[str] | None, keep: list[str] | None,
+) -> Plan:  # fmt: skip
+    from aeolid.fleet.keep import parse_keep
     from aeolid.fleet.plan import Plan, names_period, parse_window
     from aeolid.record import Roles
 
@@ -134,7 +166,30 @@ def _plan(
     except ValueError:
         raise UsageError(f"--order {order!r} is neither a whole number nor auto") from None
     length = None if window is None and names_period(group) else parse_window(window or "1d")
-    return Plan(Roles.load(roles), past, states, tuple(feedthrough or ()), group, length)
+    held = Roles.load(roles)
+    rules = tuple(parse_keep(text, held) for text in keep or ())
+    return Plan(held, _samples(past, held, paths), states, tuple(feedthrough or ()), group, length, rules)
+
+
+def _samples(past: str, roles: Roles, paths: list[Path]) -> int:
+    """Return the window in samples; of one in seconds by the sample time of the first recording that can be read."""
+    from aeolid.errors import AeolidError
+    from aeolid.formats import read_record
+    from aeolid.identify.choose_past import SECONDS, read_past
+
+    step = roles.sample_time_s
+    if SECONDS.fullmatch(past.strip()) is None:
+        found = read_past(past, 1.0)
+        if found is None:
+            raise UsageError("--past auto is for identify; give the fleet one window, in samples (30) or seconds (12s)")
+        return found
+    for path in paths if step is None else ():
+        try:
+            step = read_record(path, roles).sample_time_s
+            break
+        except AeolidError:  # the run says of each recording why it cannot be read
+            continue
+    return read_past(past, step or 1.0) or 1
 
 
 @contextmanager

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aeolid.cli.common import DEFAULT_BASE, BaseOption, ForceOption, JsonOption
+from aeolid.cli.publishing import PublishEveryOption, PublishOption, check_every, publishing, targets_of
 from aeolid.cli.receiving import (
     BitRateOption,
     BusOption,
@@ -14,14 +17,20 @@ from aeolid.cli.receiving import (
     LogOption,
     MarkovOption,
     OrderOption,
+    Over,
     PolesEveryOption,
     PolesOption,
     ReconnectOption,
     RecordOption,
+    Stop,
     UntilEndOption,
     Wanted,
     receive,
 )
+
+if TYPE_CHECKING:
+    from aeolid.can.reception import Reception
+    from aeolid.cli.listen_modes import ModeFollower
 
 EXAMPLES = (
     "aeolid listen --bus socketcan:can0 --record received.csv",
@@ -53,6 +62,8 @@ def run(
     base: BaseOption = DEFAULT_BASE,
     bit_rate: BitRateOption = 500_000,
     data_bit_rate: DataBitRateOption = 2_000_000,
+    publish: PublishOption = None,
+    publish_every: PublishEveryOption = 10.0,
     json: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
@@ -67,4 +78,22 @@ def run(
         bus, record, log, markov, modes, poles, poles_every, order, seconds, until_end, reconnect, node_id, base,
         bit_rate, data_bit_rate, json, force=force,
     )  # fmt: skip
-    receive(wanted, lambda reception, follower, _: shown(reception, follower))
+    targets, every = targets_of(publish), check_every(publish_every)
+    if not targets:
+        receive(wanted, lambda reception, follower, _: shown(reception, follower))
+        return
+    from aeolid.monitor.board import Board
+
+    board = Board()
+
+    def facts() -> dict[str, Any]:
+        board.tick()
+        return board.facts
+
+    @contextmanager
+    def show(reception: Reception, follower: ModeFollower | None, stop: Stop) -> Iterator[Over]:
+        board.watch(reception, follower, node_id)
+        with publishing(targets, facts, every), shown(reception, follower) as over:
+            yield over
+
+    receive(wanted, show, board)

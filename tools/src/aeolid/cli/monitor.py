@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aeolid.cli.common import DEFAULT_BASE, BaseOption, ForceOption, JsonOption, console, progress_console
+from aeolid.cli.publishing import PublishEveryOption, PublishOption, check_every, publishing, targets_of
 from aeolid.cli.receiving import (
     BitRateOption,
     BusOption,
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 EXAMPLES = (
     "aeolid monitor --bus socketcan:can0 --record received.csv",
     "aeolid monitor --bus slcan:socket://127.0.0.1:29536 --terminal --for 60",
+    "aeolid monitor --bus socketcan:can0 --publish mqtt://broker/park/turbine7",
 )
 PORT = 8536
 
@@ -73,13 +75,16 @@ def run(
     base: BaseOption = DEFAULT_BASE,
     bit_rate: BitRateOption = 500_000,
     data_bit_rate: DataBitRateOption = 2_000_000,
+    publish: PublishOption = None,
+    publish_every: PublishEveryOption = 10.0,
     json: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
     """Watch nodes while they stream: modes with their bands, Markov parameters, innovations, health, losses, bus load.
 
     The first line on standard output is the address of the page. Receives, writes and ends as `listen` does; the page
-    of a log is kept until Ctrl-C. --poles-every is also the distance of the points in the page's history.
+    of a log is kept until Ctrl-C. --poles-every is also the distance of the points in the page's history. The page's
+    address has /metrics for Prometheus beside it.
     """
     from aeolid.monitor.board import Board
 
@@ -87,13 +92,16 @@ def run(
         bus, record, log, markov, True, poles, poles_every, order, seconds, until_end, reconnect, node_id, base,
         bit_rate, data_bit_rate, json, "--for", "monitor", force,
     )  # fmt: skip
-    board = Board()
+    board, targets, every = Board(), targets_of(publish), check_every(publish_every)
 
     @contextmanager
     def show(reception: Reception, follower: ModeFollower | None, stop: Stop) -> Iterator[Over]:
         target = reception.recorder.target
         board.watch(reception, follower, node_id, None if target is None else str(target))
-        with _shown(board, (address, port, browser, terminal)) as view:
+        with (
+            publishing(targets, lambda: board.facts, every),
+            _shown(board, (address, port, browser, terminal)) as view,
+        ):
             yield lambda: view.farewell("The reception is over.")
             while reception.source.is_log and not (terminal or until_end or seconds is not None or stop()):
                 time.sleep(0.1)

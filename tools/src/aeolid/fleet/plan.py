@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.errors import DataError, UsageError
+from aeolid.fleet.keep import Keep
 from aeolid.formats.recording import SUFFIXES
 from aeolid.record import Roles
 
@@ -34,6 +35,7 @@ class Plan:
     feedthrough: tuple[str, ...]
     group: str | None
     window_s: float | None
+    keep: tuple[Keep, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the settings; raises UsageError or DataError naming the one that is wrong."""
@@ -57,6 +59,7 @@ class Plan:
         clock = [self.roles.time_unit, self.roles.resample]
         facts = [FORMAT, sha256, self.past, channels, self.roles.sample_time_s, self.roles.time]
         facts += clock if clock != [None, None] else []  # keys of before these were known stay as they were
+        facts += [[rule.text() for rule in self.keep]] if self.keep else []
         return hashlib.sha256(json.dumps(facts).encode()).hexdigest()
 
     def place(self, path: Path) -> tuple[str, str | None, float | None]:
@@ -88,6 +91,7 @@ class Plan:
         return {
             "roles": self.roles.source, "past": self.past, "order": self.order or "auto",
             "feedthrough": list(self.feedthrough), "group": self.group, "window_s": self.window_s,
+            "keep": [rule.text() for rule in self.keep],
         }  # fmt: skip
 
 

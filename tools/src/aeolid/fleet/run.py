@@ -236,7 +236,7 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
             "per": "day" if clocks else "period",
         }
         for key, std in (("frequency_hz", "frequency_std_hz"), ("damping", "damping_std")):
-            facts[key] = {"first": modes[0][key], "last": modes[-1][key]}
+            facts[key] = {"first": modes[0][key], "last": modes[-1][key], "last_std": modes[-1][std]}
             series_of = [m[key] for m in modes], [m[std] for m in modes]
             facts[key]["drift"] = drift(times, *series_of)
             facts[key]["onset"] = find_onset(times, *series_of)

@@ -22,6 +22,7 @@ SCHEMA: Mapping[str, tuple[str, str]] = {
     "pole_real": ("float64", "real part of the pole in the z-plane"),
     "pole_imag": ("float64", "imaginary part of the pole in the z-plane, at least 0"),
     "rotor_order": ("int32", "k where the mode is more likely the k-th harmonic of the rotor speed; empty elsewhere"),
+    "name": ("string", "what the mode is called by the outputs it moves: tower fore-aft, drive train; empty elsewhere"),
     "mostly_in": ("string", "output with the largest part of the motion, outputs in units of their deviations"),
     "share": ("float64", "that part, 0 to 1"),
     "order": ("int32", "number of states of the period's model"),
@@ -40,7 +41,7 @@ def mode_rows(periods: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             where = max(mode["outputs"], key=lambda name: mode["outputs"][name])
             facts = {**period, **mode, "pole_real": mode["eigenvalue"][0], "pole_imag": mode["eigenvalue"][1]}
             facts |= {"mostly_in": where, "share": mode["outputs"][where]}
-            rows.append({name: facts[name] for name in SCHEMA})
+            rows.append({name: facts.get(name, "") if name == "name" else facts[name] for name in SCHEMA})
     return rows
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.errors import AeolidError
+from aeolid.fleet.keep import kept
 from aeolid.fleet.modelling import choose_common_order, model_summary
 from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary, load, merge_all, save, summarise
@@ -77,7 +78,7 @@ def compress_file(path: str, plan: Plan, cache: str) -> FileDone:
         target = Path(cache) / "factors" / f"{name}.npz"
         summary, reused = _cached(target), True
         if summary is None:
-            summary, reused = summarise(read_record(path, plan.roles), plan.past), False
+            summary, reused = summarise(kept(read_record(path, plan.roles), plan.keep), plan.past), False
             save(summary, target)
     except Exception as error:  # whatever one file does, the others go on; the table of reasons names it
         return FileDone(path, reason_of(error))

@@ -22,7 +22,8 @@ from aeolid.record import Channel, Record, Roles, file_sha256
 SUFFIXES = (  # of what is taken for a recording in a folder: others are read by name
     ".csv", ".csv.gz", ".parquet", ".mat", ".npz", ".mf4", ".out", ".outb", ".blf", ".asc", ".log", ".sel", ".tdms",
 )  # fmt: skip
-_NAMED = (".xlsx", ".h5", ".hdf5", ".dat")
+_NAMED = (".txt", ".tsv", ".dbg", ".xlsx", ".h5", ".hdf5", ".dat")
+_TEXT = (".csv", ".csv.gz", ".txt", ".tsv", ".out", ".dbg")
 _RATES = (".mf4", ".tdms")  # formats in which each group of channels has a clock
 _CAN_LOGS = (".blf", ".asc", ".log")
 
@@ -117,6 +118,10 @@ def read_chosen(path: str | Path, choose: Choose) -> Table:
 
 def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
     """Read the chosen columns of a file; own_clocks: they may have different clocks where the format has such."""
+    if path.is_dir():
+        from aeolid.formats.dataset import read_dataset
+
+        return read_dataset(path, choose)
     empty = regular_size(path) == 0
     name = path.name.lower()
     suffix = ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
@@ -131,10 +136,10 @@ def _read(path: Path, choose: Choose, own_clocks: bool = False) -> Table:
 
 def _reader(suffix: str, path: Path) -> Callable[..., Table]:
     """Import the reader only when its format is met: none of the libraries behind them is needed for the others."""
-    if suffix in (".csv", ".csv.gz", ".out"):
+    if suffix in _TEXT:
         from aeolid.formats import text
 
-        return text.read_out if suffix == ".out" else text.read_csv
+        return text.read_out if suffix in (".out", ".dbg") else text.read_csv
     if suffix == ".mf4":
         from aeolid.formats import mdf
 
@@ -166,7 +171,9 @@ def _reader(suffix: str, path: Path) -> Callable[..., Table]:
 
 def _hash(path: Path) -> str:
     """Return the SHA-256 of a recording's file; where it consists of several, that of their sums in hexadecimal."""
-    if path.suffix.lower() in (".sel", ".dat"):
+    if path.is_dir():
+        from aeolid.formats.dataset import parts_of as parts
+    elif path.suffix.lower() in (".sel", ".dat"):
         from aeolid.formats.hawc2 import companions as parts
     elif is_bladed(path):
         parts = companions

@@ -28,6 +28,7 @@ import tornado.web
 from aeolid.errors import UsageError
 from aeolid.monitor.board import Board
 from aeolid.monitor.door import Door, affordable
+from aeolid.publish.rows import prometheus_text, rows_of_monitor
 
 PAGE = Path(__file__).resolve().parent / "page"
 PLOTLY = Path(plotly.__file__).resolve().parent / "package_data"
@@ -146,6 +147,7 @@ def _application(server: PageServer) -> tornado.web.Application:
     routes: list[Any] = [
         (r"/()", _File, {"path": PAGE, "default_filename": "index.html"}), *own,
         (r"/(plotly\.min\.js)", _File, {"path": PLOTLY}), (r"/state", _State, {"server": server}),
+        (r"/metrics", _Metrics, {"server": server}),
     ]  # fmt: skip
     return tornado.web.Application(routes, default_handler_class=_Nothing, log_function=lambda _: None)
 
@@ -203,6 +205,20 @@ class _File(_Guarded, tornado.web.StaticFileHandler):
     def set_extra_headers(self, path: str) -> None:
         """Have it checked: another version may be started on the same port."""
         self.set_header("Cache-Control", "no-cache")
+
+
+class _Metrics(_Guarded):
+    """Tell the facts as Prometheus scrapes them."""
+
+    def initialize(self, server: PageServer) -> None:
+        """Keep the server."""
+        self.server = server
+
+    def get(self) -> None:
+        """Answer in the text exposition format."""
+        self.set_header("Content-Type", "text/plain; version=0.0.4; charset=utf-8")
+        self.set_header("Cache-Control", "no-store")
+        self.finish(prometheus_text(rows_of_monitor(self.server.board.facts)))
 
 
 class _State(_Guarded):

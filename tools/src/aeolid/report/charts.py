@@ -22,12 +22,17 @@ Array = NDArray[np.float64]
 INK, BEFORE, AFTER, TRUTH, GREY = "#1b1f24", "#d55e00", "#0072b2", "#d55e00", "#9aa4b0"
 WIDE, HALF = (10.6, 3.2), (5.6, 3.6)  # inches: the full width of the page, and one of two columns
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+DOT = "#1b1f25"  # ink on a coloured ground, which stays as it is
+_THEME = {  # what a page's scheme changes: the colour drawn, and the page's name of it
+    INK: "ink", "#5a6470": "soft", "#e3e7eb": "grid", GREY: "grey", BEFORE: "before", AFTER: "after",
+}  # fmt: skip
 _POINTS = 1500  # per line: more cannot be told apart on the width of a page
 
 # A matplotlibrc in the current folder and the style of a caller have no say in a page, nor a page in theirs.
 _RC: dict[Any, Any] = {key: value for key, value in matplotlib.rcParamsDefault.items() if key != "backend"}
 _RC |= {
     "svg.fonttype": "none", "svg.hashsalt": "aeolid", "font.family": "DejaVu Sans", "font.size": 9.5,
+    "figure.facecolor": "none", "axes.facecolor": "none", "text.color": INK,
     "axes.spines.top": False, "axes.spines.right": False, "axes.edgecolor": "#5a6470", "axes.labelcolor": INK,
     "axes.grid": True, "grid.color": "#e3e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True, "axes.titlesize": 10,
     "axes.titlelocation": "left", "xtick.color": "#5a6470", "ytick.color": "#5a6470", "legend.frameon": False,
@@ -65,7 +70,10 @@ def sketch(size: tuple[float, float], rows: int = 1, columns: int = 1, **options
         canvas.print_svg(text, metadata={"Date": None, "Creator": None})
     markup = text.getvalue()
     fonts = "'DejaVu Sans', Verdana, Arial, sans-serif"  # the first is the widest: others fit where it does
-    drawing.svg = Html(markup[markup.index("<svg") :].replace("'DejaVu Sans'", fonts).rstrip())
+    markup = markup[markup.index("<svg") :].replace("'DejaVu Sans'", fonts).rstrip()
+    for colour, name in _THEME.items():
+        markup = markup.replace(f": {colour}", f": var(--{name}, {colour})")
+    drawing.svg = Html(markup.replace("<svg ", '<svg class="wide" ', 1) if size[0] > HALF[0] + 1 else markup)
 
 
 def _write_decades(figure: Any) -> None:

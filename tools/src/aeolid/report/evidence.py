@@ -8,13 +8,16 @@ from typing import Any
 import numpy as np
 
 from aeolid.report import charts
-from aeolid.report.charts import INK
-from aeolid.report.markup import Html, figure, join, section, table, tag
-from aeolid.report.numbers import number, percent, with_std
+from aeolid.report.charts import DOT, INK
+from aeolid.report.markup import Html, figure, folded, join, section, table, tag
+from aeolid.report.numbers import is_open, number, percent, unit_of, with_std
+from aeolid.report.ranking import called, label_of
+from aeolid.wording import spoken
 
 Facts = dict[str, Any]
 _ZOOM_SAMPLES = 400  # what can be followed by eye on the width of a page
 _MOST_OUTPUTS = 6
+_OPEN_OUTPUTS = 2  # drawn without being asked for
 _MOST_BARS = 24
 _MOST_CONFUSED = 12  # the best scored come first
 
@@ -26,13 +29,21 @@ def before_after(evidence: Facts, sealed: Facts, *, after: str) -> Html:
     """
     series, spectra = evidence.get("series") or {}, evidence.get("spectra") or {}
     parts: list[Html] = [_numbers(sealed)]
-    for name in list(dict.fromkeys([*series, *spectra]))[:_MOST_OUTPUTS]:
+    for place, name in enumerate(_by_gain(list(dict.fromkeys([*series, *spectra])), sealed)[:_MOST_OUTPUTS]):
+        drawn = []
         if name in series:
-            parts.append(_time_figure(name, series[name], after))
+            drawn.append(_time_figure(name, series[name], after, sealed.get("horizon_s")))
         if name in spectra:
-            parts.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
+            drawn.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
+        parts += drawn if place < _OPEN_OUTPUTS else [folded(f"{name}: in time and by frequency", *drawn)]
     data = tag("p", f"Sealed data: {sealed['data']}.") if sealed.get("data") and any(parts) else None
     return section("Before and after, on data never used for the fit", data if any(parts) else None, *parts)
+
+
+def _by_gain(names: list[str], sealed: Facts) -> list[str]:
+    """Return the outputs, those first whose error falls most."""
+    before, after = sealed.get("nrmse_before") or {}, sealed.get("nrmse_after") or {}
+    return sorted(names, key=lambda n: (after.get(n) or 1.0) / (before.get(n) or 1.0))
 
 
 def _numbers(sealed: Facts) -> Html:
@@ -41,7 +52,7 @@ def _numbers(sealed: Facts) -> Html:
     return table(["output", "#error before (NRMSE)", "#error after (NRMSE)"], rows)
 
 
-def _time_figure(name: str, data: Facts, after: str) -> Html:
+def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None) -> Html:
     time = np.asarray(data["time_s"], dtype=float)
     lines = {k: np.asarray(data[k], dtype=float) for k in ("measured", "before", "after") if data.get(k)}
     start = _busiest(lines)
@@ -66,7 +77,19 @@ def _time_figure(name: str, data: Facts, after: str) -> Html:
     return figure(
         drawing.svg,
         f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model as it was;"
-        f" blue: {after}. Below: model minus measured.",
+        f" blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}",
+    )
+
+
+def _restart(time: Any, horizon_s: float | None) -> str:
+    """Say how far ahead the lines predict; one sample ahead nothing restarts."""
+    if not horizon_s or len(time) < 2:
+        return ""
+    if horizon_s < 1.5 * (time[1] - time[0]):
+        return " The lines predict one step ahead."
+    return (
+        f" Every {number(float(horizon_s))} s the prediction starts again from what was measured until then, so its"
+        " error is small there and grows until the next start: those edges are no fault of the model."
     )
 
 
@@ -91,7 +114,9 @@ def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
         axes.set_ylabel(f"error spectrum\n({_squared(unit)}/Hz)" if unit else "error spectrum (per Hz)")
         axes.legend(loc="best")
     return figure(
-        drawing.svg, f"{name}: at which frequencies the error was, and is (averaged over twelfths of an octave)."
+        drawing.svg,
+        f"{name}: at which frequencies the error was, and is (averaged over twelfths of an octave; within each"
+        " stretch that is predicted at one go, so that the starts do not show).",
     )
 
 
@@ -105,26 +130,31 @@ def score_bank(bank: list[Facts], found: set[tuple[Any, Any]]) -> Html:
         return Html("")
     ranked = sorted(bank, key=lambda e: -(e.get("statistic") or 0.0))
     shown = [e for i, e in enumerate(ranked) if i < _MOST_BARS or (e.get("id"), e.get("entry")) in found]
-    names = [f"{e.get('id')}, {e['entry']}" if e.get("entry") else str(e.get("id")) for e in shown]
+    names = [called(e.get("id"), e.get("entry")) for e in shown]
     with charts.sketch((charts.WIDE[0], 0.9 + 0.27 * len(shown))) as drawing:
         marked = {i for i, e in enumerate(shown) if (e.get("id"), e.get("entry")) in found}
         values = [float(e.get("statistic") or 0.0) for e in shown]
         charts.bars(drawing.axes[0, 0], names, values, [e.get("threshold") for e in shown], marked)
         drawing.axes[0, 0].set_xlabel("score statistic")
     rows = [
-        (e.get("id"), e.get("entry", ""), number(e.get("statistic")), number(e.get("p_value"), 2),
-         number(e.get("estimate")), number(e.get("minimum_detectable"), 2), e.get("unit", ""))
+        (called(e.get("id"), e.get("entry")), number(e.get("statistic")), number(e.get("p_value"), 2),
+         _sized(e.get("estimate")), _sized(e.get("minimum_detectable")), unit_of(e), str(e.get("id")))
         for e in shown
     ]  # fmt: skip
-    head = ["effect", "where", "#statistic", "#p value", "#one-step estimate", "#minimum detectable", "unit"]
+    head = ["effect", "#statistic", "#p value", "#one-step estimate", "#smallest found", "unit", "in the catalogue"]
     caption = (
-        f"{len(bank)} effects tried. Right of its orange tick an effect is beyond what chance gives; blue: the effect"
-        " named above. What the model's own parameters could imitate has been projected out. The score looks at"
-        " an effect of size zero and says what is worth a fit; what the fitted effect gains decides the name."
+        f"{len(bank)} effects tried. A score asks of an effect of size zero whether it is worth a fit; it names"
+        " nothing: what the fitted effect gains does. Right of its orange tick a score is beyond what chance gives;"
+        " blue: named above. What the model's own parameters could imitate has been projected out."
     )
     if len(shown) < len(bank):
         caption += f" Shown: the {_MOST_BARS} that speak loudest, and what is named."
-    return section("Every effect that was tried", figure(drawing.svg, caption), table(head, rows))
+    numbers = folded(f"The numbers of {len(rows)} effects", table(head, rows))
+    return section("What was worth a fit: every effect's score", figure(drawing.svg, caption), numbers)
+
+
+def _sized(value: Any) -> str:
+    return "–" if is_open(value) else number(value, 2)
 
 
 def confusion(data: Facts) -> Html:
@@ -132,7 +162,7 @@ def confusion(data: Facts) -> Html:
     names, values = data.get("ids") or [], np.asarray(data.get("cos2") or [], dtype=float)
     if len(names) < 2 or values.shape != (len(names), len(names)):
         return Html("")
-    names, values = names[:_MOST_CONFUSED], values[:_MOST_CONFUSED, :_MOST_CONFUSED]
+    names, values = [label_of(n) for n in names[:_MOST_CONFUSED]], values[:_MOST_CONFUSED, :_MOST_CONFUSED]
     side = 2.2 + 0.34 * len(names)
     with charts.sketch((side + 1.6, side)) as drawing:
         axes = drawing.axes[0, 0]
@@ -146,7 +176,7 @@ def confusion(data: Facts) -> Html:
         style: Facts = {"ha": "center", "va": "center", "fontsize": 6.5}
         for i, j in np.argwhere(values >= 0.5):
             if i != j:
-                axes.text(j + 0.5, i + 0.5, f"{values[i, j]:.2f}", color="#fff" if values[i, j] > 0.6 else INK, **style)
+                axes.text(j + 0.5, i + 0.5, f"{values[i, j]:.2f}", color="#fff" if values[i, j] > 0.6 else DOT, **style)
         drawing.figure.colorbar(image, ax=axes, label="cos²", shrink=0.8)
     drawn = tag("div", drawing.svg, style=f"max-width:{100 * (side + 1.6):.0f}px")
     caption = "cos² of the angle between the scores of two effects. Near 1: these data cannot tell the two apart."
@@ -158,16 +188,16 @@ def appendix(evidence: Facts) -> Html:
     return section(
         "Evidence",
         section("Checks of the recording", _forensics(evidence.get("forensics") or []), level="h3"),
-        section("Use of the data", _split(evidence.get("split") or []), level="h3"),
-        section("Parameters of the model, refitted", _parameters(evidence.get("parameters") or []), level="h3"),
         section("Values of the corrected model", *_free_run(evidence.get("free_run") or {}), level="h3"),
-        section("Prediction horizon", *_horizon(evidence.get("horizon") or {}), level="h3"),
-        section("Times", _timing(evidence.get("timing_s") or {}), level="h3"),
+        folded("Parameters of the model, refitted", _parameters(evidence.get("parameters") or [])),
+        folded("Error by prediction horizon", *_horizon(evidence.get("horizon") or {})),
+        folded("Use of the data", _split(evidence.get("split") or [])),
+        folded("Computing times", _timing(evidence.get("timing_s") or {})),
     )
 
 
 def _forensics(entries: list[Facts]) -> Html:
-    rows = [(e.get("check"), e.get("channel") or "", e.get("finding"), e.get("severity")) for e in entries]
+    rows = [(e.get("check"), e.get("channel") or "", spoken(str(e.get("finding"))), e.get("severity")) for e in entries]
     return table(["check", "channel", "finding", "severity"], rows)
 
 

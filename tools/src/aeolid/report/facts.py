@@ -51,7 +51,7 @@ def _pair(pole: list[float]) -> list[list[float]]:
 
 
 def _settings(how: Facts) -> Facts:
-    settings = {k: v for k, v in (how.get("settings") or {}).items() if v not in (None, [], False)}
+    settings = {k: v for k, v in (how.get("settings") or {}).items() if v not in (None, [], {}, False)}
     for key, value in settings.items():
         if isinstance(value, list):
             settings[key] = ", ".join(map(str, value))

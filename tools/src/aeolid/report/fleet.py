@@ -5,18 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from aeolid.fleet.onset import LIGHT
-from aeolid.fleet.plan import DAY
-from aeolid.report import charts
-from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
+from aeolid.report.fleet_charts import (
+    Colours,
+    clock_of,
+    colours_of,
+    draw_changes,
+    draw_modes,
+    draw_park,
+    label_of,
+    newest,
+)
+from aeolid.report.markup import Html, figure, folded, join, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 
 Facts = dict[str, Any]
+_MOST_ROWS = 30  # of a table that stands open
 _MOST_TURBINES = 60  # drawn on one page; the table holds all
-_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#1b1f24")
-_MARKERS = "osD^vPX"
 
 
 def render_fleet(facts: Facts, path: str | Path) -> None:
@@ -24,11 +28,13 @@ def render_fleet(facts: Facts, path: str | Path) -> None:
     turbines = list(dict.fromkeys(p["turbine"] for p in facts["periods"]))
     title = f"Fleet of {len(turbines)} turbine{'s' if len(turbines) != 1 else ''}"
     left = len(turbines) - _MOST_TURBINES
+    colours = colours_of(facts["periods"])
     more = tag("p", f"{left} more turbines are in modes.parquet.", class_="soft") if left > 0 else None
+    turned = [_turbine(facts, name, colours) for name in turbines[:_MOST_TURBINES]]
+    notes = [tag("p", f"Note: {note}.", class_="soft") for note in facts.get("notes", [])]
     write_page(
-        path, title, tag("h1", title), tag("p", _summary(facts)),
-        *(tag("p", f"Note: {note}.", class_="soft") for note in facts.get("notes", [])), _drifts(facts),
-        *(_turbine(facts, name) for name in turbines[:_MOST_TURBINES]), more, _skipped(facts), _settings(facts),
+        path, title, tag("h1", title), tag("p", _summary(facts)), *notes, _drifts(facts), _overview(facts, colours),
+        *turned, more, _skipped(facts), _settings(facts),
     )  # fmt: skip
 
 
@@ -54,8 +60,7 @@ def _drifts(facts: Facts) -> Html:
     for track in facts["tracks"]:
         if not _oscillates(track):
             continue
-        harmonic = f"{track['rotor_order']}P" if track["rotor_order"] else ""
-        cells = [track["turbine"], track["track"], harmonic, track["periods"]]
+        cells = [track["turbine"], label_of(track, facts["periods"]), track["periods"]]
         for key, unit in (("frequency_hz", 1e3), ("damping", 100.0)):
             drift = track[key]["drift"]
             cells += [number(track[key]["last"] * (1 if unit == 1e3 else unit), 4)]
@@ -64,81 +69,60 @@ def _drifts(facts: Facts) -> Html:
         rows.append(cells)
     moved = facts.get("moved", [])
     told = [tag("p", text + ".") for text in moved] or [tag("p", "No mode moved by more than chance.")]
-    head = ["turbine", "#mode", "harmonic", "#periods", "#frequency (Hz)", "#change (mHz)", "#|z|",
+    head = ["turbine", "mode", "#periods", "#frequency (Hz)", "#change (mHz)", "#|z|",
             "#damping (%)", "#change (points)", "#|z|"]  # fmt: skip
     note = "Change in the table: of a weighted straight line over all periods; |z|: its standard deviations."
-    return section("Drift of modes", *told, tag("p", note, class_="soft"), table(head, rows))
+    shown = join([tag("p", note, class_="soft"), table(head, rows)])
+    return section("Drift of modes", *told, shown if len(rows) <= _MOST_ROWS else folded(f"{len(rows)} modes", shown))
 
 
-def _turbine(facts: Facts, name: str) -> Html:
+def _turbine(facts: Facts, name: str, colours: Colours) -> Html:
     periods = [p for p in facts["periods"] if p["turbine"] == name]
     reason = facts["order_reasons"].get(name)
-    starts = np.array([p["start_s"] for p in periods])
-    clocked = len(set(starts.tolist())) > 1
-    times = (starts - starts[0]) / DAY if clocked else np.arange(float(len(periods)))
-    with charts.sketch(charts.WIDE, 1, 2) as drawing:
-        for axes, key, unit, text in zip(
-            drawing.axes[0], ("frequency_hz", "damping"), (1.0, 100.0), ("frequency (Hz)", "damping (%)"), strict=True
-        ):
-            _lines(axes, periods, times, key, unit)
-            axes.set_ylabel(text)
-            axes.set_xlabel(f"days since {periods[0]['period']}" if clocked else "period")
-        if drawing.axes[0, 0].get_legend_handles_labels()[1]:
-            drawing.axes[0, 0].legend(fontsize=8, ncols=2)
+    clock = clock_of(periods)
     caption = "Oscillating modes found in each period, with bands of two standard deviations."
     told = tag("p", reason, class_="soft") if reason else None
-    label = f"days since {periods[0]['period']}" if clocked else "period"
-    return section(f"Turbine {name}", told, figure(drawing.svg, caption), _changes(periods, times, label))
+    drawn = figure(draw_modes(periods, clock, colours), caption)
+    changed = draw_changes(periods, clock, colours)
+    below = "Modes found in most periods with less than 20 % damping, about their own means."
+    return section(f"Turbine {name}", told, drawn, None if changed is None else figure(changed, below))
 
 
-def _changes(periods: list[Facts], times: Any, label: str) -> Html | None:
-    """Draw how far the frequency of each lasting, lightly damped mode is from its mean: 3 % is nothing in Hz."""
-    tracks: dict[int, list[tuple[float, float, float]]] = {}
-    for time, period in zip(times, periods, strict=True):
-        for mode in period["modes"]:
-            if abs(mode["damping"]) < LIGHT:
-                point = (float(time), mode["frequency_hz"], mode["frequency_std_hz"] or 0.0)
-                tracks.setdefault(mode["track"], []).append(point)
-    lasting = {number: np.array(points).T for number, points in tracks.items() if 2 * len(points) > len(periods) > 2}
-    if not lasting:
-        return None
-    with charts.sketch(charts.WIDE) as drawing:
-        axes = drawing.axes[0, 0]
-        for place, (number, (t, y, s)) in enumerate(sorted(lasting.items())):
-            colour, mean = _COLOURS[place % len(_COLOURS)], float(y.mean())
-            change, band = 100 * (y / mean - 1), 200 * s / mean
-            marker = _MARKERS[place % len(_MARKERS)]
-            label_of = f"mode {number}, {mean:.4g} Hz"
-            axes.plot(t, change, color=colour, marker=marker, markersize=3, label=label_of)
-            axes.fill_between(t, change - band, change + band, color=colour, alpha=0.2, linewidth=0)
-        axes.set_ylabel("frequency, from its mean (%)")
-        axes.set_xlabel(label)
-        axes.legend(fontsize=8, ncols=3)
-    return figure(drawing.svg, "Modes found in most periods with less than 20 % damping, about their own means.")
+def _overview(facts: Facts, colours: Colours) -> Html:
+    """Show the whole park in one picture and one table: where each mode is now in each turbine, and how it moved."""
+    last, names = newest(facts["tracks"], facts["periods"])
+    turbines = list(dict.fromkeys(t for t, _ in last))
+    if len(turbines) < 2 or not names:
+        return Html("")
+    rows = [
+        (t, *(_now(last[t, n]) if (t, n) in last else "–" for n in names)) for t in turbines
+    ]  # fmt: skip
+    caption = (
+        "Each lightly damped mode of each turbine in its newest period, against the median of the park; bars are two"
+        " standard deviations. Turbines of one type lie on one line: what lies apart has another tower, drive train or"
+        " foundation, or has changed."
+    )
+    note = "Frequency in Hz, its change over all periods in brackets where it is more than chance."
+    head = ["turbine", *(f"#{n}" for n in names)]
+    return section(
+        "The park",
+        figure(draw_park(last, turbines, names, colours), caption),
+        tag("p", note, class_="soft"),
+        table(head, rows),
+    )
 
 
-def _lines(axes: Any, periods: list[Facts], times: Any, key: str, unit: float) -> None:
-    """Draw a line and its band for each track that oscillates in some period."""
-    std = "frequency_std_hz" if key == "frequency_hz" else "damping_std"
-    tracks: dict[int, list[tuple[float, float, float]]] = {}
-    for time, period in zip(times, periods, strict=True):
-        for mode in period["modes"]:
-            if abs(mode["damping"]) < 1:
-                point = (float(time), unit * mode[key], unit * (mode[std] or 0.0))
-                tracks.setdefault(mode["track"], []).append(point)
-    for place, (track, points) in enumerate(sorted(tracks.items())):
-        t, y, s = np.array(points).T
-        colour, marker = _COLOURS[place % len(_COLOURS)], _MARKERS[place % len(_MARKERS)]
-        axes.plot(t, y, color=colour, marker=marker, markersize=3, label=f"mode {track}")
-        if len(t) > 1:
-            axes.fill_between(t, y - 2 * s, y + 2 * s, color=colour, alpha=0.2, linewidth=0)
-        else:
-            axes.errorbar(t, y, 2 * s, color=colour, capsize=3)
+def _now(track: Facts) -> str:
+    moved = _significance(track, "frequency_hz") > 3.0
+    drift = track["frequency_hz"]["drift"]
+    change = f" ({1e3 * drift['change']:+.1f} mHz)".replace("-", "−") if moved else ""
+    return number(track["frequency_hz"]["last"], 4) + change
 
 
 def _skipped(facts: Facts) -> Html:
     rows = [(row["kind"], row["name"], row["reason"]) for row in facts["skipped"]]
-    return section("Left out", table(["", "which", "reason"], rows))
+    left = table(["", "which", "reason"], rows)
+    return section("Left out", left if len(rows) <= _MOST_ROWS else folded(f"{len(rows)} entries", left))
 
 
 def _settings(facts: Facts) -> Html:

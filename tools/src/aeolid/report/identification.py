@@ -35,7 +35,7 @@ def identification_parts(facts: Facts) -> Html:
     return join(
         [
             tag("p", _summary(facts)),
-            *(tag("p", f"Note: {note}", class_="soft") for note in facts.get("notes") or []),
+            *map(_note, facts.get("notes") or []),
             _modes(facts),
             shapes_part(facts.get("modes") or [], _units(facts)),
             tag("div", join([_singular_values(facts), _poles(facts)]), class_="pair"),
@@ -45,6 +45,14 @@ def identification_parts(facts: Facts) -> Html:
             _stream(facts.get("stream") or {}),
         ]
     )
+
+
+def _note(text: str) -> Html:
+    """Show a note; a warning stands out."""
+    loud, _, rest = str(text).partition("WARNING: ")
+    if rest and not loud:
+        return tag("p", f"Warning: {rest}", class_="warn")
+    return tag("p", f"Note: {text}", class_="soft")
 
 
 def _summary(facts: Facts) -> str:

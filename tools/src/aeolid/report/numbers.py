@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
+_FURTHEST = 1e15  # of a value in any unit of this trade; beyond it a fit has run away
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -44,11 +45,26 @@ def percent(value: Any, digits: int = 3) -> str:
 
 
 def quantity(entry: Any, digits: int = 3) -> str:
-    """Return {"value", "std", "unit"} or a bare number as text."""
+    """Return {"value", "std", "unit"} or a bare number as text; a value that has run away is said to be open."""
     if not isinstance(entry, dict):
         return number(entry, digits)
-    unit = entry.get("unit") or ""
-    return f"{with_std(entry.get('value'), entry.get('std'), digits)} {unit}".strip()
+    if is_open(entry.get("value")):
+        return OPEN
+    return f"{with_std(entry.get('value'), entry.get('std'), digits)} {unit_of(entry)}".strip()
+
+
+OPEN = "not determined by these data"
+
+
+def is_open(value: Any) -> bool:
+    """Tell whether a value is none that a machine can have: absent, not finite, or beyond any size."""
+    return value is None or (isinstance(value, float) and not abs(value) < _FURTHEST)
+
+
+def unit_of(entry: Any) -> str:
+    """Return a unit as it is read: that of a bare ratio is no word."""
+    unit = str(entry.get("unit") or "") if isinstance(entry, dict) else str(entry or "")
+    return "" if unit == "1" else unit
 
 
 def _grouped(text: str) -> str:

@@ -10,19 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.report import charts
-from aeolid.report.charts import INK
+from aeolid.report.charts import DOT
 from aeolid.report.markup import Html, figure, join, table, tag
 from aeolid.report.numbers import number
 
 Facts = dict[str, Any]
 Array = NDArray[np.float64]
-_LEAST_DB, _LEAST_MEAN, _LEAST_LINE = 3.0, 0.3, 0.15  # colour scales at the least: noise looks like noise
+_LEAST, _MOST = 2.0, 5.0  # thresholds of chance at which colours end, at the least and at the most
+_PALE = 0.25  # of the colours is for what chance gives: noise looks like noise
 _MOST_SOURCES = 4  # recordings side by side in one map
 _MOST_ROWS = 12
 _SIGNED, _PLAIN = "PuOr_r", "Purples"
-_MEAN = "mean (std)"
-_DOT = "A dot marks what chance does not give (1 % for the whole map)."
-_DOT_OF_TENTH = f"{_DOT[:-1]} and is a tenth of the power at least."
+_CHANCE = "times chance's limit"
+_COLOUR = " Colour: more (orange) or less (violet) than expected, against the limit of chance; pale is nothing."
+_DOT = "A dot marks what chance does not give (1 % for the whole map)." + _COLOUR
+_DOT_OF_TENTH = _DOT.replace("map).", "map) and is a tenth of the power at least.")
 
 
 def maps(evidence: Facts) -> Html:
@@ -65,11 +67,12 @@ def time_map(cells: list[Facts]) -> Html:
     with charts.sketch(size, 2, len(shown), sharex="col", gridspec_kw={"width_ratios": widths}) as drawing:
         for row, kind in enumerate(("mean", "power")):
             tiles = _tiles(cells, kind, outputs, "time_s")
+            top = _reach(tiles)
             for column, source in enumerate(shown):
                 axes, own = drawing.axes[row, column], [t for t in tiles if t[4]["source"] == source]
-                image = _paint(axes, own, outputs, _SIGNED, _reach(tiles, _least(kind)))
+                image = _paint(axes, own, outputs, _SIGNED, top)
                 axes.tick_params(axis="y", length=0 if column else 3.5, labelleft=not column)
-            drawing.figure.colorbar(image, ax=list(drawing.axes[row]), label=_unit(kind), pad=0.01)
+            _scale(drawing, image, list(drawing.axes[row]), f"{kind}\n{_CHANCE}", top)
         for column, source in enumerate(shown):
             drawing.axes[0, column].set_title(source if len(shown) > 1 else "", fontsize=8.5)
             drawing.axes[1, column].set_xlabel("time (s)")
@@ -77,7 +80,7 @@ def time_map(cells: list[Facts]) -> Html:
     caption = (
         "The same innovations by channel and stretch of time, over the data of the fit. Above: their mean less that of"
         " the whole, in standard deviations; below: their power against the whole. A dot marks a stretch that differs"
-        f" from the others by more than chance gives (1 % for the whole map).{rest}"
+        f" from the others by more than chance gives (1 % for the whole map).{_COLOUR}{rest}"
     )
     return figure(drawing.svg, caption)
 
@@ -102,15 +105,16 @@ def region_maps(cells: list[Facts]) -> list[Html]:
         with charts.sketch((charts.WIDE[0], 1.5 + 0.42 * len(outputs)), 1, 2) as drawing:
             for axes, kind in zip(drawing.axes[0], ("mean", "power"), strict=True):
                 tiles = [(place[a], place[b], *rest) for a, b, *rest in _tiles(own, kind, outputs, "range")]
-                image = _paint(axes, tiles, outputs, _SIGNED, _reach(tiles, _least(kind)))
+                top = _reach(tiles)
+                image = _paint(axes, tiles, outputs, _SIGNED, top)
                 axes.set_xticks(range(len(edges)), [f"{v:.3g}" for v in edges])
                 axes.tick_params(axis="y", length=3.5 if kind == "mean" else 0, labelleft=kind == "mean")
                 axes.set_xlabel(charts.label(channel, own[0].get("unit")).replace("\n", " "))
-                drawing.figure.colorbar(image, ax=axes, label=_unit(kind), pad=0.02)
+                _scale(drawing, image, axes, f"{kind}\n{_CHANCE}", top)
         caption = (
             f"By channel and region of {channel} shortly before, in bins with as many samples each: mean of the"
             " innovations and their power against the whole. A dot marks what the same innovations, moved in time"
-            f" against {channel}, do not give (1 % for all regions)."
+            f" against {channel}, do not give (1 % for all regions).{_COLOUR}"
         )
         figures.append(figure(drawing.svg, caption))
     return figures
@@ -125,14 +129,15 @@ def azimuth_map(cells: list[Facts]) -> Html:
     side = 6.4, 1.3 + 0.42 * len(outputs)
     with charts.sketch(side) as drawing:
         axes = drawing.axes[0, 0]
-        image = _paint(axes, tiles, outputs, _PLAIN, _reach(tiles, _LEAST_LINE), low=0.0)
+        top = _reach(tiles)
+        image = _paint(axes, tiles, outputs, _PLAIN, top, low=0.0)
         axes.set_xticks(sorted({int(c["order"]) for c in cells}))
         axes.set_xlabel("multiple of the rotor's angle")
-        drawing.figure.colorbar(image, ax=axes, label="amplitude (std)", pad=0.02)
+        _scale(drawing, image, axes, f"amplitude\n{_CHANCE}", top, low=0.0)
     caption = (
-        "By channel and azimuth order: amplitude of the innovations at multiples of the recorded rotor angle, in"
-        " standard deviations. A dot marks a line: more than at the orders 0.25 to 0.45 beside it, and with a phase"
-        " that stays, beyond what chance gives (1 % for the whole map)."
+        "By channel and azimuth order: amplitude of the innovations at multiples of the recorded rotor angle, against"
+        " the limit of chance; pale is nothing. A dot marks a line: more than at the orders 0.25 to 0.45 beside it,"
+        " and with a phase that stays, beyond what chance gives (1 % for the whole map)."
     )
     return figure(tag("div", drawing.svg, style=f"max-width:{100 * side[0] / charts.WIDE[0]:.0f}%"), caption)
 
@@ -152,7 +157,7 @@ def path_map(cells: list[Facts]) -> Html:
     caption = (
         "Which recorded channel the innovations follow: power that they share with a channel's past, by third octave,"
         " against what chance gives; only the past counts, so that a controller's answer is no cause. A dot marks a"
-        f" channel that is followed there (1 % for the whole map).{rest}"
+        f" channel that is followed there (1 % for the whole map).{_COLOUR}{rest}"
     )
     rows = [f"{output} ← {channel}" for output, channel in shown]
     named = [c | {"output": f"{c['output']} ← {c['channel']}"} for c in cells]
@@ -201,16 +206,17 @@ def _over(
     cells: Sequence[Facts], rows: Sequence[str], caption: str, ends: str, height: float = 0.45,
     xlabel: str = "frequency (Hz)",
 ) -> Html:  # fmt: skip
-    """Draw the cells' power in dB, a row an output, over a logarithmic axis; nothing where there are none."""
+    """Draw the cells' power against chance, a row an output, over a logarithmic axis; nothing where there are none."""
     if not rows:
         return Html("")
     tiles = [(*c[ends], rows.index(str(c["output"])), _db(c.get("value", c.get("ratio"))), c) for c in cells]
     with charts.sketch((charts.WIDE[0], 1.2 + height * len(rows))) as drawing:
         axes = drawing.axes[0, 0]
         axes.set_xscale("log")
-        image = _paint(axes, tiles, rows, _SIGNED, _reach(tiles, _LEAST_DB), logarithmic=True)
+        top = _reach(tiles)
+        image = _paint(axes, tiles, rows, _SIGNED, top, logarithmic=True)
         axes.set_xlabel(xlabel)
-        drawing.figure.colorbar(image, ax=axes, label="dB", pad=0.01)
+        _scale(drawing, image, axes, _CHANCE.replace(" ", "\n", 1), top)
     return figure(drawing.svg, caption)
 
 
@@ -257,14 +263,13 @@ def _paint(
     from matplotlib.collections import PolyCollection
 
     corners = [[(a, row), (b, row), (b, row + 1), (a, row + 1)] for a, b, row, *_ in tiles]
-    image = PolyCollection(corners, cmap=colours, edgecolors="face", linewidths=0.3)
-    image.set_array(np.array([t[3] for t in tiles]))
-    image.set_clim(-reach if low is None else low, reach)
+    image = PolyCollection(corners, cmap=colours, edgecolors="face", linewidths=0.3, norm=_norm(reach, low))
+    image.set_array(np.array([_strength(t) for t in tiles]))
     axes.add_collection(image)
     for a, b, row, _, cell in tiles:
         if cell.get("significant"):
             middle = float(np.sqrt(a * b)) if logarithmic else 0.5 * (a + b)
-            axes.plot(middle, row + 0.5, "o", color=INK, markersize=4.5, markeredgecolor="white", markeredgewidth=0.8)
+            axes.plot(middle, row + 0.5, "o", color=DOT, markersize=4.5, markeredgecolor="white", markeredgewidth=0.8)
     axes.set_xlim(min(t[0] for t in tiles), max(t[1] for t in tiles))
     axes.set_ylim(len(outputs), 0)
     axes.set_yticks(np.arange(len(outputs)) + 0.5, outputs)
@@ -272,16 +277,43 @@ def _paint(
     return image
 
 
-def _reach(tiles: Sequence[Any], least: float) -> float:
-    return max([least, *(abs(float(t[3])) for t in tiles)])
+def _strength(tile: Any) -> float:
+    """Return how far a tile is beyond chance, in limits of chance, with the sign of its value.
+
+    A cell that does not say its statistic (of a file from before it was written) is beyond by half or within by half.
+    """
+    value, cell = float(tile[3]), tile[4]
+    if cell.get("statistic") is None or not cell.get("threshold"):
+        return float(np.copysign(1.5 if cell.get("significant") else 0.5, value))
+    return float(np.copysign(min(cell["statistic"] / cell["threshold"], 1e3), value))
 
 
-def _least(kind: str) -> float:
-    return _LEAST_MEAN if kind == "mean" else _LEAST_DB
+def _reach(tiles: Sequence[Any]) -> float:
+    """Return where the colours end, in limits of chance."""
+    return float(np.clip(max((abs(_strength(t)) for t in tiles), default=0.0), _LEAST, _MOST))
 
 
-def _unit(kind: str) -> str:
-    return _MEAN if kind == "mean" else "power (dB)"
+def _norm(top: float, low: float | None) -> Any:
+    """Return the scale of colours: a quarter of them for what chance gives, the rest for what is beyond, to `top`."""
+    from matplotlib.colors import FuncNorm
+
+    at, to = [0.0, 1.0, top], [0.0, _PALE, 1.0]
+
+    def forward(x: Any) -> Any:
+        return np.copysign(np.interp(np.abs(x), at, to), x)
+
+    def back(x: Any) -> Any:
+        return np.copysign(np.interp(np.abs(x), to, at), x)
+
+    return FuncNorm((forward, back), vmin=-top if low is None else low, vmax=top, clip=True)
+
+
+def _scale(drawing: charts.Sketch, image: Any, axes: Any, label: str, top: float, low: float | None = None) -> None:
+    """Draw the bar of colours: nothing, the limit of chance, the end."""
+    bar = drawing.figure.colorbar(image, ax=axes, pad=0.01)
+    ends = [0.0, 1.0, top] if low is not None else [-top, -1.0, 0.0, 1.0, top]
+    bar.set_ticks(ends, labels=[f"{abs(v):.2g}" for v in ends])
+    bar.set_label(label, fontsize=8)
 
 
 def _db(ratio: Any) -> float:

@@ -111,7 +111,8 @@ def evidence(study: Study) -> dict[str, Any]:
         "split": list(prepared.split.rows),
         "parameters": parameters,
         "candidates": [
-            {k: getattr(c, k) for k in ("key", "fit_gain", "select_gain", "plausible", "reason")}
+            {k: getattr(c, k) for k in ("key", "score", "fit_gain", "select_gain", "plausible", "reason")}
+            | {"parts": [[a.entry, a.location["entry"]] for a in c.attachments]}
             for c in study.candidates
         ],
         "bands": study.bands,

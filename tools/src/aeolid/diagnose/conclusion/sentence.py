@@ -36,7 +36,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
         return untested(study)
     if verdict == "unnamed":
         share = study.ceiling.groups[0][0] if study.ceiling.groups else "the past"
-        nearest = f"what is left depends most on: {share}"
+        nearest = f"what the model leaves unexplained can be foretold, most of all from {share}"
         if (form := form_speaking(study)) is not None:
             nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
         return f"Something is missing that no catalogue entry explains; {nearest}."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
 
 from aeolid.diagnose.hypotheses import entries
 from aeolid.diagnose.hypotheses.generic import unlisted
@@ -23,8 +24,25 @@ def _found() -> tuple[Entry, ...]:
 
 ENTRIES: tuple[Entry, ...] = _found()
 _BY_ID = {e.id: e for e in (*ENTRIES, unlisted.ENTRY)}
+_LISTED = re.compile(rf"\b(?:{'|'.join(i for i in _BY_ID if '_' in i)})\b")
 
 
 def entry(identifier: str) -> Entry:
     """Return the entry with this id. Raises KeyError."""
     return _BY_ID[identifier]
+
+
+def name_of(identifier: str) -> str:
+    """Return the words for an effect; what is no entry keeps its own, without underscores."""
+    return _BY_ID[identifier].name if identifier in _BY_ID else identifier.replace("_", " ")
+
+
+def in_words(text: str) -> str:
+    """Return a text with the ids of effects in it as their words."""
+    return _LISTED.sub(lambda found: _BY_ID[found[0]].name, text)
+
+
+def meaning_of(identifier: str, symbol: str) -> str:
+    """Return what a parameter of an effect means, in words; empty where the entry does not say."""
+    quantities = _BY_ID[identifier].quantities if identifier in _BY_ID else ()
+    return next((q.meaning for q in quantities if q.symbol == symbol), "")

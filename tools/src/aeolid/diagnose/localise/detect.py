@@ -211,12 +211,15 @@ def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> l
     centre, spread = null.mean(axis=0), np.maximum(null.std(axis=0), 1e-12)
     limit = float(np.quantile(np.max(np.abs(null - centre) / spread, axis=1), 0.99)) * (1 + 0.1 * np.log(outputs))
     measured = _bands(f, power, edges)
+    apart = np.abs(measured - centre[:, None]) / spread[:, None]
     return [
         {
             "output": predictor.compiled.model.outputs[j].name,
             "frequency_hz": [float(edges[b]), float(edges[b + 1])],
             "ratio": float(measured[b, j] / centre[b]),
-            "significant": bool(abs(measured[b, j] - centre[b]) / spread[b] > limit),
+            "statistic": float(apart[b, j]),
+            "threshold": limit,
+            "significant": bool(apart[b, j] > limit),
         }
         for j in range(outputs)
         for b in range(len(edges) - 1)

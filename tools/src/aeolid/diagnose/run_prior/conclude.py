@@ -24,6 +24,7 @@ from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, st
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.search import Search
+from aeolid.diagnose.run_prior.shown import sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.diagnose.validation.divergent import diverging
 from aeolid.diagnose.validation.proof import PROVEN
@@ -167,7 +168,9 @@ def _where(verdict: str, x: Explanation) -> dict[str, Any] | None:
 
 
 def _sealed_text(pair: Pair) -> str:
-    parts = [f"{s.source} from {0.7 * len(s) * s.step:.6g} s to {len(s) * s.step:.6g} s" for s in pair.recordings]
+    parts = [
+        f"{Path(s.source).name} from {0.7 * len(s) * s.step:.6g} s to {len(s) * s.step:.6g} s" for s in pair.recordings
+    ]
     return "; ".join(parts)
 
 
@@ -190,7 +193,7 @@ def conclude_run(
     explanation = study.explanation if diagnosis["effects"] else _without(study.explanation)
     model = corrected_model(study.pair, explanation, claimed, case.records, case.runs, sets)
     wild = diverging(model, case.records)
-    evidence = evidence_of(study, case.title, findings)
+    evidence = evidence_of(study, case.title, findings, units)
     evidence["timing_s"] = {"in all": round(time.perf_counter() - begun, 3)}
     return diagnosis, write_found(diagnosis, evidence, model, wild, deadline, folder)
 
@@ -199,7 +202,7 @@ def _without(x: Explanation) -> Explanation:
     return replace(x, found=(), change=NOTHING)
 
 
-def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding]) -> dict[str, Any]:
+def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units: Mapping[str, str]) -> dict[str, Any]:
     """Return what the report's appendix shows."""
     x = study.explanation
     rows = sorted({s.hypothesis.key: s for s in (*x.screened, *x.table)}.values(), key=lambda s: -s.nats)
@@ -207,14 +210,11 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding]) -> dic
         "title": title,
         "forensics": [f.to_json() for f in findings],
         "candidates": [
-            {"key": s.hypothesis.key, "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": s.nats,
+            {"key": s.hypothesis.key, "parts": [[s.hypothesis.entry, s.hypothesis.place]],
+             "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": s.nats,
              "nats_before_control": s.raw, "weight_of_run": s.weight, "plausible": bool(s.nats > NAMED)}
             for s in rows
         ],
-        "modes": {
-            side: [m.to_json() for m in modes]
-            for side, modes in (("recorded", x.modal.recorded), ("simulated", x.modal.simulated))
-        },
         "evaluations": x.evaluations,
         "series": study.proof.series if study.names and study.is_borne_out else {},
-    }  # fmt: skip
+    } | sides_of(study.pair, x.modal, units)  # fmt: skip

@@ -50,11 +50,12 @@ class Absent:
 
 @dataclass(frozen=True, eq=False)
 class Modal:
-    """Hold the modes of both sides and what the runs lack, sharpest first."""
+    """Hold the modes of both sides, what the runs lack, sharpest first, and both frequency responses for the page."""
 
     recorded: tuple[Mode, ...]
     simulated: tuple[Mode, ...]
     absent: tuple[Absent, ...]
+    responses: tuple[dict[str, Any], ...] = ()
 
 
 def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
@@ -72,7 +73,8 @@ def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
         tuple(mark_harmonics(f.modes, hz) if hz else f.modes) for f, hz in zip(found, turns, strict=True)
     )
     absent = _absent(recorded, simulated, _HIGHEST / (pair.step * stride), is_turbine(context), turns[0])
-    return Modal(recorded, simulated, absent)
+    bands = [f.band.to_json(pair.inputs, pair.shown) for f in found if f.band is not None]
+    return Modal(recorded, simulated, absent, tuple(bands) if len(bands) == len(sides) else ())
 
 
 def model_of_runs(pair: Pair) -> tuple[StateSpace, list[Record]] | None:

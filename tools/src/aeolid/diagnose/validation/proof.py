@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
+from scipy.signal import periodogram
 
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
@@ -73,7 +73,7 @@ def prove(
     return Proof(
         float(difference.sum()), interval, difference, dict(zip(names, nrmse[0], strict=True)),
         dict(zip(names, nrmse[1], strict=True)), horizon * sealed[0].step, profile, series,
-        _spectra(measured, long_run, names, sealed[0].step),
+        _spectra(sealed, long_run, names, horizon),
     )  # fmt: skip
 
 
@@ -150,14 +150,24 @@ def _plain(values: Array) -> list[float | None]:
 
 
 def _spectra(
-    measured: Array, runs: Sequence[list[Array]], names: list[str], step: float
+    sealed: Sequence[Segment], runs: Sequence[list[Array]], names: list[str], horizon: int
 ) -> dict[str, dict[str, list[float]]]:
-    result = {}
+    """Return error spectra: mean periodograms of the stretches predicted at one go, each with its line taken off.
+
+    No window of the average holds the edge at which a prediction starts again: its power is not the model's error.
+    """
+    step, result = sealed[0].step, {}
     for j, name in enumerate(names):
-        errors = [np.nan_to_num(np.clip(measured[:, j] - np.vstack(r)[:, j], -1e9, 1e9)) for r in runs]
-        f, before = welch(errors[0], 1 / step, nperseg=min(1024, len(measured)))
-        _, after = welch(errors[1], 1 / step, nperseg=min(1024, len(measured)))
-        result[name] = {"frequency_hz": f.tolist(), "before": before.tolist(), "after": after.tolist()}
+        found = []
+        for run in runs:
+            errors = [s.y[s.burn :, j] - r[:, j] for s, r in zip(sealed, run, strict=True)]
+            cut = [e[k : k + horizon] for e in errors for k in range(0, len(e) - horizon + 1, horizon)]
+            cut = cut or [max(errors, key=len)]
+            stretches = np.nan_to_num(np.clip(np.array(cut), -1e9, 1e9))
+            found.append(periodogram(stretches, 1 / step, window="hann", detrend="linear"))
+        (f, before), (_, after) = found
+        columns = {"before": before.mean(axis=0), "after": after.mean(axis=0)}
+        result[name] = {"frequency_hz": f[1:].tolist()} | {k: v[1:].tolist() for k, v in columns.items()}
     return result
 
 

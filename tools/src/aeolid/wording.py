@@ -1,10 +1,14 @@
-"""Say places and likelihoods on the screen as an engineer says them."""
+"""Say places and likelihoods on the screen and on pages as an engineer says them."""
 
 from __future__ import annotations
 
 import math
+import re
 
 _KINDS = {"input": "at the input", "output": "at the sensor of", "state": "in the equation of", "shaft": "in the shaft"}
+_NAMED = {"motion": "in the motion", "parameter": "in the value of"}
+_PLAIN = {"recording": "in the recording", "data": "in the recording", "rotor": "at the rotor"}
+_WRITTEN = re.compile(r"(?:\b(?:at|in|of) )?\b(input|output|state|mode|motion|shaft|parameter):(\d[\d.e+-]* Hz|[\w-]+)")
 _LARGEST = 12  # powers of ten of odds that are written out; beyond, nobody tells one from the next
 
 
@@ -18,9 +22,9 @@ def place(entry: str) -> str:
     name = rest.replace("_", " ").strip()
     if kind == "mode":
         return f"in the mode near {name}"
-    if kind in _KINDS:
-        return f"{_KINDS[kind]} {name}".rstrip()
-    return f"at {entry.replace('_', ' ')}" if entry else ""
+    if kind in _KINDS or (kind in _NAMED and name):
+        return f"{(_KINDS | _NAMED)[kind]} {name}".rstrip()
+    return _PLAIN.get(entry, f"at {entry.replace('_', ' ')}" if entry else "")
 
 
 def odds(gain: float) -> str:
@@ -34,3 +38,14 @@ def odds(gain: float) -> str:
     ratio = math.exp(abs(gain))
     told = f"{ratio:.2g}" if ratio < 100 else f"{float(f'{ratio:.2g}'):,.0f}"
     return f"odds {told} : 1" if gain >= 0 else f"odds 1 : {told}"
+
+
+def spoken(text: str) -> str:
+    """Return a sentence with the places in it in words.
+
+    >>> spoken("1.3% more mass moves at mode:3.01 Hz than the model has")
+    '1.3% more mass moves in the mode near 3.01 Hz than the model has'
+    >>> spoken("the score of sensor_lag output:speed, 19.0, is above 15.0")
+    'the score of sensor_lag at the sensor of speed, 19.0, is above 15.0'
+    """
+    return _WRITTEN.sub(lambda found: place(f"{found[1]}:{found[2]}"), text)

@@ -1,0 +1,75 @@
+"""Diagnose one case without a word, as a worker does that has no screen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from aeolid.errors import AeolidError, Contradiction, DataError
+
+FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Hold the options that an answer depends on, as the command names them."""
+
+    sham: int
+    seed: int
+    time_limit: float
+    allow_outside: bool
+    allow_fmu: bool
+    resample: float | str | None
+    report: bool
+
+
+def _silent(text: str, share: float) -> None:
+    """Take what a screen would show."""
+
+
+def require_case(case: Path) -> None:
+    """Raise DataError where a folder holds no case."""
+    if not (case / "case.toml").is_file():
+        raise DataError(
+            f"{case / 'case.toml'}: no such file; a case is a folder with case.toml, recordings, their roles and a"
+            " model: aeolid init RECORDING writes one, aeolid example . two"
+        )
+
+
+def diagnose_piece(piece: tuple[str, str], asked: Asked, out: str, inside: Sequence[str], force: bool) -> Any:
+    """Diagnose the case of a name into a folder of that name in `out`; returns diagnosis.json's content or its error.
+
+    piece: name and folder of the case; inside: what the whole command writes within `out`.
+    """
+    from aeolid.output import declare, make_folder
+
+    name, case, folder = piece[0], Path(piece[1]), Path(out) / piece[0]
+    try:
+        require_case(case)
+        declare("diagnose", force=force, inputs=[case], folders={"--out": Path(out)}, inside=inside)
+        make_folder(folder)
+        return _diagnosed(name, case, folder, asked)
+    except AeolidError as error:  # what is wrong with one case is a line of the table
+        return error
+
+
+def _diagnosed(name: str, case: Path, folder: Path, asked: Asked) -> dict[str, Any]:
+    from aeolid.diagnose.conclude import conclude, ended
+    from aeolid.diagnose.data.case import load_case
+    from aeolid.diagnose.deadline import Deadline
+    from aeolid.output import discard
+
+    try:
+        held = load_case(case, allow_outside=asked.allow_outside, allow_fmu=asked.allow_fmu, resample=asked.resample)
+        late = Deadline(asked.time_limit)
+        diagnosis, evidence = conclude(held, folder, sham=asked.sham, seed=asked.seed, progress=_silent, deadline=late)
+    except Contradiction as error:  # the files themselves disagree about the recording
+        diagnosis, evidence = ended("data_fault", name, str(error), folder)
+    discard(folder / "report.html")  # of an earlier run
+    if asked.report:
+        from aeolid.report.diagnosis import render_diagnosis
+
+        render_diagnosis(diagnosis, evidence, folder / "report.html")
+    return diagnosis
