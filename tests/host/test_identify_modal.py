@@ -146,7 +146,7 @@ def test_settings_that_cannot_be_are_refused(record):
         find_modal([record], past=1)
     with pytest.raises(UsageError, match="largest order 1"):
         find_modal([record], largest=1)
-    with pytest.raises(NotIdentifiable, match="record longer|needs at least"):
+    with pytest.raises(NotIdentifiable, match=r"record longer|needs at least"):
         find_modal([record.slice(0, 40)], past=30)
 
 

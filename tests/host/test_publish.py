@@ -30,7 +30,7 @@ from aeolid.publish.mqtt import MqttClient, packet
 from aeolid.publish.rows import Row, line_protocol, prometheus_text, rows_of_fleet, rows_of_monitor
 from aeolid.publish.target import Publisher, target_of
 
-PATIENCE_S = 600.0  # what waits in vain is ended; a busy machine is not
+PATIENCE_S = 7200.0  # what waits in vain is ended; a busy machine is not
 MODE = Row("mode", {"node": "3", "mode": "1", "mostly_in": "tower fore-aft"}, {"frequency_hz": 0.325, "damping": 0.01})
 
 
