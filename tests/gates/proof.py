@@ -16,7 +16,7 @@ import gate
 TESTS = Path(__file__).resolve().parents[1]
 QUICK = [(name, step) for name in ("rls", "els", "fast_rls", "lattice") for step in ("update", "restore")]
 # Minutes of processor: `sh tests/run nightly`. The step of els is that of rls on a longer regressor.
-SLOW = [("els", "update"), ("fast_rls", "update"), ("lattice", "update")]
+SLOW = [("rls", "update"), ("els", "update"), ("fast_rls", "update"), ("lattice", "update")]
 CHECKS = ["bounds", "pointer", "pointer-overflow", "signed-overflow", "div-by-zero", "conversion", "undefined-shift"]
 STREAMING = ("budget", "crc", "describe", "frame", "spread", "stream", "status", "markov")
 

@@ -80,7 +80,7 @@ def test_forms_attach_to_what_moves_and_to_what_stores(tmp_path: Path) -> None:
 
 
 @pytest.mark.diagnosis
-@pytest.mark.parametrize("factor", [0.9, 0.0])
+@pytest.mark.parametrize("factor", [pytest.param(0.9, marks=pytest.mark.nightly), 0.0])
 def test_a_loss_that_only_a_form_explains_stays_unnamed_and_is_described(factor: float, tmp_path: Path) -> None:
     """Damping that grows with the square of the stroke, c (1 + q²/q₀²): no entry has it; without it nothing is said."""
     folder = write_swinging(tmp_path, factor)

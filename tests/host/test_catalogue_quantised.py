@@ -33,6 +33,7 @@ def test_a_fine_grid_is_asked_for_truncation_only(share: float, ways: tuple[str,
         assert spacing.high - spacing.low < 0.01 * share
 
 
+@pytest.mark.nightly  # a whole diagnosis
 @pytest.mark.diagnosis
 def test_what_truncates_is_named_and_not_only_its_bias(tmp_path: Path) -> None:
     """A speed cut down to steps of a hundredth of its spread, 600 of them: a bias of half a step was the answer before.

@@ -49,6 +49,7 @@ def marked(found: dict[str, list[Cell]]) -> set[tuple[str, str, int, int]]:
     return {(name, c.kind, c.output, c.place) for name, cells in found.items() for c in cells if c.significant}
 
 
+@pytest.mark.nightly  # a level over hundreds of recordings
 @pytest.mark.slow
 def test_of_recordings_without_anything_one_in_a_hundred_has_a_mark_on_a_map() -> None:
     """400 recordings: each map has marks on no more than 11 (chance of more 1 in 1000 at 1 %), all cells on 10 %.

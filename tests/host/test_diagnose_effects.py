@@ -41,7 +41,7 @@ def run(name: str, kind: str, folder: Path, seed: int = 7) -> dict[str, Any]:
         ("wire", "equations"),
         ("rectifier", "equations"),
         ("bracket", "equations"),
-        ("hysteresis", "equations"),
+        pytest.param("hysteresis", "equations", marks=pytest.mark.nightly),
         ("delay", "state_space"),
         asked_elsewhere("bracket", "state_space"),  # the equations' bracket, and the state space's delay
     ],

@@ -17,6 +17,7 @@ import sys
 import tempfile
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import pytest
 from doc_pages import PAGES, ROOT, Block, blocks
@@ -88,8 +89,18 @@ def runs_elsewhere(page: Path) -> bool:
     return any(texts[page] in text for other, text in texts.items() if other != page and len(text) > len(texts[page]))
 
 
+# By day the README and a diagnosis; these take 15 to 25 seconds of processor each.
+AT_NIGHT = {"tutorials/offline.md", "tutorials/firmware.md", "tutorials/sil.md", "howto/openfast_controller.md"}
+
+
+def at_night(page: Path) -> Any:
+    """Return the page as a parameter, for the nightly run where its commands take long."""
+    dear = page.is_relative_to(ROOT / "docs") and page.relative_to(ROOT / "docs").as_posix() in AT_NIGHT
+    return pytest.param(page, marks=pytest.mark.nightly) if dear else page
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@pytest.mark.parametrize("page", [at_night(p) for p in PAGES], ids=lambda p: str(p.relative_to(ROOT)))
 def test_the_commands_of_a_page_run(page: Path, tmp_path: Path) -> None:
     shown = [block for block in SHELL if block.page == page and block.reason is None]
     if not shown:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 
 import numpy as np
+import pytest
 from study_modules import load_study
 
 
+@pytest.mark.nightly  # a coverage over many runs
 def test_intervals_hold_the_truth(tmp_path, capsys):
     """30 runs: 24 hits or more (fewer come once in 3,000 times at 95 %), z neither biased nor of another scale."""
     study = load_study("coverage")

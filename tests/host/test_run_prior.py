@@ -212,6 +212,7 @@ def test_each_region_of_operation_has_a_predictor_of_its_own() -> None:
     assert Search(swapped).lost > 10 * LEAST_LOST
 
 
+@pytest.mark.nightly  # by day each region has a predictor of its own
 def test_an_effect_at_two_wind_speeds_is_one_effect() -> None:
     found = told(low_and_high(30, lag=0.15), low_and_high(10))
     effect = found["effects"][0]  # type: ignore[index]

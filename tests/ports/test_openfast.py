@@ -132,6 +132,7 @@ def nearest(facts: dict[str, Any], frequency_hz: float, most_damping: float) -> 
     return mode
 
 
+@pytest.mark.nightly  # a minute of a simulator
 def test_stream_and_simulators_output_have_the_same_modes(
     kit: ModuleType, simulation: Callable[..., Path], wrapper: Path
 ) -> None:
