@@ -68,16 +68,16 @@ def what_is_left(prepared: Prepared, winner: Candidate, seed: int) -> Bank:
     return _scored(prepared, winner, [a for a in named if all(is_another(a, b) for b in winner.attachments)], seed)
 
 
-def form_beside(prepared: Prepared, chosen: Candidate, seed: int) -> Candidate | None:
+def form_beside(prepared: Prepared, chosen: Candidate, seed: int, kin_only: bool = False) -> Candidate | None:
     """Return the set with a form outside the catalogue beside it, where fit and selection data both ask for one.
 
     It gets no name and changes none; without it the corrected model would go on being wrong where it need not be. Of
     two tanks that run over, the lower one's outlet follows no square root: told that, the free run is half as far off.
     As nothing is named, less is asked of it than of a further effect: half the threshold against chance, too. What is
     kin to an effect and acts at its place is a form of that: a circuit's cubic spring has a small quadratic part, a lag
-    that is not of first order a dead time.
+    that is not of first order a dead time. kin_only: no other forms.
     """
-    forms = [a for a in prepared.hypotheses if a.entry == unlisted.ID]
+    forms = [] if kin_only else [a for a in prepared.hypotheses if a.entry == unlisted.ID]
     kin = [a for a in prepared.hypotheses if any(_completes(a, b) for b in chosen.attachments)]
     forms += [replace(a, entry=unlisted.ID, key=f"{KIN} {a.key}") for a in kin]
     bank = _scored(prepared, chosen, forms, seed)
@@ -121,11 +121,12 @@ def _stands_beside_a_form(prepared: Prepared, winner: Candidate, larger: Candida
     """Tell whether a further effect still adds where the effects found may have another form than the catalogue's.
 
     A circuit's spring has a small quadratic part beside the cubic one that was named; without it in the model a mode of
-    0.17 Hz, its damping at the end of its range, predicted the sealed data better. Not on a simulator's run.
+    0.17 Hz, its damping at the end of its range, predicted the sealed data better. Forms outside the catalogue are not
+    asked: one of them is what any further effect looks like (a dead zone a bent input). Not on a simulator's run.
     """
     if prepared.surrogate is not None or prepared.deadline.skips("whether a further effect only stands for a form"):
         return True
-    form = form_beside(prepared, winner, seed)
+    form = form_beside(prepared, winner, seed, kin_only=True)
     if form is None:
         return True
     stage = prepared.only((*form.attachments, larger.attachments[-1]))
