@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +24,7 @@ from aeolid.identify.windows import find_scaling
 from aeolid.models.shapes import assurance
 from aeolid.plants.structure import Harmonics, shaken, shear_building
 
+KNOWN = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "known" / "openfast_reference"
 STEP = 0.1
 BUILDING = shear_building()
 LINES = Harmonics(0.31, (1, 3, 6), (0.6, 0.6, 0.3))
@@ -182,3 +184,17 @@ def test_the_command_writes_facts_page_and_picture_as_python_does(folder, capsys
     assert len(same.harmonics) == 3 and same.plot().get_xlabel() == "frequency (Hz)"
     assert main(["modes", *base, "--picture", str(folder / "diagram.gif")]) == 2
     assert "a picture is written as" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.nightly
+def test_a_simulated_turbine_without_its_inputs():
+    """Truth: the simulator's linearisation; of the loop, by a model driven by the injected excitation alone."""
+    if not KNOWN.exists():
+        pytest.skip("openfast_reference is not there")
+    record = ae.read(KNOWN / "recording.csv.gz", roles=KNOWN / "roles.toml")
+    modes = {m.name: m for m in ae.modes(record, decimate=2).modes}
+    tower, side, shaft = (modes[n] for n in ("tower fore-aft", "tower side-side", "drive train"))
+    assert tower.frequency_hz == pytest.approx(0.335, rel=0.03) and tower.damping == pytest.approx(0.084, rel=0.25)
+    assert shaft.frequency_hz == pytest.approx(1.674, rel=0.03)
+    for mode, loop in ((tower, 0.3446), (side, 0.3221), (shaft, 1.6631)):
+        assert abs(mode.frequency_hz - loop) < 1.96 * mode.frequency_std_hz

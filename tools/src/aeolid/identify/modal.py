@@ -6,7 +6,7 @@ added to it: σ² = median(σ_i)² + var over the models, for frequency, damping
 
 The first window is the shortest that predicts no worse than chance explains. Where many poles stay over the orders of
 the longest window and not of all, it is doubled, as far as the data leave a longer one to compare with: what a window
-leaves out is little of the error and much of a weak mode.
+leaves out is little of the error and much of a weak mode. It is made a period of the slowest mode for the same reason.
 """
 
 from __future__ import annotations
@@ -171,10 +171,18 @@ def find_modal(
     window, criteria = past or shortest_window(ladder), criteria or Criteria()
     while True:
         found = _gathered(draw_up(ladder, scaling, window, largest), criteria, seen, records, at)
-        few = len(found.unsettled) <= UNSETTLED * len(found.modes)
-        if past is not None or few or ladder.longest < APART * 2 * window:
+        longer = _longer(found, window)
+        if past is not None or longer == window or ladder.longest < APART * longer:
             return found
-        window *= 2
+        window = longer
+
+
+def _longer(found: Modal, window: int) -> int:
+    """Return the window that a result asks for, samples: that it had where it is long enough."""
+    if len(found.unsettled) > UNSETTLED * len(found.modes):
+        return 2 * window
+    slowest = min((m.frequency_hz for m in found.listed), default=np.inf)
+    return max(window, round(1 / (slowest * found.diagram.sample_time_s)))
 
 
 def _gathered(
