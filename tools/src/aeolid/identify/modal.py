@@ -4,9 +4,9 @@ Values of a mode are the medians over the models that count; all are estimates f
 deviation, not that over the root of their number, is that of the median. What order and window still move a mode by is
 added to it: σ² = median(σ_i)² + var over the models, for frequency, damping and each entry of the shape alike.
 
-The first window is the shortest that predicts no worse than chance explains. Where many poles stay over the orders of
-the longest window and not of all, it is doubled, as far as the data leave a longer one to compare with: what a window
-leaves out is little of the error and much of a weak mode. It is made a period of the slowest mode for the same reason.
+The first window is the shortest that predicts no worse than chance explains, then at least a period of the slowest
+mode: what a window leaves out is little of the error and much of a weak mode. Where many poles stay over the orders of
+the longest window and not of all, one below two periods is doubled, as far as the data leave longer ones to compare.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 UNSETTLED = 1 / 3  # of the modes found: fewer poles that move with the window may be noise
+TWICE = 2  # periods of the slowest mode: a window of more is not doubled, for poles of noise then stay as well
 APART = 1.2  # of two windows: closer ones share too much to tell what moves
 FEWEST, LONGEST = 32, 2048  # samples of a segment of the spectrum
 
@@ -179,10 +180,10 @@ def find_modal(
 
 def _longer(found: Modal, window: int) -> int:
     """Return the window that a result asks for, samples: that it had where it is long enough."""
-    if len(found.unsettled) > UNSETTLED * len(found.modes):
-        return 2 * window
     slowest = min((m.frequency_hz for m in found.listed), default=np.inf)
-    return max(window, round(1 / (slowest * found.diagram.sample_time_s)))
+    period = round(1 / (slowest * found.diagram.sample_time_s))
+    many = len(found.unsettled) > max(UNSETTLED * len(found.modes), 1)
+    return 2 * window if many and window < TWICE * period else max(window, period)
 
 
 def _gathered(
