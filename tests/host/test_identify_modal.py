@@ -176,7 +176,7 @@ def test_the_command_writes_facts_page_and_picture_as_python_does(folder, capsys
     facts, page = json.loads(files["facts.json"].read_text()), files["page.html"].read_text()
     assert {m["rotor_order"] for m in facts["harmonics"]} == {1, 3, 6}
     assert all(m["shape"]["reference"] == "floor_2" for m in facts["modes"])
-    assert "<script" not in page and page.count('type="checkbox"') == 3 + len(facts["windows"])
+    assert "<script" not in page and page.count('type="checkbox" id=') == 3 + len(facts["windows"])
     assert page.count("<circle") == sum(p is not None for p in facts["poles"]["mode_hz"]) + page.count('r="2"')
     assert "<svg" in files["diagram.svg"].read_text()
     same = ae.modes(ae.read(folder / "shaken.csv", roles=folder / "roles.toml"), reference="floor_2")

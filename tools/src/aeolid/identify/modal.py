@@ -4,9 +4,9 @@ Values of a mode are the medians over the models that count; all are estimates f
 deviation, not that over the root of their number, is that of the median. What order and window still move a mode by is
 added to it: σ² = median(σ_i)² + var over the models, for frequency, damping and each entry of the shape alike.
 
-The first window is the shortest that predicts no worse than chance explains, then at least a period of the slowest
-mode: what a window leaves out is little of the error and much of a weak mode. Where many poles stay over the orders of
-the longest window and not of all, one below two periods is doubled, as far as the data leave longer ones to compare.
+The first window is the shortest that predicts no worse than chance explains. Where many poles stay over the orders of
+the longest window and not of all, one below two periods of the slowest mode is doubled, as far as the data leave longer
+ones to compare with: what a window leaves out is little of the error and much of a weak mode.
 """
 
 from __future__ import annotations
@@ -183,7 +183,7 @@ def _longer(found: Modal, window: int) -> int:
     slowest = min((m.frequency_hz for m in found.listed), default=np.inf)
     period = round(1 / (slowest * found.diagram.sample_time_s))
     many = len(found.unsettled) > max(UNSETTLED * len(found.modes), 1)
-    return 2 * window if many and window < TWICE * period else max(window, period)
+    return 2 * window if many and window < TWICE * period else window
 
 
 def _gathered(
