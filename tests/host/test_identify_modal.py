@@ -27,6 +27,8 @@ from aeolid.plants.structure import Harmonics, shaken, shear_building
 KNOWN = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "known" / "openfast_reference"
 STEP = 0.1
 BUILDING = shear_building()
+ONE = shaken(BUILDING, 2000, STEP, 1)
+BUILDING_CHANNEL = ONE.channels[0]
 LINES = Harmonics(0.31, (1, 3, 6), (0.6, 0.6, 0.3))
 
 
@@ -198,3 +200,21 @@ def test_a_simulated_turbine_without_its_inputs():
     assert shaft.frequency_hz == pytest.approx(1.674, rel=0.03)
     for mode, loop in ((tower, 0.3446), (side, 0.3221), (shaft, 1.6631)):
         assert abs(mode.frequency_hz - loop) < 1.96 * mode.frequency_std_hz
+
+
+def test_signals_without_modes_have_none_and_singular_ones_have_theirs():
+    random, t = np.random.default_rng(0), np.arange(2000) * STEP
+    one = shaken(BUILDING, 2000, STEP, 1).values[:, 2]
+
+    def modes(*columns):
+        values = np.column_stack(columns)
+        channels = tuple(replace(BUILDING_CHANNEL, name=f"y{i}") for i in range(values.shape[1]))
+        return find_modal([replace(ONE, time_s=t, values=values, channels=channels)]).modes
+
+    assert modes(random.standard_normal(2000)) == () == modes(np.cumsum(random.standard_normal(2000)))
+    (sine,) = modes(np.sin(np.pi * t))
+    assert sine.tone and sine.frequency_hz == pytest.approx(0.5, rel=1e-9)
+    twice, alone = modes(one, one), modes(one)
+    for found in (twice, alone):  # a copy of a channel changes nothing to speak of
+        hertz = [m.frequency_hz for m in found]
+        assert len(hertz) >= 2 and max(min(abs(BUILDING.modes()[0] / f - 1)) for f in hertz) < 0.02
