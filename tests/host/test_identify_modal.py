@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,8 +24,11 @@ from aeolid.identify.windows import find_scaling
 from aeolid.models.shapes import assurance
 from aeolid.plants.structure import Harmonics, shaken, shear_building
 
+KNOWN = Path(__file__).resolve().parents[2].parent / "shared" / "cases" / "known" / "openfast_reference"
 STEP = 0.1
 BUILDING = shear_building()
+ONE = shaken(BUILDING, 2000, STEP, 1)
+BUILDING_CHANNEL = ONE.channels[0]
 LINES = Harmonics(0.31, (1, 3, 6), (0.6, 0.6, 0.3))
 
 
@@ -174,7 +178,7 @@ def test_the_command_writes_facts_page_and_picture_as_python_does(folder, capsys
     facts, page = json.loads(files["facts.json"].read_text()), files["page.html"].read_text()
     assert {m["rotor_order"] for m in facts["harmonics"]} == {1, 3, 6}
     assert all(m["shape"]["reference"] == "floor_2" for m in facts["modes"])
-    assert "<script" not in page and page.count('type="checkbox"') == 3 + len(facts["windows"])
+    assert "<script" not in page and page.count('type="checkbox" id=') == 3 + len(facts["windows"])
     assert page.count("<circle") == sum(p is not None for p in facts["poles"]["mode_hz"]) + page.count('r="2"')
     assert "<svg" in files["diagram.svg"].read_text()
     same = ae.modes(ae.read(folder / "shaken.csv", roles=folder / "roles.toml"), reference="floor_2")
@@ -182,3 +186,35 @@ def test_the_command_writes_facts_page_and_picture_as_python_does(folder, capsys
     assert len(same.harmonics) == 3 and same.plot().get_xlabel() == "frequency (Hz)"
     assert main(["modes", *base, "--picture", str(folder / "diagram.gif")]) == 2
     assert "a picture is written as" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.nightly
+def test_a_simulated_turbine_without_its_inputs():
+    """Truth: the simulator's linearisation; of the loop, by a model driven by the injected excitation alone."""
+    if not KNOWN.exists():
+        pytest.skip("openfast_reference is not there")
+    record = ae.read(KNOWN / "recording.csv.gz", roles=KNOWN / "roles.toml")
+    modes = {m.name: m for m in ae.modes(record, decimate=2).modes}
+    tower, side, shaft = (modes[n] for n in ("tower fore-aft", "tower side-side", "drive train"))
+    assert tower.frequency_hz == pytest.approx(0.335, rel=0.03) and tower.damping == pytest.approx(0.084, rel=0.25)
+    assert shaft.frequency_hz == pytest.approx(1.674, rel=0.03)
+    for mode, loop in ((tower, 0.3446), (side, 0.3221), (shaft, 1.6631)):
+        assert abs(mode.frequency_hz - loop) < 1.96 * mode.frequency_std_hz
+
+
+def test_signals_without_modes_have_none_and_singular_ones_have_theirs():
+    random, t = np.random.default_rng(0), np.arange(2000) * STEP
+    one = shaken(BUILDING, 2000, STEP, 1).values[:, 2]
+
+    def modes(*columns):
+        values = np.column_stack(columns)
+        channels = tuple(replace(BUILDING_CHANNEL, name=f"y{i}") for i in range(values.shape[1]))
+        return find_modal([replace(ONE, time_s=t, values=values, channels=channels)]).modes
+
+    assert modes(random.standard_normal(2000)) == () == modes(np.cumsum(random.standard_normal(2000)))
+    (sine,) = modes(np.sin(np.pi * t))
+    assert sine.tone and sine.frequency_hz == pytest.approx(0.5, rel=1e-9)
+    twice, alone = modes(one, one), modes(one)
+    for found in (twice, alone):  # a copy of a channel changes nothing to speak of
+        hertz = [m.frequency_hz for m in found]
+        assert len(hertz) >= 2 and max(min(abs(BUILDING.modes()[0] / f - 1)) for f in hertz) < 0.02

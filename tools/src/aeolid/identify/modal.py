@@ -5,8 +5,8 @@ deviation, not that over the root of their number, is that of the median. What o
 added to it: σ² = median(σ_i)² + var over the models, for frequency, damping and each entry of the shape alike.
 
 The first window is the shortest that predicts no worse than chance explains. Where many poles stay over the orders of
-the longest window and not of all, it is doubled, as far as the data leave a longer one to compare with: what a window
-leaves out is little of the error and much of a weak mode.
+the longest window and not of all, one below two periods of the slowest mode is doubled, as far as the data leave longer
+ones to compare with: what a window leaves out is little of the error and much of a weak mode.
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 UNSETTLED = 1 / 3  # of the modes found: fewer poles that move with the window may be noise
+TWICE = 2  # periods of the slowest mode: a window of more is not doubled, for poles of noise then stay as well
 APART = 1.2  # of two windows: closer ones share too much to tell what moves
 FEWEST, LONGEST = 32, 2048  # samples of a segment of the spectrum
 
@@ -171,10 +172,18 @@ def find_modal(
     window, criteria = past or shortest_window(ladder), criteria or Criteria()
     while True:
         found = _gathered(draw_up(ladder, scaling, window, largest), criteria, seen, records, at)
-        few = len(found.unsettled) <= UNSETTLED * len(found.modes)
-        if past is not None or few or ladder.longest < APART * 2 * window:
+        longer = _longer(found, window)
+        if past is not None or longer == window or ladder.longest < APART * longer:
             return found
-        window *= 2
+        window = longer
+
+
+def _longer(found: Modal, window: int) -> int:
+    """Return the window that a result asks for, samples: that it had where it is long enough."""
+    slowest = min((m.frequency_hz for m in found.listed), default=np.inf)
+    period = round(1 / (slowest * found.diagram.sample_time_s))
+    many = len(found.unsettled) > max(UNSETTLED * len(found.modes), 1)
+    return 2 * window if many and window < TWICE * period else window
 
 
 def _gathered(

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.report import charts
 from aeolid.report.identification import mode_table
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, with_std
@@ -21,7 +20,12 @@ from aeolid.report.shapes import shapes_part
 Facts = dict[str, Any]
 _NORMAL = 1.96  # 95 %
 _WIDTH, _HEIGHT, _LEFT, _RIGHT, _TOP, _BOTTOM = 1060, 460, 56, 12, 10, 44
-_KINDS = {"mode": charts.AFTER, "line": charts.BEFORE, "spurious": charts.GREY}
+_KINDS = {"mode": "after", "line": "before", "spurious": "grey"}  # colours of the page, in its dark scheme too
+_RULES = [
+    *(f".kind-{kind} {{ fill: var(--{name}); stroke: var(--{name}); }}" for kind, name in _KINDS.items()),
+    "figure svg.wide text { fill: var(--ink); }", ".axis { fill: none; stroke: var(--soft); }",
+    ".grid { stroke: var(--grid); }", ".curve { fill: none; stroke: var(--grey); opacity: .6; }",
+]  # fmt: skip
 _WORDS = {"mode": "modes", "line": "harmonics and steady sines", "spurious": "spurious poles"}
 
 
@@ -75,7 +79,7 @@ def _diagram(facts: Facts) -> Html:
     """Build the check-boxes and the drawing they act on."""
     switches = [("kind", k, _WORDS[k], k != "spurious" or len(facts["poles"]["order"]) < 4000) for k in _KINDS]
     switches += [("window", str(w), f"window {w}", True) for w in facts["windows"]]
-    boxes, rules = [], []
+    boxes, rules = [], [*_RULES]
     for i, (what, value, text, on) in enumerate(switches):
         name = f"s{i}"
         rules.append(f"#{name}:not(:checked) ~ figure .{what}-{value} {{ display: none; }}")
@@ -102,8 +106,8 @@ def _drawing(facts: Facts) -> Html:
 
     parts = [_curve(facts.get("spectrum") or {}, across, top_hz), *_axes(across, up, top_hz, orders)]
     parts += sorted(_marks(facts, across, up, top_hz), key=lambda mark: "spurious" not in mark[:40])
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" font-size="12">'
-    return Html(f"{head}{join(parts)}</svg>")
+    head = f'xmlns="http://www.w3.org/2000/svg" class="wide" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img" font-size="12"'
+    return Html(f"<svg {head}>{join(parts)}</svg>")
 
 
 def _highest(facts: Facts) -> float:
@@ -122,23 +126,23 @@ def _marks(facts: Facts, across: Any, up: Any, top_hz: float) -> Iterable[Html]:
         kind = "spurious" if mode is None else "line" if mode in lines else "mode"
         x, y = across(hertz), up(order)
         words = f"{with_std(hertz, width)} Hz, damping {with_std(100 * damping, 100 * (loose or 0.0))} %, order {order}"
-        shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{2 if kind == "spurious" else 3}" fill="{_KINDS[kind]}"/>'
+        shape = f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{2 if kind == "spurious" else 3}" stroke="none"/>'
         if kind != "spurious" and width:
             left, right = across(max(hertz - _NORMAL * width, 0.0)), across(min(hertz + _NORMAL * width, top_hz))
-            shape += f'<path d="M{left:.1f} {y:.1f}H{right:.1f}" stroke="{_KINDS[kind]}" stroke-width="1"/>'
+            shape += f'<path d="M{left:.1f} {y:.1f}H{right:.1f}"/>'
         title = tag("title", f"{words}, window {past}")
         yield Html(f'<g class="kind-{kind} window-{past}">{shape}{title}</g>')
 
 
 def _axes(across: Any, up: Any, top_hz: float, orders: list[int]) -> list[Html]:
     low, right = _HEIGHT - _BOTTOM, _WIDTH - _RIGHT
-    out = [Html(f'<path d="M{_LEFT} {_TOP}V{low}H{right}" fill="none" stroke="#5a6470"/>')]
+    out = [Html(f'<path d="M{_LEFT} {_TOP}V{low}H{right}" class="axis"/>')]
     for hertz in _ticks(top_hz):
         x = across(hertz)
-        out.append(Html(f'<path d="M{x:.1f} {low}v5" stroke="#5a6470"/>'))
+        out.append(Html(f'<path d="M{x:.1f} {low}v5" class="axis"/>'))
         out.append(Html(f'<text x="{x:.1f}" y="{low + 18}" text-anchor="middle">{hertz:g}</text>'))
     for order in range(-(-orders[0] // 10) * 10, orders[1] + 1, 10):
-        out.append(Html(f'<path d="M{_LEFT} {up(order):.1f}H{right}" stroke="#e3e7eb"/>'))
+        out.append(Html(f'<path d="M{_LEFT} {up(order):.1f}H{right}" class="grid"/>'))
         out.append(Html(f'<text x="{_LEFT - 8}" y="{up(order) + 4:.1f}" text-anchor="end">{order}</text>'))
     out.append(
         Html(f'<text x="{(_LEFT + right) / 2:.0f}" y="{_HEIGHT - 6}" text-anchor="middle">frequency (Hz)</text>')
@@ -166,4 +170,4 @@ def _curve(spectrum: Facts, across: Any, top_hz: float) -> Html:
     share = (power - power.min()) / max(float(np.ptp(power)), 1e-12)
     low = _HEIGHT - _BOTTOM
     points = " ".join(f"{across(f):.1f},{low - (low - _TOP) * s:.1f}" for f, s in zip(hertz[shown], share, strict=True))
-    return Html(f'<polyline points="{points}" fill="none" stroke="#c3cad2" stroke-width="1.2"/>')
+    return Html(f'<polyline points="{points}" class="curve"/>')
