@@ -165,6 +165,21 @@ def test_check_says_a_thing_once_and_draws_each_channel_on_one_line(
     assert re.search("[▁-█]{10}", line) and not any(re.fullmatch("[ ▁-█]+", row) for row in out.splitlines())
 
 
+def test_the_picture_of_a_case_may_lie_in_its_folder_and_be_drawn_again(
+    pair: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As the command's own example has it; what somebody else put there, or changed, stays."""
+    folder = pair[0].parent
+    picture = folder / "check.html"
+    asked = ["check", str(folder), "--picture", str(picture)]
+    assert main(["init", str(pair[0]), "--baseline", str(pair[1])]) in (0, 2)
+    assert main(asked) == 0 and main(asked) == 0
+    picture.write_text("mine")
+    assert main(asked) == 2 and picture.read_text() == "mine"
+    assert "is an input of this command" in capsys.readouterr().err
+    picture.unlink()
+
+
 def test_nothing_that_exists_is_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_table(tmp_path / "a.csv", {"time_s": np.arange(9) * 0.1, "pitch": np.arange(9.0), "GenSpeed": np.arange(9.0)})
     assert main(["init", str(tmp_path / "a.csv")]) == 0

@@ -13,11 +13,11 @@ from test_report import Text, page_of
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.validation.proof import _spectra
 from aeolid.report import render_diagnosis
-from aeolid.report.answer import answer, groups_of, share_of
-from aeolid.report.charts import AFTER, BEFORE, GREY, INK, WIDE, sketch
+from aeolid.report.answer import answer, groups_of, sentence_of, share_of
+from aeolid.report.charts import AFTER, BEFORE, GREY, INK, WIDE, label, sketch
 from aeolid.report.evidence import score_bank
 from aeolid.report.markup import STYLE, Html, figure, folded, section, write_page
-from aeolid.report.numbers import OPEN, quantity
+from aeolid.report.numbers import OPEN, quantity, with_std
 from aeolid.report.pair import matched, sides
 from aeolid.report.ranking import gain_of, label_of, ranking
 from aeolid.report.where import _norm, _strength, maps
@@ -161,3 +161,11 @@ def test_texts_of_the_page_hold_no_ids_where_words_are(tmp_path: Path) -> None:
     diagnosis["next_experiment"]["text"] = "To decide between parameter_error and actuator_lag: move state:v"
     seen = Text(page_of(lambda p: render_diagnosis(diagnosis, {}, p), tmp_path)).seen
     assert "between wrong value of a declared parameter and first-order actuator lag: move in the equation of v" in seen
+
+
+def test_a_value_that_says_nothing_is_no_number_with_a_spread() -> None:
+    assert with_std(13.6, 14000.0) == f"13.6 ({OPEN})" and with_std(0.4, 1.0) == "0.400 ± 1.0"
+    assert label("acceleration", "1") == "acceleration" and label("speed", "rpm") == "speed (rpm)"
+    assert sentence_of("pulse_force is wrong") == "pulse_force is wrong." and sentence_of("h1 spills").startswith("h1")
+    twice = [effect("overflow", 1.0, "a"), effect("overflow", 1.0, "b")]
+    assert answer({"verdict": "multiple", "effects": twice, "statement": "a; and b"}).count("overflow") == 1  # type: ignore[arg-type]

@@ -18,7 +18,8 @@ MOST_LINES, MOST_BODY = 350, 40
 SIDE = {"can", "formats", "filters", "native", "plants"}  # hang off record; models are below them
 TOP = {"CMakeLists.txt", "src", "include", "port", "tests", "tools", "docs", "examples", "packaging", "zephyr",
        "library.json", "idf_component.yml", "README.md", "DESIGN.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md",
-       "LICENSE", ".clang-format", ".ci", ".gitignore"}  # fmt: skip
+       "LICENSE", ".clang-format", ".ci", ".gitignore",
+       ".dockerignore", ".github"}  # fmt: skip
 
 
 def tracked() -> list[Path]:

@@ -35,6 +35,11 @@ InsecureOption = Annotated[
 ]
 
 
+def cores() -> int:
+    """Return the cores that this process may use; where the system does not say, all there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(frozen=True)
 class Where:
     """Say where pieces of work are done, as the options have it."""
@@ -58,7 +63,7 @@ class Where:
         if self.scheduler is None:
             from aeolid.fleet.workers import open_pool
 
-            return open_pool(max(1, min(self.workers or usual or len(os.sched_getaffinity(0)), pieces)))
+            return open_pool(max(1, min(self.workers or usual or cores(), pieces)))
         from aeolid.fleet.cluster import Scheduler, open_cluster
 
         return open_cluster(Scheduler(self.scheduler, self.authority, self.certificate, self.key, self.insecure))

@@ -61,6 +61,7 @@ class Call:
     force: bool
     outputs: list[Output] = field(default_factory=list)
     inputs: dict[tuple[int, int], str] = field(default_factory=dict)
+    beside: set[tuple[int, int]] = field(default_factory=set)  # of the inputs, those that only lie in a folder given
     folders: list[Path] = field(default_factory=list)  # given as inputs: links below them are not followed
 
     def output_of(self, path: Path) -> Output:
@@ -77,12 +78,24 @@ class Call:
         """Return what the ledger says of a file of an output."""
         return f"{self.command} {output.option}".rstrip()
 
+    def _wrote(self, path: Path) -> bool:
+        """Tell whether this very option wrote a file as it stands: a picture of a case in the case's own folder."""
+        output = self.output_of(path)
+        name, label = str(path.absolute().relative_to(output.home)), self.label(output)
+        own = [e for e in ledger.entries(output.home) if e.file == name and e.label == label]
+        if not own:
+            return False
+        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as handle:
+            found = ledger.digest(handle)
+        return any(e.sha256 == found for e in own)
+
     def may_replace(self, path: Path, facts: os.stat_result) -> None:
         """Raise UsageError unless a regular file may give way."""
         if self.force:
             return
-        if (facts.st_dev, facts.st_ino) in self.inputs:
-            read = self.inputs[facts.st_dev, facts.st_ino]
+        key = facts.st_dev, facts.st_ino
+        if key in self.inputs and not (key in self.beside and self._wrote(path)):
+            read = self.inputs[key]
             which = "is" if Path(read).absolute() == path.absolute() else f"is the same file as {read},"
             raise UsageError(f"{path}: {which} an input of this command; name another output, or give {FORCE}")
         if facts.st_size == 0:  # as mktemp leaves it: nothing to lose
@@ -220,6 +233,7 @@ def _note(call: Call, path: Path) -> None:
         return  # its reader says what is wrong with it
     if stat.S_ISREG(facts.st_mode):
         call.inputs[facts.st_dev, facts.st_ino] = str(path)
+        call.beside.discard((facts.st_dev, facts.st_ino))
     elif stat.S_ISDIR(facts.st_mode):
         call.folders.append(path.absolute())
         try:
@@ -227,5 +241,6 @@ def _note(call: Call, path: Path) -> None:
                 inside = os.stat(path / name)
                 if stat.S_ISREG(inside.st_mode):
                     call.inputs[inside.st_dev, inside.st_ino] = str(path / name)
+                    call.beside.add((inside.st_dev, inside.st_ino))
         except OSError:
             return

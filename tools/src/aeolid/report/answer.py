@@ -50,7 +50,8 @@ def verdict_sentence(diagnosis: Facts) -> str:
 def sentence_of(value: Any) -> str:
     """Return a text as a sentence, the places and effects in it in words."""
     text = in_words(spoken(str(value).strip()))
-    text = text[:1].upper() + text[1:]
+    if text.partition(" ")[0].isalpha():  # the name of a channel is written as it is
+        text = text[:1].upper() + text[1:]
     return text if not text or text[-1] in ".!?" else text + "."
 
 
@@ -78,7 +79,8 @@ def answer(diagnosis: Facts) -> Html:
     """Build the box at the top of a page."""
     effects, verdict = diagnosis.get("effects") or [], diagnosis.get("verdict", "")
     kind, word, _ = _VERDICTS.get(verdict, ("open", str(verdict), ""))
-    named = f" · {', '.join(name_of(str(e.get('id'))) for e in effects[:3])}" if effects else ""
+    names = dict.fromkeys(name_of(str(e.get("id"))) for e in effects)
+    named = f" · {', '.join(list(names)[:3])}" if names else ""
     several = verdict == "ambiguous" and len(effects) > 1
     return tag(
         "div",

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from aeolid.display import visible_lines
 from aeolid.report.markup import Html
-from aeolid.report.numbers import number
+from aeolid.report.numbers import number, unit_of
 
 Array = NDArray[np.float64]
 INK, BEFORE, AFTER, TRUTH, GREY = "#1b1f24", "#d55e00", "#0072b2", "#d55e00", "#9aa4b0"
@@ -132,7 +132,7 @@ def smooth_spectrum(frequency_hz: Sequence[float], power: Sequence[float], per_o
 
 def label(name: str, unit: str | None) -> str:
     """Write an axis label: name and unit, the unit on a line of its own under a long name."""
-    return f"{name}{chr(10) if len(name) > 16 else ' '}({unit})" if unit else name
+    return f"{name}{chr(10) if len(name) > 16 else ' '}({unit})" if unit_of(unit) else name
 
 
 def bars(

@@ -111,7 +111,9 @@ def _spectrum_figure(name: str, data: Facts, unit: str | None) -> Html:
         ):
             axes.loglog(*charts.smooth_spectrum(data["frequency_hz"], data[key]), label=key, **style)
         axes.set_xlabel("frequency (Hz)")
-        axes.set_ylabel(f"error spectrum\n({_squared(unit)}/Hz)" if unit else "error spectrum (per Hz)")
+        axes.set_ylabel(
+            f"error spectrum\n({_squared(unit)}/Hz)" if unit and unit_of(unit) else "error spectrum (per Hz)"
+        )
         axes.legend(loc="best")
     return figure(
         drawing.svg,

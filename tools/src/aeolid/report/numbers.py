@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+OPEN = "not determined by these data"
+_LOOSE = 10.0  # times a value that its deviation may be before the value says nothing
 _FURTHEST = 1e15  # of a value in any unit of this trade; beyond it a fit has run away
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -32,6 +34,8 @@ def with_std(value: Any, std: Any, digits: int = 3) -> str:
         return number(value, digits)
     if not (math.isfinite(std) and math.isfinite(value) and std > 0):
         return number(value, digits)
+    if std > _LOOSE * abs(value) > 0:
+        return f"{number(value, digits)} ({OPEN})"
     last = math.floor(math.log10(std)) - 1
     if not -6 <= last <= 4 or std >= abs(value):  # an uncertainty beyond the value must not hide the value
         return f"{number(value, digits)} ± {number(std, 2)}"
@@ -51,9 +55,6 @@ def quantity(entry: Any, digits: int = 3) -> str:
     if is_open(entry.get("value")):
         return OPEN
     return f"{with_std(entry.get('value'), entry.get('std'), digits)} {unit_of(entry)}".strip()
-
-
-OPEN = "not determined by these data"
 
 
 def is_open(value: Any) -> bool:

@@ -78,6 +78,7 @@ def load_case(
     roles, records = _recordings(find, files, source, resample)
     _require_possible(context, records, source)
     paths = [find(file, f"{source} [baseline] file") for file in listed]
+    _require_there(paths)
     path = paths[0]
     more: tuple[Record, ...] = ()
     baseline: StateSpace | Equations | Record | Fmu
@@ -98,6 +99,16 @@ def load_case(
 
 
 Find = Callable[[str, str], Path]
+
+
+def _require_there(paths: Sequence[Path]) -> None:
+    """Raise DataError on a baseline that is not there, with what makes one."""
+    for path in paths:
+        if not path.exists():
+            raise DataError(
+                f"{path}: no such file; the case has it as its baseline: aeolid identify --out makes a model, a"
+                " simulation is named by aeolid init --baseline"
+            )
 
 
 def load_recordings(
