@@ -43,7 +43,8 @@ from aeolid.identify.windows import Scaling, WindowFactor
 from aeolid.models.model_file import Signal
 from aeolid.models.modes import Mode, modes_of
 from aeolid.models.prediction import estimate_initial_state
-from aeolid.models.shapes import index_of_reference, with_shapes
+from aeolid.models.shaped_modes import with_shapes
+from aeolid.models.shapes import index_of_reference
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Record
 
