@@ -16,6 +16,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import fit_finalists, fit_whispering, is_accepted
 from aeolid.diagnose.candidates.reestimate import baseline_of_all, estimated_on_all
+from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding, examine
 from aeolid.diagnose.data.intersample import sampling_findings
@@ -172,12 +173,13 @@ def _shows_elsewhere(prepared: Prepared, unsealed: Prepared, held: Held, seed: i
     A sensor's range may be reached a hundred times in the one part and twice in the other (174 nats sealed; one row
     ahead 0.113 of the spread became 0.012 elsewhere, 0.0172 became 0.0169 there).
     """
-    if held.proof is None or held.proof.interval[0] <= PROVEN or is_material(held.proof):
+    static = is_static(prepared)
+    if held.proof is None or held.proof.interval[0] <= PROVEN or is_material(held.proof, static):
         return False
     found = held.completed or held.sets[held.kept]
     before, after = (unsealed.predictor, unsealed.fit), (found.predictor, found.fit)
     parts = seen_before((*prepared.split.fit, *prepared.split.select), prepared.settle_s)
-    return is_material(prove(before, after, parts, prepared.settle_s, seed))
+    return is_material(prove(before, after, parts, prepared.settle_s, seed), static)
 
 
 def _with_more(

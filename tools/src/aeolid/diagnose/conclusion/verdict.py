@@ -101,7 +101,7 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     """Return the same of what was not left out."""
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
-        if not (is_material(study.proof) or study.shows_elsewhere):
+        if not (is_material(study.proof, is_static(study.prepared)) or study.shows_elsewhere):
             return "immaterial", [], None
         if study.winner.unlisted:
             return "unnamed", [], study.proof
@@ -123,7 +123,12 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     ):
         return "unnamed", [], None
     declared = study.declared_proof
-    if declared is not None and declared.interval[0] > PROVEN and is_material(declared) and contradicted(study):
+    if (
+        declared is not None
+        and declared.interval[0] > PROVEN
+        and is_material(declared, is_static(study.prepared))
+        and contradicted(study)
+    ):
         return ("unnamed", [], None) if form_speaking(study) else (*_declared(study), declared)
     if untested(study):
         return "not_testable", [], None

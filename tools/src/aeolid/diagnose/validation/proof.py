@@ -77,10 +77,14 @@ def prove(
     )  # fmt: skip
 
 
-def is_material(proof: Proof) -> bool:
-    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread."""
+def is_material(proof: Proof, static: bool = False) -> bool:
+    """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread.
+
+    static: of a law without states, over the settling time alone. Its one-step errors are what its noise foretells:
+    a lag of 5 s behind a torque law, whose constant is 17 % off, gained 7,500 nats and erred more than the law.
+    """
     pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
-    for rows in proof.profile.values():
+    for rows in () if static else proof.profile.values():
         pairs += list(zip(rows["before"], rows["after"], strict=True))
     return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
 
