@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tomllib
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.validation.proof import prove
+from aeolid.diagnose.validation.proof import is_material, prove
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 
@@ -84,3 +86,13 @@ def test_a_segment_shorter_than_the_horizon_has_no_part_in_it() -> None:
     assert beside["steps"] == alone["steps"]
     far = alone["steps"].index(50.0)
     assert beside["before"][far] == pytest.approx(alone["before"][far], rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("after", "static", "material"), [(0.25, True, False), (0.25, False, True), (0.14, True, True)]
+)
+def test_a_law_without_states_is_judged_far_ahead(after: float, static: bool, material: bool) -> None:
+    """One row ahead its noise foretells: a lag of 5 s behind a torque law gained thousands of nats and erred more."""
+    profile = {"torque": {"steps": [1.0], "before": [0.09], "after": [0.02]}}
+    proof: Any = SimpleNamespace(nrmse_before={"torque": 0.19}, nrmse_after={"torque": after}, profile=profile)
+    assert is_material(proof, static) is material

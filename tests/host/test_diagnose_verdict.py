@@ -84,9 +84,10 @@ def test_wrong_values_are_not_all_where_a_form_leads(
         candidates=(),
         rotation=None,
         shows_elsewhere=False,
+        prepared=SimpleNamespace(linear=1),
     )
     for name in ("is_material", "contradicted"):
-        monkeypatch.setattr(verdict, name, lambda anything: True)
+        monkeypatch.setattr(verdict, name, lambda *anything: True)
     monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
     assert verdict._decide(study)[0] == said
 
