@@ -17,6 +17,7 @@ from aeolid.begin.guess import guess
 from aeolid.begin.make import begin
 from aeolid.begin.survey import survey
 from aeolid.begin.understood import holes_of, sparkline
+from aeolid.cli.common import console
 from aeolid.cli.main import main
 from aeolid.diagnose.data.case import load_case
 from aeolid.errors import DataError
@@ -151,7 +152,7 @@ def test_check_says_a_thing_once_and_draws_each_channel_on_one_line(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Also where the model is not there yet, so that the recordings are read a second time."""
-    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setattr(console, "width", 100)  # the environment's is read when the console is made
     rows = [f"{1709290800 + 0.1 * k:.1f},{np.sin(k):.4f},{1170 + np.cos(k):.3f},{np.sin(2 * k):.4f}" for k in range(99)]
     text = "\n".join(["time,BldPitch1,GenSpeed,Nacelle fore-aft acceleration", *rows])
     (tmp_path / "turbine.csv").write_text(text + "\n")
