@@ -135,7 +135,9 @@ def write_swinging(folder: Path, factor: float, tau: float = 0.0) -> Path:
 
 
 @pytest.mark.diagnosis
-@pytest.mark.parametrize(("hidden", "value"), [("loss", 0.008), ("sensor", 1.1), ("nothing", 0.0)])
+@pytest.mark.parametrize(
+    ("hidden", "value"), [("loss", 0.008), pytest.param("sensor", 1.1, marks=pytest.mark.nightly), ("nothing", 0.0)]
+)
 def test_a_neglected_loss_is_not_told_as_a_sensor_that_is_a_third_off(
     hidden: str, value: float, tmp_path: Path
 ) -> None:

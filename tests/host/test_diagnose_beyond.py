@@ -51,7 +51,13 @@ def prepared_of(folder: Path) -> Prepared:
             None,
             marks=pytest.mark.nightly,  # fifty seconds, three times as long as the next one
         ),
-        ("shake", 0.03, "a force at state:v that swings at ([0-9.]+) Hz times the position", 0.37),
+        pytest.param(
+            "shake",
+            0.03,
+            "a force at state:v that swings at ([0-9.]+) Hz times the position",
+            0.37,
+            marks=pytest.mark.nightly,
+        ),
         ("teeth", 2.5, "a force at state:v that repeats every ([0-9.]+) of the position", 0.05),
         pytest.param(
             "relaxing",
