@@ -103,6 +103,17 @@ def test_one_that_is_ahead_is_a_rival_though_the_selection_data_do_not_speak_for
     assert rivals_of([jumps, grows, weaker], jumps) == [grows]
 
 
+def test_what_gains_nothing_is_no_rival() -> None:
+    """Where a few samples bring all of a gain Vuong's z stays small: a rival must have odds of 20 to 1 over nothing."""
+    burst = np.zeros(400)
+    burst[:2] = 17.0
+    switch = candidate(34.0, 9.0, name="operating_region_switch")
+    switch.fit_density = NOISE[0] + burst
+    idle, little = candidate(0.5, 0.03, name="sensor_rectified"), candidate(4.0, 1.0, name="sensor_scale")
+    assert not tells_apart(switch, idle)
+    assert rivals_of([switch, idle, little], switch) == [little]
+
+
 def scattered(gain: float, **more: Any) -> Any:
     """A candidate ahead by turns: by `gain` nats in sum, with a deviation of 8."""
     other = candidate(60.0 + gain, 20.0, **more)
