@@ -53,11 +53,28 @@ def slow_tests() -> set[str]:
     return {line.split()[0] for line in lines if line and not line.startswith("#")}
 
 
+def night_tests() -> set[str]:
+    """Return the tests, with their parameters, that tests/night.txt leaves to the night."""
+    lines = (Path(__file__).parent / "night.txt").read_text(encoding="utf-8").splitlines()
+    return {line.split(" | ")[0].strip() for line in lines if line and not line.startswith("#")}
+
+
+def _require_known(night: set[str], collected: set[str], asked: list[str]) -> None:
+    """Refuse a list that names tests which are not there; as far as whole files were asked for."""
+    files = {name.split("::")[0] for name in collected}
+    unknown = sorted(name for name in night - collected if name.split("::")[0] in files)
+    if unknown and not any("::" in word for word in asked):
+        raise pytest.UsageError(f"tests/night.txt names tests that are not there: {', '.join(unknown)}")
+
+
 @pytest.hookimpl(tryfirst=True)  # before -m chooses by marks
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is known to be slow and put the longest tests first; nothing else changes its place."""
-    slow = slow_tests()
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what is slow or for the night and put the longest tests first; nothing else changes its place."""
+    slow, night = slow_tests(), night_tests()
+    _require_known(night, {item.nodeid for item in items}, config.args)
     for item in items:
+        if item.nodeid in night:
+            item.add_marker("nightly")
         if slow & {item.nodeid.split("[")[0], item.nodeid.split("::")[0]}:
             item.add_marker("slow")
     items.sort(key=lambda item: next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS)))

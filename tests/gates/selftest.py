@@ -1,8 +1,8 @@
 """Prove that the gates and the tests can fail: seed a defect in a copy of the sources and demand that it is found.
 
-python selftest.py UNITY_DIR [all]; UNITY_DIR holds unity.c. One defect for each gate; or all of them and those of the
-tests, which the nightly tests ask for: by day the mutants of gate_mutants show that tests can fail. Exit code 0 when
-every defect was found, for the reason expected.
+python selftest.py UNITY_DIR [all]; UNITY_DIR holds unity.c. One defect for each gate but the dear ones; or all of them
+and those of the tests, which the nightly tests ask for: by day the mutants of gate_mutants show that tests can fail.
+Exit code 0 when every defect was found, for the reason expected.
 That gates and tests are content with the unharmed sources is for themselves to show, in the same run of ctest.
 """
 
@@ -22,6 +22,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 GATES = Path(__file__).resolve().parent
 FAST_MATH = ["-O3", "-ffast-math"]
 SKIPPED = 77  # exit code of a gate whose tool is missing
+DEAR = {"targets powerpc", "stack", "memory", "fuzz"}  # gates that take 15 to 40 s to object: by night
 
 
 @dataclass(frozen=True)
@@ -429,7 +430,7 @@ def main() -> None:
     unity = Path(sys.argv[1])
     defects = list(GATE_DEFECTS + TEST_DEFECTS)
     if sys.argv[2:] != ["all"]:
-        defects = list({d.finder: d for d in reversed(GATE_DEFECTS)}.values())  # the first of each gate
+        defects = [d for d in {d.finder: d for d in reversed(GATE_DEFECTS)}.values() if d.finder not in DEAR]
     with tempfile.TemporaryDirectory(prefix="aeolid-objects-") as folder, ThreadPoolExecutor(2) as pool:
         objects = Objects(Path(folder))
         findings = [f for f in pool.map(lambda d: seed_defect(d, unity, objects), defects) if f]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import shutil
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -36,6 +38,21 @@ def test_the_list_of_slow_tests_names_tests() -> None:
         assert (ROOT / file).is_file()
         for function in functions:
             assert re.search(rf"^def {function}\(", (ROOT / file).read_text(), re.M), f"{file} has no {function}"
+
+
+def test_a_list_for_the_night_that_names_no_test_is_refused(tmp_path: Path) -> None:
+    """Else a test whose parameters changed would run by day again, and nobody would notice."""
+    for name in ("conftest.py", "processor_limit.py", "slow.txt"):
+        shutil.copy(ROOT / "tests" / name, tmp_path)
+    (tmp_path / "test_one.py").write_text("def test_it():\n    pass\n")
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ".", "test_one.py"]
+    for line, code, words in (
+        ("test_one.py::test_it | nothing", 0, "1 passed"),
+        ("test_one.py::test_it[a] | nothing", 4, "names tests that are not there: test_one.py::test_it[a]"),
+    ):
+        (tmp_path / "night.txt").write_text(f"# a list\n{line}\n")
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == code and words in done.stdout + done.stderr
 
 
 def test_a_word_that_is_no_mode_is_wrong_usage() -> None:
