@@ -402,10 +402,10 @@ def test_the_command_goes_round_and_says_what_it_wrote(tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments, code, text",
     [
-        (["a.json", "b.txt"], 2, "written as .json, .mat or .h"),
+        (["a.json", "b.txt"], 2, "written as .json, .mat, .h or .fmu"),
         (["a.json", "b.mat", "--sample-time", "-1"], 2, "--sample-time -1"),
-        (["a.json", "b.mat", "--precision", "f64"], 2, "--precision and --name belong to a C observer"),
-        (["a.json", "b.json", "--name", "plant"], 2, "--precision and --name belong to a C observer"),
+        (["a.json", "b.mat", "--precision", "f64"], 2, "--precision and --name belong to C"),
+        (["a.json", "b.json", "--name", "plant"], 2, "--precision and --name belong to C"),
         (["a.json", "b.h", "--output", "y1"], 2, "all outputs that its Kalman gain was made for: y1, y2"),
         (["a.json", "b.mat", "--sample-time", "0.3"], 2, "sample time of 1 s already"),
         (["a.json", "b.mat", "--output", "none"], 3, "no output 'none'"),
@@ -413,7 +413,8 @@ def test_the_command_goes_round_and_says_what_it_wrote(tmp_path, capsys):
         (["a.json", "absent/b.h"], 2, "cannot be written"),
         (["absent.lin", "b.json"], 3, "no such file"),
         (["absent.mat", "b.json"], 3, "no such file"),
-        (["equations.toml", "b.json"], 3, "a linear model"),
+        (["equations.toml", "b.json"], 2, "equations are written as .h"),
+        (["absent.toml", "b.fmu", "--sample-time", "0.1"], 3, "absent.toml"),
     ],
 )
 def test_bad_conversions_end_in_one_sentence(tmp_path, monkeypatch, capsys, arguments, code, text):

@@ -158,6 +158,33 @@ class Equations:
             raise UsageError(f"{path}: equations are written as .toml")
         output.write_text(path, self.to_text())
 
+    @public
+    def to_fmu(self, path: str | Path, *, sample_time: float = 0.0) -> tuple[str, ...]:
+        """Write a functional mock-up unit: FMI 2.0, co-simulation, with sources and a library for this machine.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file, .fmu; another of this name is replaced.
+        sample_time : float
+            Time between two samples in s, of the recordings as a rule; 0 for equations in discrete time, which have
+            their own.
+
+        Returns
+        -------
+        tuple of str
+            What the unit leaves out, a sentence each.
+
+        Raises
+        ------
+        UsageError
+            Where the suffix is not .fmu, the sample time is missing or an input acts early, or where the file cannot be
+            written.
+        """
+        from aeolid.api.mock_up import written_unit
+
+        return written_unit(Path(path), self.core, sample_time, self.source or self.name)
+
     def __repr__(self) -> str:
         sizes = ((self.states, "state"), (self.inputs, "input"), (self.outputs, "output"),
                  (self.core.parameters, "parameter"))  # fmt: skip

@@ -219,6 +219,30 @@ class LinearModel:
             raise UsageError(f"{path}: a model is written as .json or .mat")
         output.write_json(path, self.to_json())
 
+    @public
+    def to_fmu(self, path: str | Path) -> tuple[str, ...]:
+        """Write a functional mock-up unit: FMI 2.0, co-simulation, with sources and a library for this machine.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            The file, .fmu; another of this name is replaced.
+
+        Returns
+        -------
+        tuple of str
+            What the unit leaves out, a sentence each.
+
+        Raises
+        ------
+        UsageError
+            Where the suffix is not .fmu, the model is one of continuous time, or where the file cannot be written.
+        """
+        from aeolid.api.mock_up import written_unit
+        from aeolid.models.exchange.linear_equations import linear_equations
+
+        return written_unit(Path(path), linear_equations(self.state_space, "the model"), 0.0, "model.json")
+
     def to_json(self) -> dict[str, Any]:
         """Return the content of model.json."""
         if self.result is not None:

@@ -1,4 +1,4 @@
-"""Convert a linear model between file formats, or into C for the controller."""
+"""Convert a model between file formats, into C for the controller, or into a functional mock-up unit."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ EXAMPLES = (
     "aeolid convert model.json model.mat",
     "aeolid convert model.json observer.h --precision f32 --name tower",
     "aeolid convert linearised.lin model.json --sample-time 0.1",
+    "aeolid convert diagnosis/model plant.fmu --sample-time 0.05",
 )
-WRITABLE = (".json", ".mat", ".h")
+WRITABLE = (".json", ".mat", ".h", ".fmu")
 
 
 def register(app: typer.Typer) -> None:
@@ -30,15 +31,26 @@ def register(app: typer.Typer) -> None:
 
 def convert(
     model_file: Annotated[
-        Path, typer.Argument(metavar="MODEL", help="model.json, MATLAB .mat or OpenFAST linearisation .lin.")
+        Path,
+        typer.Argument(
+            metavar="MODEL",
+            help="model.json, MATLAB .mat, OpenFAST linearisation .lin, model.toml (equations), or a folder of one.",
+        ),
     ],
     out: Annotated[
-        Path, typer.Argument(metavar="OUT", help="What to write: .json, .mat or .h (Kalman observer in C).")
+        Path,
+        typer.Argument(
+            metavar="OUT",
+            help="What to write: .json, .mat, .h (a Kalman observer in C; of equations their simulation)"
+            " or .fmu (FMI 2.0, co-simulation).",
+        ),
     ],
     sample_time: Annotated[
         float | None,
         typer.Option(
-            "--sample-time", help="Discretise a continuous-time model, inputs held; s. Also the Ts of a .mat."
+            "--sample-time",
+            help="Discretise a continuous-time model, inputs held; s. Also the Ts of a .mat, and the step of a"
+            " simulation.",
         ),
     ] = None,
     inputs: Annotated[
@@ -57,15 +69,23 @@ def convert(
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:
-    """Convert a linear model: MATLAB files, OpenFAST linearisations, a Kalman observer in C."""
+    """Convert a model: MATLAB files, OpenFAST linearisations, a Kalman observer in C, a functional mock-up unit."""
     suffix = out.suffix.lower()
     if suffix not in WRITABLE:
-        raise UsageError(f"{out}: a model is written as .json, .mat or .h")
-    if suffix != ".h" and (precision, name) != (None, None):
-        raise UsageError(f"--precision and --name belong to a C observer (.h), not to {out.name}")
+        raise UsageError(f"{out}: a model is written as .json, .mat, .h or .fmu")
+    if (suffix != ".h" and precision) or (suffix not in (".h", ".fmu") and name):
+        raise UsageError(f"--precision and --name belong to C (.h; --name also to .fmu), not to {out.name}")
     if sample_time is not None and not 0 < sample_time < 1e6:
         raise UsageError(f"--sample-time {sample_time:g} is not a time in seconds above 0")
     declare("convert", force=force, inputs=[model_file], files={"OUT": out, "--json": json_target})
+    if suffix == ".fmu" or _holds_equations(model_file):
+        if precision:
+            raise UsageError("--precision belongs to a Kalman observer; simulations compute in double")
+        facts = _simulation(model_file, out, sample_time, name, [*(inputs or []), *(outputs or [])])
+        if json_target != "-":
+            console.print(_told(facts), markup=False)
+        emit_json(facts, json_target)
+        return
     from aeolid.models.exchange.files import read_with_notes
     from aeolid.models.exchange.select import select
 
@@ -90,6 +110,45 @@ def convert(
     if json_target != "-":
         console.print(_summary(facts), markup=False)
     emit_json(facts, json_target)
+
+
+def _holds_equations(path: Path) -> bool:
+    return path.suffix == ".toml" or (path.is_dir() and (path / "model.toml").is_file())
+
+
+def _simulation(
+    model_file: Path, out: Path, sample_time: float | None, name: str | None, chosen: list[str]
+) -> dict[str, Any]:
+    """Write a simulation of a model as C header or mock-up unit; returns what is told."""
+    from aeolid.models.exchange.c_simulation import as_identifier, c_simulation
+    from aeolid.models.exchange.fmu_write import write_fmu
+    from aeolid.models.exchange.simulated import equations_to_simulate
+
+    if out.suffix.lower() not in (".h", ".fmu"):
+        raise UsageError(f"{out}: equations are written as .h (a simulation in C) or .fmu")
+    if chosen:
+        raise UsageError("--input and --output choose among those of a linear model; a simulation has all")
+    model, prefix = equations_to_simulate(model_file, sample_time), name or as_identifier(out.stem)
+    if out.suffix.lower() == ".fmu":
+        notes = write_fmu(out, model, sample_time or 0.0, name=prefix, source=model_file.name)
+    else:
+        text, notes = c_simulation(model, sample_time or 0.0, name=prefix, source=model_file.name)
+        write_text(out, text)
+    signals = {
+        kind: [{"name": s.name, "unit": s.unit} for s in having]
+        for kind, having in (("inputs", model.inputs), ("outputs", model.outputs))
+    }
+    step = model.sample_time_s or sample_time
+    return {"model": str(model_file), "written": str(out), "order": len(model.states), "sample_time_s": step,
+            "parameters": len(model.parameters), "notes": list(notes)} | signals  # fmt: skip
+
+
+def _told(facts: dict[str, Any]) -> str:
+    lines = [f"{facts['written']}: {facts['order']} states, {facts['parameters']} parameters, a sample every"
+             f" {facts['sample_time_s']:g} s"]  # fmt: skip
+    for kind in ("inputs", "outputs"):
+        lines += [f"  {kind[:-1]} {s['name']} [{s['unit'] or '-'}]" for s in facts[kind]]
+    return "\n".join([*lines, *(f"note: {note}" for note in facts["notes"])])
 
 
 def _at_sample_time(model: StateSpace, sample_time: float | None, source: Path) -> StateSpace:

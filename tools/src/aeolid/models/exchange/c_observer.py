@@ -23,8 +23,7 @@ def c_observer(model: StateSpace, *, name: str, precision: str = "f32", source: 
     of the estimate decays with the eigenvalues of A − K C, so an observer with one at or outside the unit circle is
     refused. Raises DataError where the model cannot be an observer, UsageError on the name or precision.
     """
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
-        raise UsageError(f"{name!r} cannot begin names in C: a letter, then letters, digits and _, up to 41")
+    require_name(name)
     if precision not in ("f32", "f64"):
         raise UsageError(f"precision {precision!r} is neither f32 nor f64")
     kind: Kind = np.float32 if precision == "f32" else np.float64
@@ -38,7 +37,7 @@ def c_observer(model: StateSpace, *, name: str, precision: str = "f32", source: 
     signals = _described("u", model.inputs) + _described("y", model.outputs)
     slowest = abs(np.linalg.eigvals(model.A - K @ model.C)).max()
     words = {
-        "@SOURCE@": _comment(source),
+        "@SOURCE@": comment(source),
         "@SIGNALS@": "\n".join(signals),
         "@SAMPLE_TIME@": repr(float(model.sample_time_s)),
         "@SLOWEST@": f"{slowest:.6f}",
@@ -52,6 +51,12 @@ def c_observer(model: StateSpace, *, name: str, precision: str = "f32", source: 
     for mark, word in words.items():
         text = text.replace(mark, word)
     return text
+
+
+def require_name(name: str) -> None:
+    """Refuse what cannot begin names in C."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", name):
+        raise UsageError(f"{name!r} cannot begin names in C: a letter, then letters, digits and _, up to 41")
 
 
 def _checked_gain(model: StateSpace, kind: Kind, source: str) -> Array:
@@ -102,10 +107,10 @@ def _literal(value: float, kind: Kind) -> str:
 
 
 def _described(letter: str, signals: tuple[Signal, ...]) -> list[str]:
-    return [f" *   {letter}[{i}]  {_comment(s.name)}, {_comment(s.unit) or '-'}" for i, s in enumerate(signals)]
+    return [f" *   {letter}[{i}]  {comment(s.name)}, {comment(s.unit) or '-'}" for i, s in enumerate(signals)]
 
 
-def _comment(text: str) -> str:
+def comment(text: str) -> str:
     """Make a text of somebody else's safe inside a comment: it cannot end it, nor begin one, nor join lines."""
     printable = "".join(c if c.isprintable() and c not in "\\?" else "_" for c in text)
     return printable.replace("*/", "*_").replace("/*", "_*").replace("*", "_")

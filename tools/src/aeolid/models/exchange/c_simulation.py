@@ -1,0 +1,106 @@
+"""Write equations as a C99 header that simulates them: for a mock-up unit, a test bench or a model in another tool."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from aeolid.errors import DataError, UsageError
+from aeolid.models.equations import TIME, Equations, Output, Parameter, State
+from aeolid.models.exchange.c_expressions import functions_of, number
+from aeolid.models.exchange.c_filters import FUNCTIONS, PAST, Filters, filters_of
+from aeolid.models.exchange.c_observer import comment, require_name
+from aeolid.models.exchange.c_simulation_template import DISCRETE, HELPERS, RUNGE_KUTTA, TEMPLATE, WHOLE
+from aeolid.models.input_filters import CHANGING
+from aeolid.models.integrate import compile_equations, substeps
+from aeolid.models.model_file import Signal
+
+_PIECES = 4  # steps of integration a sample at least, where an input changes within it
+
+
+def c_simulation(model: Equations, step_s: float, *, name: str, source: str = "model") -> tuple[str, tuple[str, ...]]:
+    """Return the text of a C99 header with a free run of the equations, and notes on what it leaves out.
+
+    step_s: time between two samples, s; a longer step is cut into such. Continuous time is integrated as
+    `Equations.simulate` does it: classical Runge–Kutta steps, so many a sample, memories renewed once a sample, inputs
+    held over it. A discrete-time model has its own step. name: prefix of everything in the header. Raises UsageError on
+    a name or step, DataError where the start is not finite.
+    """
+    require_name(name)
+    model = model.pruned()
+    step_s = checked_step(model, step_s)
+    if not np.all(np.isfinite([s.initial for s in model.states])):
+        raise DataError(f"{source}: a state starts at no finite number")
+    count = _count(model, step_s)
+    filters = filters_of(model, step_s / count, name)
+    words = _functions(model, filters, name) | {
+        "@STEP@": number(step_s), "@PIECE@": number(step_s / count), "@COUNT@": str(count),
+        "@SOURCE@": comment(source), "@SIGNALS@": "\n".join(_signals(model)),
+        "@START@": _row(s.initial for s in model.states), "@VALUES@": _row(model.theta),
+        "@N@": str(len(model.states)), "@M@": str(len(model.memories)), "@R@": str(len(model.inputs)),
+        "@L@": str(len(model.outputs)), "@P@": str(len(model.parameters)), "@F@": str(filters.words),
+        "@GUARD@": f"{name.upper()}_H", "@UPPER@": name.upper(), "@name@": name,
+    }  # fmt: skip
+    text = TEMPLATE
+    for mark, word in words.items():
+        text = text.replace(mark, word)
+    return text, filters.notes
+
+
+def _functions(model: Equations, filters: Filters, name: str) -> dict[str, str]:
+    """Return what stands for the marks of the template's functions; some have marks of their own."""
+    kinds = {*filters.used, *(["actuator_lag"] if filters.used & {"lead_lag", "indicial"} else [])}
+    parts = [*([PAST] if filters.delays else []), *(text for kind, text in FUNCTIONS.items() if kind in kinds)]
+    rooms = (f"\n    {name}_past past_{k};\n    double room_{k}[{2 * r}];" for k, r in enumerate(filters.delays, 1))
+    times = (f"    v[{i}] = s->time_s;\n" for i, s in enumerate(model.inputs) if s.name == TIME)
+    discrete = model.sample_time_s > 0
+    return {
+        "@FILTERS@": "\n".join(parts), "@FUNCTIONS@": functions_of(model, name), "@ROOMS@": "".join(rooms),
+        "@FIRST@": filters.first, "@SETTLE@": filters.settle, "@NOW@": filters.now, "@MEAN@": filters.mean,
+        "@HELPERS@": HELPERS, "@ADVANCE@": DISCRETE if discrete else RUNGE_KUTTA, "@WHOLE@": WHOLE if discrete else "",
+        "@TIME@": "".join(times),
+    }  # fmt: skip
+
+
+def checked_step(model: Equations, step_s: float) -> float:
+    """Return the time between two samples, s: a discrete-time model's own, else the one that was asked for."""
+    if not model.sample_time_s:
+        if not 0 < step_s < 1e6:
+            raise UsageError("equations in continuous time need the time between two samples in s (--sample-time)")
+        return step_s
+    if step_s and abs(step_s - model.sample_time_s) > 1e-9 * model.sample_time_s:
+        raise UsageError(f"the model has a sample time of {model.sample_time_s:g} s; it takes no other")
+    return model.sample_time_s
+
+
+def _count(model: Equations, step_s: float) -> int:
+    """Return the steps of integration a sample: as a free run from the model's start takes them."""
+    if model.sample_time_s:
+        return 1
+    compiled = compile_equations(model)
+    count = substeps(compiled, np.zeros(len(model.inputs)), compiled.model.theta, compiled.model.x0, step_s)
+    return max(count, _PIECES) if any(f.kind in CHANGING for f in model.filters) else count
+
+
+def _row(values: Iterable[float]) -> str:
+    texts = [number(v) for v in values]
+    return "{" + ", ".join(texts or ["0.0"]) + "}"
+
+
+def _signals(model: Equations) -> list[str]:
+    groups: Sequence[tuple[str, Sequence[Signal | Output | State | Parameter]]] = (
+        ("u", model.inputs), ("y", model.outputs), ("x", model.states), ("parameter", model.parameters),
+    )  # fmt: skip
+    return [
+        f" *   {letter}[{i}]  {comment(s.name)}, {comment(s.unit) or '-'}"
+        for letter, group in groups
+        for i, s in enumerate(group)
+    ]
+
+
+def as_identifier(text: str) -> str:
+    """Return a name in C that resembles a text."""
+    found = re.sub(r"\W", "_", text, flags=re.ASCII)[:40].lstrip("_")
+    return found if found and found[0].isalpha() else f"model_{found}"
