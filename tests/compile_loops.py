@@ -10,9 +10,8 @@ import tempfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent / "host"))
+from aeolid.cli.main import main  # isort: skip — before numpy: it chooses the instructions
 from api_cases import write_folder
-
-from aeolid.cli.main import main
 
 
 def compile_loops(folder: Path) -> int:

@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from processor_limit import processor_limit
 
+import aeolid  # noqa: F401 — chooses the instructions of numpy and OpenBLAS, which read them as they are loaded
+
 for variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     # On small matrices a second thread only waits, and tests run side by side.
     os.environ.setdefault(variable, "1")
@@ -23,6 +25,7 @@ MARKS = {  # the longest first, so that no worker waits for another at the end
     "slow": "takes some ten seconds of processor or more; not in `sh tests/run quick`",
 }
 MOST_PROCESSOR_S = 1200.0  # of the process that runs a test; the longest takes a tenth of it
+VERY_SLOW_S = 60.0  # a file of one piece that takes as long goes before everything: a guest that boots
 PREPARED = re.compile(r'scope="(module|session)"|^@cache$', re.M)  # a file's tests share what was prepared once
 
 
@@ -47,10 +50,10 @@ def pytest_configure(config: pytest.Config) -> None:
         verdict.diagnose = heard  # before any test imports it
 
 
-def slow_tests() -> set[str]:
-    """Return the tests, without their parameters, and the files that tests/slow.txt lists."""
+def slow_tests() -> dict[str, float]:
+    """Return the tests, without their parameters, and the files that tests/slow.txt lists, with their seconds."""
     lines = (Path(__file__).parent / "slow.txt").read_text(encoding="utf-8").splitlines()
-    return {line.split()[0] for line in lines if line and not line.startswith("#")}
+    return {line.split()[0]: float(line.split()[1]) for line in lines if line and not line.startswith("#")}
 
 
 def night_tests() -> set[str]:
@@ -75,9 +78,14 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.nodeid in night:
             item.add_marker("nightly")
-        if slow & {item.nodeid.split("[")[0], item.nodeid.split("::")[0]}:
+        if slow.keys() & {item.nodeid.split("[")[0], item.nodeid.split("::")[0]}:
             item.add_marker("slow")
-    items.sort(key=lambda item: next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS)))
+
+    def place(item: pytest.Item) -> tuple[bool, int]:
+        mark = next((k for k, m in enumerate(MARKS) if item.get_closest_marker(m)), len(MARKS))
+        return slow.get(item.nodeid.split("::")[0], 0.0) < VERY_SLOW_S, mark
+
+    items.sort(key=place)
 
 
 @cache

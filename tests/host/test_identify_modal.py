@@ -60,7 +60,9 @@ def test_deviations_straight_from_the_markov_parameters_are_those_by_way_of_the_
 def test_states_of_a_smaller_order_are_the_first_of_a_larger_one(record):
     factor = compress([record], find_scaling([record]), 10).whole
     basis = find_states(factor, estimate_markov(factor, (), "gcv").theta, 10)
-    np.testing.assert_array_equal(basis.state_map(12)[:7], basis.state_map(7))
+    whole = basis.state_map(12)
+    # A product of more rows may be summed in another order: some roundings of the largest entry.
+    np.testing.assert_allclose(whole[:7], basis.state_map(7), rtol=0, atol=1e-13 * np.abs(whole).max())
 
 
 def test_modes_are_those_of_the_structure_and_all_else_is_spurious(found):

@@ -29,7 +29,7 @@ FLOORS = (
     ("pipeline",),
     ("conclusion",),
     ("run_prior",),
-    ("conclude",),
+    ("conclude", "estimate"),
 )
 FLOOR = {f"diagnose.{room}": floor for floor, rooms in enumerate(FLOORS) for room in rooms}
 
@@ -41,7 +41,8 @@ CIRCLES_LEFT = (
     frozenset({"challenge.models", "challenge.plants"}),
     # objects that are made from each other: a model simulates, a simulation knows its model
     frozenset(
-        f"api.{m}" for m in ("equations", "linear", "models", "pictures", "scheduled", "simulation", "validation")
+        f"api.{m}"
+        for m in ("equations", "fitted", "linear", "models", "pictures", "scheduled", "simulation", "validation")
     ),
 )
 

@@ -7,7 +7,7 @@ FOLDER is a case or holds cases. Each is diagnosed (without sham runs) once with
 diagnosis tests are run instead, whole, once with each set: what they assert must hold, and every diagnosis.json they
 write is an answer. A set chooses the kernels of OpenBLAS, the loops of numpy, the code that LLVM makes of models and
 loops, and the mathematical functions of the C library: they differ in the order they sum in and in fused products, so
-in rounding alone. Sets beyond this processor are left out by name.
+in rounding alone. Sets beyond this processor are left out by name; `common` is what aeolid chooses by itself.
 
 A line for each case: what is said, and by how many of its standard deviations the value furthest off moves. Each line
 of FILE is one case; run again it goes on where it stopped. Exit code 1 where verdict or names differ, a value moves by
@@ -27,12 +27,15 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from aeolid import arithmetic
+
 ROOT = Path(__file__).resolve().parents[2]
 MOST_MOVED = 0.1  # of a value's standard deviation: nobody reads a difference of that size
 EXACT = 1e-6  # relative, for values without a deviation
 _LOOPS_512 = "AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL AVX512_ICL AVX512_SPR X86_V4"
 _LOOPS_256 = f"AVX FMA3 AVX2 X86_V3 {_LOOPS_512}"  # numpy's names, old and new; what it does not know it passes over
 SETS: dict[str, dict[str, str]] = {
+    "common": {},  # what aeolid itself chooses where a processor has AVX2
     "native": {},
     "sse": {
         "OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": _LOOPS_256, "NUMBA_CPU_NAME": "nehalem",
@@ -53,7 +56,7 @@ SETS: dict[str, dict[str, str]] = {
     "avx512": {"OPENBLAS_CORETYPE": "SkylakeX", "NUMBA_CPU_NAME": "skylake-avx512"},
 }  # fmt: skip
 _NEEDS = {"avx": "avx", "avx2": "avx2", "zen": "avx2", "avx512": "avx512f"}  # as /proc/cpuinfo calls it
-_VARIABLES = {v for s in SETS.values() for v in s} | {"NUMBA_CPU_FEATURES"}
+_VARIABLES = {v for s in SETS.values() for v in s} | {"NUMBA_CPU_FEATURES", arithmetic.VARIABLE}
 Facts = dict[str, Any]
 
 
@@ -72,6 +75,7 @@ def can_run(name: str) -> bool:
 def surroundings(name: str) -> dict[str, str]:
     """Return the environment in which a process computes with this set alone, on one thread."""
     env = {k: v for k, v in os.environ.items() if k not in _VARIABLES}
+    env |= {} if name == "common" else {arithmetic.VARIABLE: arithmetic.NATIVE}
     chosen = SETS[name]
     if "NUMBA_CPU_NAME" in chosen:
         env["NUMBA_CPU_FEATURES"] = ""  # those of the named processor, not this one's

@@ -11,6 +11,8 @@ What is named here is imported when it is first used. identify, diagnose and fle
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from aeolid import arithmetic
+
 if TYPE_CHECKING:
     from aeolid.api.diagnosing import diagnose as diagnose
     from aeolid.api.diagnosis import Diagnosis as Diagnosis
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
     from aeolid.errors import UsageError as UsageError
 
     __version__: str
+
+arithmetic.settle()  # before numpy is loaded
 
 _CALLED = ("diagnose", "fleet", "identify")
 _PLACES = {

@@ -13,6 +13,8 @@ from aeolid.api.table import Table
 if TYPE_CHECKING:
     import pandas as pd
 
+    from aeolid.api.fitted import EquationsFit
+    from aeolid.api.progress import Progress
     from aeolid.api.simulation import Simulation
     from aeolid.api.validation import Validation
     from aeolid.models.equations import Equations as CoreEquations
@@ -136,6 +138,47 @@ class Equations:
         from aeolid.api.validation import validate
 
         return validate(self, record, steps=steps)
+
+    @public
+    def fit(self, records: Record | Sequence[Record], *, progress: Progress = None) -> EquationsFit:
+        """Fit the free values to recordings by prediction errors, as `aeolid identify --structure` does.
+
+        A part of the recordings is left out of a first fit and says how well its values foretell; then all are fitted.
+
+        Parameters
+        ----------
+        records : Record or sequence of Record
+            One recording, or several of the same machine.
+        progress : bool or callable, optional
+            By default a bar on a terminal and in a notebook; True shows it always, False never; a function is called
+            with a text and the share done.
+
+        Returns
+        -------
+        EquationsFit
+
+        Raises
+        ------
+        DataError
+            Where recordings and equations do not go together: a missing channel, another unit.
+        UsageError
+            Where no parameter is free.
+        NotIdentifiable
+            Where the data are too few, or the model diverges on them.
+        """
+        import hashlib
+
+        from aeolid.api.fitted import EquationsFit
+        from aeolid.api.from_diagnose import estimate, make_case
+        from aeolid.api.models import as_records
+        from aeolid.api.progress import shown
+
+        name = self.source or self.name
+        digest = hashlib.sha256(self.to_text().encode()).hexdigest()
+        case = make_case(as_records(records), self.core, title=name, source=name, sha256=digest)
+        with shown(progress) as show:
+            found = estimate(case, lambda text: show(text, None))
+        return EquationsFit(found, Equations(found.model, source=name))
 
     @public
     def save(self, path: str | Path) -> None:

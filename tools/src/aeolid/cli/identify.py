@@ -21,6 +21,7 @@ from aeolid.cli.common import (
     progress_console,
     waiting,
 )
+from aeolid.cli.identify_structure import fit_structure
 from aeolid.identify.request import Request
 from aeolid.identify.request_checks import METHODS
 from aeolid.output import declare
@@ -37,6 +38,7 @@ EXAMPLES = (
     "aeolid identify monday.csv --roles roles.toml --past 30 --out model.json",
     "aeolid identify monday.csv tuesday.csv --roles roles.toml --past 30 --report model.html --out model.json",
     "aeolid identify monday.csv --roles roles.toml --outputs all --out modes.json",
+    "aeolid identify monday.csv --roles roles.toml --structure model.toml --out fitted.toml",
     "aeolid identify received.csv --roles received.roles.toml --past 30 --markov markov.npz --out model.json",
 )
 
@@ -239,6 +241,10 @@ def identify(
         str | None,
         typer.Option("--reference", help="varx, varmax: output that mode shapes are scaled to; default the largest."),
     ] = None,
+    structure: Annotated[
+        Path | None,
+        typer.Option("--structure", help="model.toml: fit its free values instead; --out then is a model.toml."),
+    ] = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     resample: ResampleOption = None,
     json_target: JsonOption = None,
@@ -255,6 +261,9 @@ def identify(
         uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
         outputs=outputs, reference=reference,
     )  # fmt: skip
+    if structure is not None:
+        fit_structure(structure, recordings, roles, out, json_target, resample, request, [markov, report], force)
+        return
     request.check(streamed=markov is not None)
     files = {"--out": out, "--report": report, "--json": json_target}
     declare("identify", force=force, inputs=[*recordings, roles, markov], files=files)

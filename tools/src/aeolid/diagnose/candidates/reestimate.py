@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from aeolid.diagnose.baseline.prepare import Prepared
@@ -10,6 +11,7 @@ from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, values_of, without_the_mute
 from aeolid.diagnose.candidates.recorded_modes import Known, recorded_modes
 from aeolid.diagnose.candidates.refit import without_slopes
+from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -83,9 +85,13 @@ def _fitted_to_all(prepared: Prepared, predictor: Predictor, fit: Fit) -> tuple[
     of the optimum, and where, rounding chose (0.4 deviations apart on two processors, 0.004 since). Not free gains: a
     baseline of 27 went on to a predictor that ran 120 s well and diverged on the sealed data.
     """
-    split = prepared.split
-    elsewhere = predictor.score_elsewhere(fit, split.select)[2]
-    both = predictor.on((*split.fit, *split.select))
+    return fitted_to(predictor, fit, (*prepared.split.fit, *prepared.split.select))
+
+
+def fitted_to(predictor: Predictor, fit: Fit, segments: Sequence[Segment]) -> tuple[Predictor, Fit] | None:
+    """Fit to these stretches, those of `predictor` first, from where a fit to those stands; None where it fails."""
+    elsewhere = predictor.score_elsewhere(fit, segments[len(predictor.segments) :])[2]
+    both = predictor.on(segments)
     start = replace(fit.point, x0=(*fit.point.x0, *elsewhere.x0))
     how = (_TO_THE_END, _TOLERANCE) if fit.point.K is None else (_ITERATIONS,)
     again = fit_quietly(both, start, fit.free, *how)

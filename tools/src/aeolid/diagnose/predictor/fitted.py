@@ -39,10 +39,25 @@ class Fit:
     @cached_property
     def std(self) -> Array:
         """Return the asymptotic standard deviation (k,) of the free parameters; inf where the data say nothing."""
+        size, inverse, vectors = self._directions
+        variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
+        result: Array = np.sqrt(variance) / size
+        return result
+
+    @cached_property
+    def correlation(self) -> Array:
+        """Return the correlations (k, k) of the estimates, asymptotically; -1 or 1 where only a sum is determined."""
+        _, inverse, vectors = self._directions
+        covariance = (vectors * inverse) @ vectors.T
+        spread = np.sqrt(np.diag(covariance))
+        result: Array = covariance / np.outer(spread, spread)
+        return result
+
+    @cached_property
+    def _directions(self) -> tuple[Array, Array, Array]:
+        """Return the sizes (k,) that parameters are scaled by, and variances (k,) along directions (k, k) of these."""
         gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         values, vectors = np.linalg.eigh(gram / np.outer(size, size))
         inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 1e12)
-        variance = np.einsum("ij,j,ij->i", vectors, inverse, vectors)
-        result: Array = np.sqrt(variance) / size
-        return result
+        return size, inverse, vectors

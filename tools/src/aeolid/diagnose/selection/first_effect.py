@@ -90,12 +90,13 @@ def _select_density(candidate: Candidate, prepared: Prepared) -> Array:
     return density
 
 
-def _settled(case: Case, most: int | None, deadline: Deadline) -> Prepared:
+def settled_stage(case: Case, most: int | None = None, deadline: Deadline | None = None) -> Prepared:
     """Return the stage, its inputs read as the likelihood of the baseline has it.
 
     A habit of the logger is one in the selection data, too. A damper's hysteresis, whose force leads the motion, made
     rows 0.72 samples late, 1,352 nats on the fit data, 777 worse on the selection data, and behind that it was gone.
     """
+    deadline = deadline or unlimited()
     prepared = prepare(case, most, deadline)
     sampling = None if deadline.skips("how inputs go on between samples") else settle(case, prepared)
     if sampling is None:
@@ -112,7 +113,7 @@ def _look(
     sampling: Sampling | None = None,
 ) -> First:  # fmt: skip
     done = step("baseline predictor", share)
-    prepared = _settled(case, most, deadline) if sampling is None else prepare(case, most, deadline, sampling)
+    prepared = settled_stage(case, most, deadline) if sampling is None else prepare(case, most, deadline, sampling)
     if deadline.reached and most is None:
         raise NotIdentifiable(
             f"the time limit of {deadline.limit_s:g} s ended before the baseline was fitted; give more (--time-limit)"
