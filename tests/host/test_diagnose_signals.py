@@ -19,7 +19,7 @@ from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.hypotheses.parts.base import Site
 from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
 from aeolid.diagnose.pipeline import study
-from aeolid.diagnose.selection.first_effect import _settled
+from aeolid.diagnose.selection.first_effect import settled_stage
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.signals import balances_forces, motions_of_signals, static_outputs
 from aeolid.models import equations_file
@@ -242,5 +242,5 @@ def test_a_habit_of_the_logger_is_one_in_the_selection_data_too(tmp_path: Path) 
         folder = tmp_path / f"{until:g}"
         folder.mkdir()
         case = load_case(write_case(folder, model, STEP, channels, np.column_stack([now, -2.0 * then + noise])))
-        plain.append(_settled(case, None, unlimited()).sampling.is_plain)
+        plain.append(settled_stage(case, None, unlimited()).sampling.is_plain)
     assert plain == [True, True, False]

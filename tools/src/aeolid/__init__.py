@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from aeolid.api.diagnosis import Diagnosis as Diagnosis
     from aeolid.api.diagnosis import Effect as Effect
     from aeolid.api.equations import Equations as Equations
+    from aeolid.api.fitted import EquationsFit as EquationsFit
     from aeolid.api.following import Fleet as Fleet
     from aeolid.api.following import fleet as fleet
     from aeolid.api.identifying import identify as identify
@@ -45,7 +46,8 @@ arithmetic.settle()  # before numpy is loaded
 _CALLED = ("diagnose", "fleet", "identify")
 _PLACES = {
     "AeolidError": "errors", "DataError": "errors", "NotIdentifiable": "errors", "UsageError": "errors",
-    "Diagnosis": "api.diagnosis", "Effect": "api.diagnosis", "Equations": "api.equations", "Fleet": "api.following",
+    "Diagnosis": "api.diagnosis", "Effect": "api.diagnosis", "Equations": "api.equations",
+    "EquationsFit": "api.fitted", "Fleet": "api.following",
     "LinearModel": "api.linear", "ModalAnalysis": "api.modal", "Record": "api.record",
     "ScheduledModel": "api.scheduled",
     "Simulation": "api.simulation", "Table": "api.table", "Validation": "api.validation", "load_model": "api.models",
