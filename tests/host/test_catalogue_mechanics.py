@@ -276,6 +276,10 @@ FORMS = (
          lambda q, v, z, t: -np.tanh(v / SMOOTH) * (0.5 + 0.4 * np.exp(-((v / 0.1) ** 2)))),
     Form("bouc_wen_hysteresis", {"loop_1_force": 1.2, "loop_1_length": 0.04}, lambda q, v, z, t: -1.2 * z,
          lambda q, v, z: v / 0.04 * (1.0 - (abs(z) if v * z > 0 else 0.0))),
+    Form("bouc_wen_hysteresis",
+         {"shaped_loop_1_force": 0.9, "shaped_loop_1_length": 0.05, "shaped_loop_1_shape": -1.3},
+         lambda q, v, z, t: -0.9 * z,
+         lambda q, v, z: (v - 0.5 * abs(v) * z + 0.65 * v * abs(z)) / 0.05, kind="with shape"),
     # the slider moves only when its spring is stretched to the full width and the motion stretches it further
     Form("play_hysteresis", {"slider_1_stiffness": 60.0, "slider_1_width": 0.03},
          lambda q, v, z, t: -60.0 * z, lambda q, v, z: v if abs(z) < 0.03 or v * z < 0 else 0.0, near=0.01),

@@ -48,6 +48,7 @@ _LEADERS = 4  # kinds of effects beside which it is looked again
 _KNOWN = 1e-9  # share below which an input's own past foretells all of it: a sequence that no output can add to
 _LEVELS = 5  # samples of a held input's own past
 _ROWS = 20_000  # rows that show feedback
+_LEFT = 0.25  # of what innovations tell of inputs: where less is left under another reading, it was no feedback
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,9 +151,24 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
         return None
     price = _price(stage)
     if best.offset_s < 0 or (best.holds != stage.sampling.holds and not best.is_filtered):
-        price += _leak(stage, choice)
+        price += _feedback(stage, choice, best)
     clear = best.gain > price and choice.allows(best, stage.step)
     return best if clear and not _goes_on(stage, best) else None
+
+
+def _feedback(stage: _Stage, choice: Choice, best: Sampling) -> float:
+    """Return the nats that feedback may have lent the best reading: what innovations tell of inputs of their own row.
+
+    Under a wrong reading they tell it in open loop, too, and nothing of it is left under the right one (an analogue
+    command of a geared motor: 1,277 nats as held, 65 as it moves; the reading gained 1,106). A controller goes on to
+    answer: of seven loops with P and PD controllers all of it was left, and early inputs gained nothing.
+    """
+    told = _leak(stage, choice)
+    if not told:
+        return 0.0
+    _, predictor, point = stage.fitted(best, _THOROUGH)
+    left = _leak(replace(stage, predictor=predictor, point=point), choice)
+    return left if left < _LEFT * told else told
 
 
 def _is_too_late(stage: _Stage, choice: Choice, best: Sampling) -> bool:

@@ -16,7 +16,7 @@ def _attach(site: Site) -> list[Attachment]:
     """Attach where the model has a spring that the clearance can interrupt."""
     found = []
     for i, motion in with_spring(site):
-        if site.linear is not None or ex.to_text(_position(motion)) in ex.names_in(motion.forces):
+        if site.linear is not None or ex.to_text(_behind(motion, "0")) != ex.to_text(motion.forces):
             found.append(_on(site, motion, i))
     return found
 
@@ -30,8 +30,19 @@ def _lacking(motion: Motion, gap: str) -> ast.expr:
     """Return what the model's spring exerts too much: its force less its force behind the clearance."""
     if motion.frequency_hz is not None:
         return place(f"{(2 * math.pi * motion.frequency_hz) ** 2!r}*min(max({{q}}, -{gap}), {gap})", motion)
-    behind = place(f"{{q}} - min(max({{q}}, -{gap}), {gap})", motion)
-    return ex.combine("-", ex.substitute(motion.forces, {ex.to_text(_position(motion)): behind}), motion.forces)
+    return ex.combine("-", _behind(motion, f"{{q}} - min(max({{q}}, -{gap}), {gap})"), motion.forces)
+
+
+def _behind(motion: Motion, form: str) -> ast.expr:
+    """Return the motion's forces with its position replaced, also where that is a difference of two."""
+    position, behind = _position(motion), place(form, motion)
+    if isinstance(position, ast.Name):
+        return ex.substitute(motion.forces, {position.id: behind})
+    forces = ex.swap(motion.forces, position, behind)
+    if isinstance(position, ast.BinOp) and isinstance(position.op, ast.Sub):
+        reverse = ex.combine("-", position.right, position.left)
+        forces = ex.swap(forces, reverse, ex.combine("-", ast.Constant(0.0), behind))
+    return forces
 
 
 def _on(site: Site, motion: Motion, number: int) -> Attachment:

@@ -8,7 +8,8 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, S
 
 def _attach(site: Site) -> list[Attachment]:
     channels = [c for c in site.exogenous if c.role == "input"]
-    return unused_channel.attach(site, "missing_coupling", channels, "acts on the plant, but the model leaves it out")
+    unused = unused_channel.attach(site, "missing_coupling", channels, "acts on the plant, but the model leaves it out")
+    return unused + unused_channel.across(site, "missing_coupling", "acts also where the model does not let it reach")
 
 
 ENTRY = Entry(
@@ -19,7 +20,7 @@ ENTRY = Entry(
     source="Ljung 1999, System Identification: Theory for the User, chapter 16 (residuals against other inputs)",
     quantities=(Quantity("gain", "force over the channel's unit", -1e12, 1e12, 0.0, "into each motion or pole"),),
     attaches_to="every channel of role input that the model has no use for (at most 3), into at most 4 motions, other"
-    " states or real poles",
+    " states or real poles; every input of equations (at most 3), into those that it reaches in no way",
     signature="innovations follow a recorded input that no equation holds",
     confused_with=(
         ("missing_disturbance", "the channel's role: set by a controller, or measured and free of feedback"),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, following, is_possible
+from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, apart, following, is_possible
 from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
@@ -25,7 +26,7 @@ def _statement(name: str, v: Mapping[str, float]) -> str:
 
 def _attach(site: Site) -> list[Attachment]:
     longest = len(site.y) * site.row_step / 4
-    found = [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    found = [_on(site, j, longest) for j in range(len(site.output_names))]
     slow = [_slow(site, j, longest) for j in range(len(site.output_names))] if is_possible(site) else []
     return found + slow
 
@@ -41,28 +42,35 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
     )  # fmt: skip
 
 
-def _on(j: int, name: str, longest: float, step: float) -> Attachment:
+def _on(site: Site, j: int, longest: float) -> Attachment:
     """Replace the output by tau m' = y − m, y running straight from one row to the next (first-order hold).
 
     Over one row m goes to y − tau s + (m₀ − y₀ + tau s) e^(−h/tau), s the slope (y − y₀)/h: linear in tau at 0.
+    m starts apart from y, where states can be added.
     """
-    tag = f"sensor_lag_{j + 1}"
+    name, step, tag = site.output_names[j], site.row_step, f"sensor_lag_{j + 1}"
     tau, now, before = f"{tag}_tau", f"{tag}_now", f"{tag}_before"
     slope = f"{tau}*({now} - {before})/{STEP}"
     decay = f"exp(-{STEP}/max({tau}, 1e-9*{STEP}))"
+    states = apart(site, j, f"{tag}_apart")
     memories = (
         (before, now, "reading"),
         (now, "reading", "reading"),
-        (tag, f"{now} - {slope} + ({tag} - {before} + {slope})*{decay}", now),
+        (
+            tag,
+            f"{now} - {slope} + ({tag} - {before} + {slope})*{decay}",
+            f"{now} + {states[0].name}" if states else now,
+        ),
     )
 
     def edit(model: Equations) -> Equations:
+        model = replace(model, states=(*model.states, *states))
         return with_reading(model, name, tag, (Parameter(tau, 0.0, "s", 0.0, longest),), memories=memories)
 
     return Attachment(
         "sensor_lag", f"sensor_lag output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(tau, "tau_s", "s", 0.0, _SHORTEST * step, longest, 0.3 * step),),
-        stepped=True, beside={tau: _AVERAGED * step},
+        start_states=tuple(s.name for s in states), stepped=True, beside={tau: _AVERAGED * step},
         starts=({}, {tau: step}, {tau: 5 * step}),
         equation=_EQUATION.format(name=name),
         statement=partial(_statement, name), credible=later_than_a_reading(step),

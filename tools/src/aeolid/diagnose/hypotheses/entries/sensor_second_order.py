@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 
 from aeolid.diagnose.hypotheses.entries.actuator_second_order import HIGHEST_DAMPING, LOWEST_DAMPING, rate_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.hypotheses.parts.following import AT_NULL, SHORTEST, Filter, following, is_possible, memories_of
+from aeolid.diagnose.hypotheses.parts.following import (
+    AT_NULL,
+    SHORTEST,
+    Filter,
+    apart,
+    following,
+    is_possible,
+    memories_of,
+)
 from aeolid.diagnose.hypotheses.parts.lateness import later_than_a_reading
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
 from aeolid.models.equations import Equations, Parameter
@@ -27,7 +36,7 @@ def _statement(name: str, v: Mapping[str, float]) -> str:
 
 def _attach(site: Site) -> list[Attachment]:
     longest = len(site.y) * site.row_step / 20
-    found = [_on(j, name, longest, site.row_step) for j, name in enumerate(site.output_names)]
+    found = [_on(site, j, longest) for j in range(len(site.output_names))]
     slow = [_slow(site, j, longest) for j in range(len(site.output_names))] if is_possible(site) else []
     return found + slow
 
@@ -48,8 +57,9 @@ def _slow(site: Site, j: int, longest: float) -> Attachment:
     )  # fmt: skip
 
 
-def _on(j: int, name: str, longest: float, step: float) -> Attachment:
-    tag = f"sensor_order2_{j + 1}"
+def _on(site: Site, j: int, longest: float) -> Attachment:
+    name, step, tag = site.output_names[j], site.row_step, f"sensor_order2_{j + 1}"
+    states = apart(site, j, f"{tag}_apart", f"{tag}_apart_rate")
     inverse, zeta = f"{tag}_inverse_omega", f"{tag}_damping"
     parameters = (
         Parameter(inverse, 0.0, "s", 0.0, longest),
@@ -57,13 +67,14 @@ def _on(j: int, name: str, longest: float, step: float) -> Attachment:
     )
 
     def edit(model: Equations) -> Equations:
-        return with_reading(model, name, tag, parameters, memories=memories_of(tag, inverse, zeta))
+        model = replace(model, states=(*model.states, *states))
+        return with_reading(model, name, tag, parameters, memories=memories_of(tag, inverse, zeta, states))
 
     return Attachment(
         "sensor_second_order", f"sensor_second_order output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(inverse, "omega_rad_s", "rad/s", 0.0, _SHORTEST * step, longest, 0.3 * step, show=rate_of),
          Slot(zeta, "damping", "1", 0.7, LOWEST_DAMPING, HIGHEST_DAMPING, 0.05, local=False)),
-        stepped=True, beside={inverse: _AVERAGED * step},
+        start_states=tuple(s.name for s in states), stepped=True, beside={inverse: _AVERAGED * step},
         starts=tuple({inverse: p * step, zeta: z} for p, z in _STARTS),
         equation=_EQUATION.format(name=name),
         statement=partial(_statement, name), credible=later_than_a_reading(step),

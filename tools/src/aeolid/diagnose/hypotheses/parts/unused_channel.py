@@ -1,4 +1,4 @@
-"""Let a recorded channel that the model has no use for act on every motion or pole of the model."""
+"""Let a recorded channel that the model has no use for act on its motions or poles, and an input where it acts not."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import rotor
@@ -21,6 +22,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 from aeolid.models.state_space import StateSpace
 
+Array = NDArray[np.float64]
 _MOST_CHANNELS, _MOST_PLACES = 3, 4
 
 
@@ -36,13 +38,40 @@ class Entrance:
 def attach(site: Site, entry: str, channels: list[Exogenous], says: str) -> list[Attachment]:
     """Offer one hypothesis a channel (at most 3): a free gain into each place (at most 4)."""
     places = entrances(site)
-    return [_on(site, entry, c, places, says) for c in channels[:_MOST_CHANNELS]] if places else []
+    chosen = channels[:_MOST_CHANNELS] if places else []
+    return [_on(site, entry, (c.name, c.symbol), rotor.samples(site, c), places, says) for c in chosen]
 
 
-def _on(site: Site, entry: str, channel: Exogenous, places: list[Entrance], says: str) -> Attachment:
-    values = rotor.samples(site, channel)
-    mean, spread = float(np.mean(values)), float(np.std(values))
-    tag = re.sub(r"\W", "_", channel.name)
+def across(site: Site, entry: str, says: str) -> list[Attachment]:
+    """Offer each input (at most 3) of equations where the model lets it reach nothing: another body, another axis.
+
+    What it reaches by any way has a place of its own already, and a further one could stand for a lag on that way.
+    """
+    if site.linear is not None:
+        return []
+    every, found = entrances(site), []
+    for i, (name, symbol) in enumerate(zip(site.input_names, site.symbols, strict=False)):
+        reached = _reached(site.model, symbol)
+        places = [e for e in every if e.location.removeprefix("state:") not in reached]
+        if reached and places and float(np.nanstd(site.u[:, i])) > 0:
+            found.append(_on(site, entry, (name, symbol), site.u[:, i], places, says, " across"))
+    return found[:_MOST_CHANNELS]
+
+
+def _reached(model: Equations, symbol: str) -> set[str]:
+    """Return the states that an input acts on, at once or through others."""
+    needs = {s.name: ex.names_in(s.derivative) for s in model.states}
+    reached: set[str] = set()
+    while new := {n for n, names in needs.items() if n not in reached and names & {symbol, *reached}}:
+        reached |= new
+    return reached
+
+
+def _on(
+    site: Site, entry: str, channel: tuple[str, str], values: Array, places: list[Entrance], says: str, kind: str = ""
+) -> Attachment:  # fmt: skip
+    (name, symbol), mean, spread = channel, float(np.nanmean(values)), float(np.nanstd(values))
+    tag = re.sub(r"\W", "_", name + kind)
     scales = [p.size / spread for p in places]  # slots of order one: the places differ by units
     slots = [
         Slot(
@@ -55,14 +84,14 @@ def _on(site: Site, entry: str, channel: Exogenous, places: list[Entrance], says
         extra = (Parameter(s.name, 0.0, "", s.low, s.high) for s in slots)
         model = replace(model, parameters=(*model.parameters, *extra))
         for slot, p, scale in zip(slots, places, scales, strict=True):
-            term = ex.parse(f"{slot.name}*{scale!r}*({channel.symbol} - {mean!r})", entry)
+            term = ex.parse(f"{slot.name}*{scale!r}*({symbol} - {mean!r})", entry)
             model = rotor.push(model, p.add, term, f"{slot.name}_term")
         return model
 
     return Attachment(
-        entry, f"{entry} {channel.name}", location(f"input:{channel.name}", inputs=(channel.name,)), edit,
-        tuple(slots), equation=f"dx/dt = f(x, u) + gain*({channel.name} - mean)",
-        statement=lambda v: f"{channel.name} {says}",
+        entry, f"{entry} {name}{kind}", location(f"input:{name}", inputs=(name,)), edit,
+        tuple(slots), equation=f"dx/dt = f(x, u) + gain*({name} - mean)",
+        statement=lambda v: f"{name} {says}",
     )  # fmt: skip
 
 
