@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from aeolid.cli.common import (
+    BladesOption,
     ForceOption,
     JsonOption,
     ResampleOption,
@@ -25,6 +26,7 @@ from aeolid.output import declare
 EXAMPLES = (
     "aeolid modes monday.csv --roles roles.toml",
     "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
+    "aeolid modes turbine.csv --roles roles.toml --blades flap_moment_1..3 --blades edge_moment_1..3",
 )
 PICTURES = (".svg", ".png", ".pdf")
 
@@ -56,6 +58,7 @@ def modes(
     reference: Annotated[
         str | None, typer.Option("--reference", help="Output that shapes are scaled to; default the largest of each.")
     ] = None,
+    blades: BladesOption = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", help="Write the stabilisation diagram (.svg, .png or .pdf).")
@@ -80,8 +83,9 @@ def modes(
         records = [read_record(path, layout) for path in recordings]
     with waiting("finding poles over orders and windows"):
         found = find(
-            records, outputs=outputs, past=past, largest_order=largest_order, decimate=decimate, reference=reference
-        )
+            records, outputs=outputs, past=past, largest_order=largest_order, decimate=decimate, reference=reference,
+            blades=blades,
+        )  # fmt: skip
     if json_target != "-":
         for record in records:
             console.print(extent(record), markup=False, soft_wrap=True)
