@@ -20,6 +20,7 @@ from aeolid.cli.common import (
     one_of,
     waiting,
 )
+from aeolid.cli.pictures import PICTURES, write_picture
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -28,7 +29,6 @@ EXAMPLES = (
     "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
     "aeolid modes turbine.csv --roles roles.toml --blades flap_moment_1..3 --blades edge_moment_1..3",
 )
-PICTURES = (".svg", ".png", ".pdf")
 
 
 def register(app: typer.Typer) -> None:
@@ -76,6 +76,7 @@ def modes(
     files = {"--report": report, "--picture": picture, "--json": json_target}
     declare("modes", force=force, inputs=[*recordings, roles], files=files)
     from aeolid.api.modal import modes as find
+    from aeolid.api.pictures import draw_stabilisation as draw
     from aeolid.formats import read_record
 
     with waiting("reading"):
@@ -93,22 +94,5 @@ def modes(
     if report is not None:
         found.report(report)
     if picture is not None:
-        _draw(found.to_json(), picture)
+        write_picture(picture, (10.6, 4.6), lambda figure: draw(found.to_json(), figure.subplots()))
     emit_json(found.to_json(), json_target)
-
-
-def _draw(facts: dict[str, object], path: Path) -> None:
-    """Write the diagram as a picture, whole or not at all."""
-    import io
-
-    from matplotlib.figure import Figure
-
-    from aeolid import output
-    from aeolid.api.pictures import draw_stabilisation
-
-    figure = Figure(figsize=(10.6, 4.6), layout="constrained")
-    draw_stabilisation(facts, figure.subplots())
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format=path.suffix.lower().lstrip("."), dpi=150)
-    with output.replacing(path) as handle:
-        handle.write(drawn.getvalue())

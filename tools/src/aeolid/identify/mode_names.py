@@ -77,9 +77,15 @@ def in_the_fixed_frame(shares: Mapping[str, float]) -> dict[str, float]:
 
 
 def word_of(output: str) -> str:
-    """Return what a mode is called that an output moves in most; TURNS_WITH of the drive train, "" of others."""
-    meaning = meaning_of(without_part(output)[0])
+    """Return what a mode is called that an output moves in most; TURNS_WITH of the drive train, "" of others.
+
+    Edgewise moments of all blades at once are a torque on the shaft.
+    """
+    stem, part = without_part(output)
+    meaning = meaning_of(stem)
     kind = "" if meaning is None else meaning.kind
+    if (kind, part) == ("edge_moment", "collective"):
+        return TURNS_WITH
     return _STRUCTURES.get(kind, TURNS_WITH if kind in _TURNING else "")
 
 

@@ -36,8 +36,8 @@ class Request:
     "none". outputs: channels to identify by themselves, without inputs, or "all" of the role. reference: output that
     mode shapes are scaled to (varx, varmax). blades: sets of blade channels that go to the fixed frame, "auto" or
     "none"; None for those of the roles file. delay: samples by name of the input, texts NAME=SAMPLES, "auto" or
-    "none"; None is "auto" where the method has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move poles
-    inside the unit circle; allow_unstable: return also a model that is unstable or whose free run diverges.
+    "none"; None is "auto" where the method has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move
+    poles inside the unit circle; allow_unstable: return also a model that is unstable or whose free run diverges.
     """
 
     past: str | int = "auto"

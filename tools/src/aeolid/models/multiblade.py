@@ -113,17 +113,17 @@ class Whirl:
 def whirl_of(
     values: Mapping[str, complex], shares: Mapping[str, float], frequency_hz: float, rotor_hz: float | None
 ) -> Whirl | None:  # fmt: skip
-    """Return how a mode moves the blades, None where no set of them is among the outputs.
+    """Return how a mode moves the blades, None where no set of them is among the outputs with cosine and sine part.
 
     values: complex amplitude of each output, in its unit; shares: of each output in the mode, in comparable units, by
     which the set is chosen; rotor_hz: 1P, None where it is not known.
     """
-    stems = [stem for stem, part in map(without_part, values) if part == PARTS[0]]
-    stems = [stem for stem in stems if all(name in values for name in part_names(stem))]
+    stems = [stem for stem, part in map(without_part, values) if part == PARTS[1]]
+    stems = [stem for stem in stems if part_names(stem)[2] in values]
     if not stems:
         return None
     stem = max(stems, key=lambda s: sum(shares.get(name, 0.0) for name in part_names(s)))
-    common, c, s = (values[name] for name in part_names(stem))
+    common, c, s = (values.get(name, 0j) for name in part_names(stem))
     forward, backward = abs(c + 1j * s) ** 2 / 4, abs(c - 1j * s) ** 2 / 4
     cyclic = forward + backward  # mean square over the blades; that of the collective part is |a₀|²
     whole = cyclic + abs(common) ** 2
