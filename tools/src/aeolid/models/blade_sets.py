@@ -195,7 +195,7 @@ def _check_order(record: Record, one: BladeSet, angle: Array) -> None:
     """
     values = record.columns(one.names)
     good = np.isfinite(values).all(axis=1) & np.isfinite(angle)
-    if np.count_nonzero(good) < 10 or np.ptp(angle[good]) < 2 * np.pi:
+    if np.count_nonzero(good) < 10 or np.ptp(np.unwrap(angle[good])) < 2 * np.pi:
         return
     y = values[good] - values[good].mean(axis=0)
     wave = (2 / len(y)) * (np.exp(-1j * angle[good]) @ y)  # (B,) complex amplitude of 1P of each blade
