@@ -55,7 +55,7 @@ def test_modes_are_followed_over_the_speed_and_are_those_of_the_rig() -> None:
     named = {t.name: t for t in found().tracks}
     for name, hertz in expected().items():
         for mode, f in zip(named[name].modes, hertz, strict=True):
-            assert mode is not None and abs(mode.frequency_hz - f) < 4 * (mode.frequency_std_hz or 0.0) < 0.05 * f, name
+            assert mode is not None and abs(mode.frequency_hz - f) < 4 * (mode.frequency_std_hz or 0.0) < 0.07 * f, name
     assert any(
         all(m is not None and abs(m.frequency_hz / DRIVE_TRAIN[0] - 1) < 0.02 for m in t.modes) for t in found().tracks
     )
@@ -155,7 +155,7 @@ def test_the_command_writes_table_picture_page_and_facts(tmp_path: Path, capsys:
     named = {t["name"]: t for t in facts["tracks"]}
     for name, hertz in expected().items():
         for mode, f in zip(named[name]["modes"], hertz, strict=True):
-            assert abs(mode["frequency_hz"] - f) < 4 * mode["frequency_std_hz"] < 0.05 * f, name
+            assert abs(mode["frequency_hz"] - f) < 4 * mode["frequency_std_hz"] < 0.07 * f, name
     whirl = named["blade edgewise, backward"]["modes"][0]["whirl"]
     assert whirl["blade_frequency_hz"] == pytest.approx(blade_hz(SPEEDS[0] / 60), rel=0.01)
     assert "<svg" in files[0].read_text(encoding="utf-8") and files[1].read_bytes()[:4] == b"\x89PNG"
@@ -186,6 +186,34 @@ def test_what_is_no_diagram_is_refused(
     write_table("unknown.csv", {"time_s": record.time_s, "thing": record.values[:, 0]})
     assert main(["campbell", *arguments]) == code
     assert text in " ".join(capsys.readouterr().err.split())
+
+
+# Hz by the simulator's own linearisation without its controller (tests/studies/campbell_openfast.py), azimuths averaged
+# in multi-blade coordinates.
+LINEARISED = {
+    15: {
+        "tower side-side": 0.3212, "tower fore-aft": 0.3364, "blade edgewise, backward": 0.8849,
+        "blade edgewise, forward": 1.2916, "drive train": 1.6857,
+    },
+}  # fmt: skip
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(not (SHARED / "run.py").exists(), reason="../shared/openfast is absent")
+def test_openfast_shows_the_modes_of_its_own_linearisation(tmp_path: Path) -> None:
+    """Within 3 %: what the controller, dynamic inflow and ten minutes of turbulence move them by."""
+    names = []
+    for wind in (8, 15):
+        place = tmp_path / f"wind{wind}"
+        command = [sys.executable, str(SHARED / "run.py"), str(place), "--seed", str(wind), "--wind", str(wind)]
+        subprocess.run([*command, "--full-field", "--seconds", "600", "--set", "turbine.fst:TStart=100"], check=True)
+        names.append(f"{place}.outb")
+    assert main(["campbell", *names, "--json", str(tmp_path / "c.json")]) == 0
+    facts = json.loads((tmp_path / "c.json").read_text(encoding="utf-8"))
+    named = {t["name"]: t["modes"] for t in facts["tracks"]}
+    for k, wind in enumerate((8, 15)):
+        for name, hertz in LINEARISED.get(wind, {}).items():
+            assert named[name][k]["frequency_hz"] == pytest.approx(hertz, rel=0.03), (wind, name)
 
 
 def test_from_python(tmp_path: Path) -> None:

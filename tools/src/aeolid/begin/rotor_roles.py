@@ -36,9 +36,8 @@ def rotor_roles(path: str | Path) -> Roles:
             by_kind.setdefault(meaning.kind, {}).setdefault(meaning.blade, heading)
     channels = []
     for kinds in _OUTPUTS:
-        kind = next((k for k in kinds if 0 in by_kind.get(k, {})), None)
-        if kind is not None:
-            channels.append(_channel(found, by_kind[kind][0], kind, "output"))
+        for first in [k for k in kinds if 0 in by_kind.get(k, {})][:1]:
+            channels.append(_channel(found, by_kind[first][0], first, "output"))
     for kind in _BLADES:
         mine = by_kind.get(kind, {})
         if all(b in mine for b in (1, 2, 3)) and kind in BLADED:

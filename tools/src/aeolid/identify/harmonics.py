@@ -76,11 +76,11 @@ def locked_share(y: Array, angle: Array, deviation: float) -> float:
     count = int(good[-1] - good[0] + 1) if len(good) > 2 else 0
     if count < 2 * BAND:
         return 1.0
-    window = np.zeros(count)
+    window: Array = np.zeros(count)
     window[good - good[0]] = np.hanning(count)[good - good[0]]
     kept = slice(good[0], good[-1] + 1)
     turned, values = np.nan_to_num(angle[kept]), np.nan_to_num(y[kept])
-    seen = window * (values - np.average(values, weights=window))
+    seen: Array = window * (values - np.average(values, weights=window))
     rate = abs(np.unwrap(turned[good - good[0]])[[0, -1]] @ [-1, 1]) / (2 * np.pi * count)
     near = abs(np.fft.rfftfreq(count) - rate) <= max(BAND / count, 2 * deviation)
     before, after = (

@@ -69,9 +69,7 @@ def _on_blades(facts: Facts) -> Html:
         if any(m and (m.get("whirl") or {}).get("direction") in ("forward", "backward") for m in t["modes"])
         and t["name"].partition(",")[0].removeprefix("2nd ").startswith("blade")
     ]  # fmt: skip
-    note = (
-        "Frequency in Hz in the frame that turns with the blades: a forward whirl's less 1P, a backward one's plus."
-    )
+    note = "Frequency in Hz in the frame that turns with the blades: a forward whirl's less 1P, a backward one's plus."
     return Html(table(["mode", *_heads(facts["runs"])], rows) + tag("p", note, class_="soft")) if rows else Html("")
 
 

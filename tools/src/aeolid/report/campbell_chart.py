@@ -39,7 +39,7 @@ def _top(facts: Facts) -> float:
     """Return the highest frequency shown: an eighth above the fastest mode and the last line of the rotor."""
     modes = [m["frequency_hz"] for t in (*facts["tracks"], *facts["single"]) for m in t["modes"] if m]
     fastest = max(r["rotor_hz"] for r in facts["runs"])
-    return 1.125 * max([*modes, fastest * min(facts["orders"][-1], 6)])
+    return float(1.125 * max([*modes, fastest * min(facts["orders"][-1], 6)]))
 
 
 def _panel(panel: Any, facts: Facts, x: Any, label: str) -> None:
@@ -65,14 +65,17 @@ def _lines(panel: Any, facts: Facts, x: Any, over_speed: bool) -> None:
     hertz = np.array([r["rotor_hz"] for r in facts["runs"]])
     if over_speed:
         low, high = max(0.0, 0.85 * x.min()), 1.08 * x.max()
-        x, hertz = np.array([low, high]), np.array([low, high]) / PER_MINUTE
+        x = np.linspace(low, high, 60)
+        hertz = x / PER_MINUTE
         panel.set_xlim(low, high)
+    top = _top(facts)
     for order in facts["orders"]:
-        if order * hertz.min() < _top(facts):
-            panel.plot(x, order * hertz, "--", color=_GREY, linewidth=0.9, zorder=1)
-            inside = order * hertz[-1] <= _top(facts)
-            if inside:
-                panel.annotate(
-                    f"{order}P", (x[-1], order * hertz[-1]), xytext=(-2, 2), textcoords="offset points", fontsize=8,
-                    ha="right", color="#5a6470",
-                )  # fmt: skip
+        inside = np.flatnonzero(order * hertz <= 0.98 * top)
+        if not len(inside):
+            continue
+        panel.plot(x, order * hertz, "--", color=_GREY, linewidth=0.9, zorder=1)
+        at, height = float(x[inside[-1]]), float(order * hertz[inside[-1]])
+        panel.annotate(
+            f"{order}P", (at, height), xytext=(-2, 2), textcoords="offset points", fontsize=8, ha="right",
+            color="#5a6470",
+        )  # fmt: skip
