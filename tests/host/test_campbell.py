@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -83,8 +86,8 @@ def made(kind: str, hertz: float) -> Mode:
     s = 2 * np.pi * hertz * complex(-0.01, np.sqrt(1 - 0.01**2))
     shapes = {
         "tower": {"tower_acc_side_side": 1.0, "edge_moment_cosine": 0.1, "edge_moment_sine": 0.1},
-        "forward": {"tower_acc_side_side": 0.1, "edge_moment_cosine": 1.0, "edge_moment_sine": -1j},
-        "backward": {"tower_acc_side_side": 0.1, "edge_moment_cosine": 1.0, "edge_moment_sine": 1j},
+        "forward": {"tower_acc_side_side": 0.1, "edge_moment_cosine": 1.0, "edge_moment_sine": -0.4j},
+        "backward": {"tower_acc_side_side": 0.1, "edge_moment_cosine": 1.0, "edge_moment_sine": 0.4j},
     }  # fmt: skip
     values = {n: complex(v) for n, v in shapes[kind].items()}
     shares = {n: abs(v) / sum(map(abs, values.values())) for n, v in values.items()}
@@ -95,10 +98,12 @@ def made(kind: str, hertz: float) -> Mode:
 def run_of(speed_hz: float, modes: list[Mode]) -> Run:
     outputs = ("tower_acc_side_side", "edge_moment_cosine", "edge_moment_sine")
     scaling = SimpleNamespace(outputs=outputs, scale=np.ones(3))
-    listed = with_whirl(modes, speed_hz)
+    every = with_whirl(modes, speed_hz)
     modal: Any = SimpleNamespace(
-        listed=listed, modes=listed, diagram=SimpleNamespace(scaling=scaling, sample_time_s=STEP)
-    )
+        listed=tuple(m for m in every if not m.rotor_order), modes=every,
+        diagram=SimpleNamespace(scaling=scaling, sample_time_s=STEP, outputs=outputs, past=8, order=8),
+        sources=({"source": str(speed_hz)},),
+    )  # fmt: skip
     return Run(f"{speed_hz}", modal, Rotation(speed_hz, 0.0), None)
 
 
@@ -114,6 +119,33 @@ def test_tracks_keep_their_modes_through_a_crossing() -> None:
     np.testing.assert_allclose(tracks["forward"], 0.8 + speeds)
     np.testing.assert_allclose(tracks["backward"], 1.2 - speeds)
     np.testing.assert_allclose(tracks["tower"], 1.0 + 0.02 * speeds)
+
+
+def test_senses_are_never_mixed_though_shapes_are_alike() -> None:
+    """The shapes of both whirls have an assurance of 0.5 here, and the frequencies change places."""
+    runs = [
+        run_of(0.10, [made("forward", 0.90), made("backward", 0.95)]),
+        run_of(0.12, [made("backward", 0.90), made("forward", 0.95)]),
+    ]  # fmt: skip
+    tracks = {t.name: [m.frequency_hz for m in t.found] for t in followed(runs).tracks}
+    assert tracks == {"forward": [0.90, 0.95], "backward": [0.95, 0.90]}
+    alone = followed([run_of(0.10, [made("forward", 0.9)]), run_of(0.11, [made("backward", 0.9)])])
+    assert alone.tracks == () and len(alone.single) == 2
+
+
+def test_a_whirl_is_followed_on_the_blade_over_a_wide_step_of_the_speed() -> None:
+    """From the tower it moves by 57 %, on the blade not at all; a tower's mode that moves so far is another one."""
+    runs = [run_of(v, [made("forward", 0.6 + v), made("tower", 1.0 + 2 * v)]) for v in (0.1, 0.5)]
+    told = followed(runs)
+    assert [t.name for t in told.tracks] == ["forward"] and [t.name for t in told.single] == ["tower", "tower"]
+
+
+def test_other_shapes_are_other_modes_and_harmonics_none() -> None:
+    harmonic = replace(made("tower", 0.8), rotor_order=4)
+    runs = [run_of(0.20, [made("tower", 1.1), harmonic]), run_of(0.21, [made("forward", 1.1), harmonic])]
+    told = followed(runs)
+    assert told.tracks == () and told.lines == () and {t.name for t in told.single} == {"tower", "forward"}
+    assert [m["frequency_hz"] for m in told.to_json()["runs"][0]["harmonics"]] == [0.8]
 
 
 def test_a_mode_that_is_lost_in_one_run_goes_on_in_the_next() -> None:
