@@ -48,9 +48,9 @@ def rotor_roles(path: str | Path) -> Roles:
         )
     taken = {c.column or c.name for c in channels}
     for kind, role in _BESIDE:
-        heading = by_kind.get(kind, {}).get(0)
-        if heading is not None and heading not in taken:
-            channels.append(_channel(found, heading, kind, role))
+        beside = by_kind.get(kind, {}).get(0)
+        if beside is not None and beside not in taken:
+            channels.append(_channel(found, beside, kind, role))
     return Roles(
         tuple(channels), found.sample_time_s, found.time, f"roles guessed for {path}", found.time_unit, found.resample
     )

@@ -126,7 +126,8 @@ def steady_share(y: Array, frequency: float, reach: float = 0.0) -> float:
 
 def _without(seen: Array, window: Array, frequency: float) -> Array:
     """Return what is left of seen (N,) without its best sine of a frequency, both through the window."""
-    return _without_angle(seen, window, 2 * np.pi * frequency * np.arange(len(seen)))
+    angle: Array = 2 * np.pi * frequency * np.arange(len(seen), dtype=np.float64)
+    return _without_angle(seen, window, angle)
 
 
 def _without_angle(seen: Array, window: Array, angle: Array) -> Array:
