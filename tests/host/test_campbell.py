@@ -16,6 +16,7 @@ import pytest
 from rotor_rig import DRIVE_TRAIN, FORE_AFT, SIDE_SIDE, STEP, blade_hz, rotor, without
 
 import aeolid as ae
+from aeolid.begin.rotor_roles import rotor_outputs, rotor_roles
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.campbell import Campbell, Run, find_campbell, followed
@@ -129,7 +130,7 @@ def test_senses_are_never_mixed_though_shapes_are_alike() -> None:
     ]  # fmt: skip
     tracks = {t.name: [m.frequency_hz for m in t.found] for t in followed(runs).tracks}
     assert tracks == {"forward": [0.90, 0.95], "backward": [0.95, 0.90]}
-    alone = followed([run_of(0.10, [made("forward", 0.9)]), run_of(0.11, [made("backward", 0.9)])])
+    alone = followed([run_of(0.10, [made("forward", 0.93)]), run_of(0.11, [made("backward", 0.93)])])
     assert alone.tracks == () and len(alone.single) == 2
 
 
@@ -202,6 +203,8 @@ def test_the_command_writes_table_picture_page_and_facts(tmp_path: Path, capsys:
         (["a.csv", "b.csv", "--out", "c.txt"], 2, "a diagram is written as"),
         (["a.csv", "b.csv", "--blades", "edge_moment_1..4"], 2, "no channel 'edge_moment_4'"),
         (["a.csv", "b.csv", "--blades", "edge_moment_1"], 2, "1 blade"),
+        (["a.csv", "b.csv", "--decimate", "0", "--past", "8s"], 2, "correct decimate"),
+        (["a.csv", "b.csv", "--decimate", "0"], 2, "decimation factor 0"),
         (["a.csv", "still.csv"], 3, "neither its azimuth nor its speed"),
         (["a.csv", "unknown.csv"], 3, "--roles"),
     ],
@@ -250,6 +253,22 @@ def test_openfast_shows_the_modes_of_its_own_linearisation(tmp_path: Path) -> No
     for k, wind in enumerate((8, 15)):
         for name, hertz in LINEARISED[wind].items():
             assert named[name][k]["frequency_hz"] == pytest.approx(hertz, rel=0.03), (wind, name)
+
+
+def test_headings_of_openfast_are_known_and_keep_their_names(tmp_path: Path) -> None:
+    t = STEP * np.arange(50)
+    headings = ["GenSpeed", "RotSpeed", "YawBrTAxp", "YawBrTAyp", "TTDspFA", "Azimuth", "Wind1VelX", "BldPitch1"]
+    headings += [f"Root{m}b{b}" for m in ("Mx", "My") for b in (1, 2, 3)]
+    write_table(tmp_path / "run.csv", {"time_s": t} | {h: np.sin(t + i) for i, h in enumerate(headings)})
+    roles = rotor_roles(tmp_path / "run.csv")
+    told = {c.name: (c.role, c.blade) for c in roles.channels}
+    assert told["RootMxb2"] == ("output", 2) and told["Azimuth"] == ("azimuth", 0) and "TTDspFA" not in told
+    assert told["RotSpeed"] == told["Wind1VelX"] == ("scheduling", 0) and "BldPitch1" not in told
+    edgewise = ["RootMxb_collective", "RootMxb_cosine", "RootMxb_sine"]
+    assert rotor_outputs(roles) == ["GenSpeed", "YawBrTAxp", "YawBrTAyp", "RootMyb_collective", *edgewise]
+    write_table(tmp_path / "b.csv", {"time_s": t, "Blade 1 root edgewise moment": t, "Blade 2 root edgewise moment": t,
+                                     "Blade 3 root edgewise moment": t})  # fmt: skip
+    assert [c.name for c in rotor_roles(tmp_path / "b.csv").channels] == [f"edge_moment_{b}" for b in (1, 2, 3)]
 
 
 def test_from_python(tmp_path: Path) -> None:

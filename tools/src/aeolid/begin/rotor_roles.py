@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,9 @@ import numpy as np
 from aeolid.begin.guess import by_size
 from aeolid.begin.survey import Survey, survey
 from aeolid.errors import DataError
-from aeolid.formats.meanings import BLADED
+from aeolid.formats.headings import split_heading
+from aeolid.formats.meanings import meaning_of
+from aeolid.models.blade_sets import stem_of
 from aeolid.models.multiblade import part_names
 from aeolid.record import Channel, Roles
 
@@ -25,7 +26,8 @@ _BESIDE = (("azimuth", "azimuth"), ("rotor_speed", "scheduling"), ("wind", "sche
 def rotor_roles(path: str | Path) -> Roles:
     """Return roles for a file by its headings: what modes show in as outputs, blades with their numbers.
 
-    Of a quantity that is there twice the first is taken; a blade set counts where three blades have it. Raises
+    Channels keep the names of their headings; blades whose headings are not alike but for the end are called after what
+    they measure. Of a quantity that is there twice the first is taken; a set counts where three blades have it. Raises
     DataError where the file cannot be read or nothing of this is in it.
     """
     found = survey(path)
@@ -40,16 +42,17 @@ def rotor_roles(path: str | Path) -> Roles:
             channels.append(_channel(found, by_kind[first][0], first, "output"))
     for kind in _BLADES:
         mine = by_kind.get(kind, {})
-        if all(b in mine for b in (1, 2, 3)) and kind in BLADED:
-            channels += [_channel(found, mine[b], kind, "output", b) for b in (1, 2, 3)]
+        if all(b in mine for b in (1, 2, 3)):
+            alike = len({stem_of(split_heading(mine[b])[0]) for b in (1, 2, 3)}) == 1
+            channels += [_channel(found, mine[b], kind, "output", b, alike) for b in (1, 2, 3)]
     if not channels:
         raise DataError(
             f"{path}: no speed, tower or blade channel is known by its heading; say what the channels are with --roles"
         )
-    taken = {c.column or c.name for c in channels}
+    taken = {c.heading for c in channels}
     for kind, role in _BESIDE:
         beside = by_kind.get(kind, {}).get(0)
-        if beside is not None and beside not in taken:
+        if beside is not None and split_heading(beside)[0] not in taken:
             channels.append(_channel(found, beside, kind, role))
     return Roles(
         tuple(channels), found.sample_time_s, found.time, f"roles guessed for {path}", found.time_unit, found.resample
@@ -62,12 +65,16 @@ def rotor_outputs(roles: Roles) -> list[str]:
     Of flapwise moments the collective part alone: flapwise whirling is damped by more than a half while a turbine runs.
     """
     found = [c.name for c in roles.channels if c.role == "output" and not c.blade]
-    for stem in dict.fromkeys(c.name.rpartition("_")[0] for c in roles.channels if c.blade):
-        found += part_names(stem)[:1] if stem == _BLADES[0] else part_names(stem)
+    for stem in dict.fromkeys(stem_of(c.name) for c in roles.channels if c.blade):
+        meaning = meaning_of(stem)
+        flapwise = meaning is not None and meaning.kind == _BLADES[0]
+        found += part_names(stem)[:1] if flapwise else part_names(stem)
     return found
 
 
-def _channel(found: Survey, heading: str, kind: str, role: str, blade: int = 0) -> Channel:
+def _channel(found: Survey, heading: str, kind: str, role: str, blade: int = 0, alike: bool = True) -> Channel:
     unit = found.unit(heading) or by_size(kind, found.values(heading), 1000.0)
-    name = f"{kind}_{blade}" if blade else kind
-    return Channel(name, unit, role, re.sub(r"\s*[\[(].*", "", heading) if heading != name else None, blade=blade)
+    name = split_heading(heading)[0]
+    if alike and (not blade or stem_of(name) != name):
+        return Channel(name, unit, role, blade=blade)
+    return Channel(f"{kind}_{blade}", unit, role, name, blade=blade)

@@ -150,7 +150,7 @@ def find_campbell(
     if len(records) < LEAST_RUNS:
         raise UsageError("a Campbell diagram takes two recordings or more, at different winds; aeolid modes takes one")
     turning = [_turning(r) for r in records]
-    factor, runs = decimation or decimation_of(records), []
+    factor, runs = decimation_of(records) if decimation is None else decimation, []
     for record, turns in zip(records, turning, strict=True):
         still = in_fixed_frame([record], blades)
         modal = find_modal(still, outputs=outputs, past=past, largest=largest, decimation=factor)

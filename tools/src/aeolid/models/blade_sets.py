@@ -43,6 +43,15 @@ def numbered(names: Iterable[str]) -> dict[str, dict[int, str]]:
     return found
 
 
+def stem_of(name: str) -> str:
+    """Return the name of a blade's channel without the blade's number or letter at its end.
+
+    >>> stem_of("RootMyb1"), stem_of("flap_moment_2"), stem_of("flap B"), stem_of("flap")
+    ('RootMyb', 'flap_moment', 'flap', 'flap')
+    """
+    return re.sub(r"[_ ]*([1-9]|(?<![a-z])[A-Ca-c])$", "", name) or name
+
+
 def find_sets(record: Record, asked: Sequence[str] | str | None = None) -> tuple[BladeSet, ...]:
     """Return the sets of blade channels that are asked for.
 
@@ -72,8 +81,7 @@ def _of_roles(record: Record) -> tuple[BladeSet, ...]:
     found: dict[str, dict[int, str]] = {}
     for c in record.channels:
         if c.blade:
-            stem = re.sub(r"_?([1-9]|(?<![a-z])[A-Ca-c])$", "", c.name) or c.name
-            mine = found.setdefault(stem, {})
+            mine = found.setdefault(stem_of(c.name), {})
             if c.blade in mine:
                 raise DataError(f"{record.source}: {mine[c.blade]!r} and {c.name!r} both have blade = {c.blade}")
             mine[c.blade] = c.name
@@ -118,11 +126,11 @@ def _of_text(record: Record, text: str) -> BladeSet:
     for name in names:
         if name not in have:
             raise UsageError(f"--blades {text}: {record.source} has no channel {name!r}; it has {', '.join(have)}")
-    stem = match[1].rstrip("_") if match else _stem_of(names)
+    stem = match[1].rstrip("_") if match else _common(names)
     return BladeSet(stem or names[0], names)
 
 
-def _stem_of(names: Sequence[str]) -> str:
+def _common(names: Sequence[str]) -> str:
     """Return what names have in common before their ends."""
     size = next((i for i, letters in enumerate(zip(*names, strict=False)) if len(set(letters)) > 1), 0)
     return names[0][:size].rstrip("_ ")
