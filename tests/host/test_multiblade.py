@@ -14,10 +14,11 @@ from rotor_rig import FORE_AFT, SIDE_SIDE, blade_hz, rotor, without
 from aeolid.cli.main import main
 from aeolid.errors import DataError, UsageError
 from aeolid.formats import write_table
-from aeolid.identify.harmonics import locked_share
+from aeolid.identify.harmonics import locked_share, marked
 from aeolid.identify.modal import Modal, find_modal
 from aeolid.identify.rotor import rotation
 from aeolid.models.blade_sets import find_sets, in_fixed_frame, to_multiblade
+from aeolid.models.modes import Mode
 from aeolid.models.multiblade import blade_angles, fixed_frame, part_names, to_blades, to_fixed, whirl_of
 from aeolid.models.rotor_angle import rotor_angle
 from aeolid.record import Roles
@@ -215,6 +216,7 @@ def test_sets_of_the_roles_file_are_those_of_the_option(tmp_path: Path, capsys: 
     assert main(["identify", *given, "--past", "8", "--order", "8", "--uncertainty", "none", "--out", model]) == 0
     names = [s["name"] for s in json.loads(Path(model).read_text(encoding="utf-8"))["outputs"]]
     assert "edge_moment_sine" in names and "edge_moment_1" not in names
+    assert main(["validate", model, *given]) == 0
     capsys.readouterr()
 
 
@@ -256,3 +258,11 @@ def test_modes_near_a_smeared_line_are_modes_and_lines_are_not() -> None:
     for hertz in (SIDE_SIDE[0], blade_hz(0.165) - 0.165, blade_hz(0.165) + 0.165):
         assert min(abs(m.frequency_hz / hertz - 1) for m in modal.listed) < 0.02, hertz
     assert still.names("output")[-1] == "edge_moment_sine"
+
+
+def test_harmonics_of_a_model_of_the_fixed_frame_are_told_on_recordings_that_have_the_blades() -> None:
+    """A pole at 2P without damping that no sine of the rotor's angle explains is a mode, whoever holds the channel."""
+    s = 2j * np.pi * 2 * P
+    mode = Mode(2 * P, 0.0, complex(np.exp(0.1 * s)), 1e-3, 1e-3, {"edge_moment_sine": 1.0})
+    (seen,) = marked([mode], [rotor(1, RPM)], output_only=True)
+    assert seen.rotor_order is None

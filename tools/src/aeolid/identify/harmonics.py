@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from aeolid.identify.mode_names import named
 from aeolid.identify.rotor import Rotation, rotation
+from aeolid.models.blade_sets import with_multiblade
 from aeolid.models.modes import NORMAL, Mode, is_widened, mark_harmonics, with_whirl
 from aeolid.models.prediction import complete_stretches
 from aeolid.models.rotor_angle import rotor_angle
@@ -41,8 +42,10 @@ SHARPER = 1 / 3  # of the speed's relative deviation: a line it smears has a dam
 def marked(modes: Sequence[Mode], records: Sequence[Record], output_only: bool) -> tuple[Mode, ...]:
     """Return the modes with names, rotor harmonics marked, and where outputs alone are recorded steady sines as well.
 
-    records: of one experiment set, the first of which tells how the rotor turns.
+    records: of one experiment set, the first of which tells how the rotor turns; fixed-frame channels that modes show
+    in are made of the blades.
     """
+    records = [with_multiblade(r, dict.fromkeys(n for m in modes for n in m.shares)) for r in records]
     turning, length = rotation(records[0]), max(len(r) * r.sample_time_s for r in records)
     if turning is not None:
         modes = mark_harmonics(modes, turning.frequency_hz, turning.deviation_hz, length)
