@@ -205,9 +205,12 @@ def test_sets_of_the_roles_file_are_those_of_the_option(tmp_path: Path, capsys: 
     options = ["modes", str(tmp_path / "a.csv"), "--roles", str(roles), "--past", "16", "--largest-order", "16"]
     facts = []
     for more in ([], ["--blades", EDGE]):
-        assert main([*options, "--decimate", "2", *more, "--json", str(tmp_path / "m.json")]) == 0
+        files = ["--json", str(tmp_path / "m.json"), "--report", str(tmp_path / "m.html")]
+        assert main([*options, "--decimate", "2", *more, *files]) == 0
         facts.append(json.loads((tmp_path / "m.json").read_text(encoding="utf-8")))
     assert facts[0] == facts[1]
+    page = (tmp_path / "m.html").read_text(encoding="utf-8")
+    assert "On the blades" in page and "backward" in page
     assert {"edge_moment_collective", "edge_moment_cosine", "edge_moment_sine"} < set(facts[0]["outputs"])
     whirls = {m["whirl"]["direction"] for m in facts[0]["modes"]}
     assert {"forward", "backward"} <= whirls
