@@ -19,8 +19,8 @@ from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
 from aeolid.diagnose.run_prior.explain import LEAST_LOST
 from aeolid.diagnose.run_prior.grams import Moments, lagged_gram
 from aeolid.diagnose.run_prior.hypotheses import all_hypotheses
-from aeolid.diagnose.run_prior.pair import fixed_frame
 from aeolid.diagnose.run_prior.search import Search
+from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]

@@ -27,7 +27,7 @@ ALLOWED = {
     ("formats/tdms.py", "TdmsFile.open"): "reads",
     ("cli/diagnose_many.py", "where.open"): "opens a pool of workers",
     ("cli/fleet.py", "where.open"): "the same",
-    ("cli/modes.py", "figure.savefig"): "into memory, then through `output`",
+    ("cli/pictures.py", "figure.savefig"): "into memory, then through `output`",
     ("publish/target.py", "opener.open"): "asks a server",
     ("models/exchange/fmu_write.py", "target.write_bytes"): "for a compiler, into a folder that goes again",
     ("compiled.py", "path.mkdir"): "the cache of machine code, a private folder",

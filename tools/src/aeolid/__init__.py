@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 from aeolid import arithmetic
 
 if TYPE_CHECKING:
+    from aeolid.api.campbell import CampbellDiagram as CampbellDiagram
+    from aeolid.api.campbell import campbell as campbell
     from aeolid.api.diagnosing import diagnose as diagnose
     from aeolid.api.diagnosis import Diagnosis as Diagnosis
     from aeolid.api.diagnosis import Effect as Effect
@@ -49,7 +51,7 @@ _PLACES = {
     "Diagnosis": "api.diagnosis", "Effect": "api.diagnosis", "Equations": "api.equations",
     "EquationsFit": "api.fitted", "Fleet": "api.following",
     "LinearModel": "api.linear", "ModalAnalysis": "api.modal", "Record": "api.record",
-    "ScheduledModel": "api.scheduled",
+    "ScheduledModel": "api.scheduled", "CampbellDiagram": "api.campbell", "campbell": "api.campbell",
     "Simulation": "api.simulation", "Table": "api.table", "Validation": "api.validation", "load_model": "api.models",
     "modes": "api.modal", "read": "api.reading", "simulate": "api.simulation", "validate": "api.validation",
 }  # fmt: skip

@@ -20,6 +20,7 @@ from aeolid.units import rightly
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 HOLDS = ("zoh", "foh", "band_limited", "auto")  # of a channel that acts: held, straight, smooth, as recordings say
+_BLADES = 9  # of a rotor, at most
 _ACTING = ("input", "disturbance", "scheduling", "excitation")
 Array = NDArray[np.float64]
 
@@ -28,7 +29,8 @@ Array = NDArray[np.float64]
 class Channel:
     """Name one signal: `column` is its heading in the table where that differs from `name`.
 
-    hold: how it goes on between its samples, one of HOLDS; "auto" leaves that to the recording.
+    hold: how it goes on between its samples, one of HOLDS; "auto" leaves that to the recording. blade: number of the
+    blade it is measured on, 1 … 9, where it is one of a set that has a channel on each blade; 0 else.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Channel:
     role: str
     column: str | None = None
     hold: str = "auto"
+    blade: int = 0
 
     @property
     def heading(self) -> str:
@@ -219,7 +222,7 @@ def _order_difference(first: Record, other: Record, ordered: bool) -> str:
 
 def _read_channel(entry: Any, index: int, source: str) -> Channel:
     where = f"{source} [[channel]] {index + 1}"
-    check_keys(entry, {"name", "unit", "role", "column", "hold"}, where)
+    check_keys(entry, {"name", "unit", "role", "column", "hold", "blade"}, where)
     for key in ("name", "unit", "role"):
         if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
             raise DataError(f"{where}: {key} is missing or not a text")
@@ -241,4 +244,7 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
         raise DataError(f"{where}: hold = {shown(hold)} is none of {', '.join(HOLDS)}")
     if "hold" in entry and entry["role"] not in _ACTING:
         raise DataError(f"{where}: hold is for what acts on the plant ({', '.join(_ACTING)}), not for {entry['role']}")
-    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold)
+    blade = entry.get("blade", 0)
+    if "blade" in entry and not (type(blade) is int and 1 <= blade <= _BLADES):
+        raise DataError(f"{where}: blade = {shown(blade)} is no number of a blade, 1 … {_BLADES}")
+    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold, blade)

@@ -57,6 +57,7 @@ def identify(
     bootstrap_seed: int | None = None,
     outputs: Sequence[str] | str | None = None,
     reference: str | None = None,
+    blades: Sequence[str] | str | None = None,
     markov: str | Path | None = None,
     progress: Progress = None,
 ) -> LinearModel | ScheduledModel:
@@ -140,6 +141,10 @@ def identify(
         of the role. Recordings without a channel of the role input are identified so anyhow.
     reference : str, optional
         varx, varmax: output that mode shapes are scaled to; default the one that moves most in each.
+    blades : sequence of str, or str, optional
+        Sets of blade channels that go to the fixed frame first (collective, cosine and sine part), each as
+        "RootMyb1..3" or as names in the order of the blades, "A,B,C"; "auto" finds those called alike but for 1, 2, 3
+        at the end, "none" leaves all. Default those that the roles file gives by `blade`.
     markov : str or pathlib.Path, optional
         Streamed Markov parameters (markov.npz) in place of those of the recordings.
     progress : bool or callable, optional
@@ -168,7 +173,7 @@ def identify(
         scheduling_scaling=scheduling_scaling, offsets=offsets, refine=refine, memory=memory, joint_order=joint_order,
         deterministic_order=deterministic_order, response=response, stable=stable, allow_unstable=allow_unstable,
         uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
-        outputs=outputs, reference=reference,
+        outputs=outputs, reference=reference, blades=blades,
     )  # fmt: skip
     request.check(streamed=markov is not None)
     return _identified(as_records(records), request, markov, progress)

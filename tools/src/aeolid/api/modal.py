@@ -117,6 +117,7 @@ def modes(
     largest_order: int | None = None,
     decimate: int = 1,
     reference: str | None = None,
+    blades: Sequence[str] | str | None = None,
 ) -> ModalAnalysis:
     """Find the modes of recordings by their outputs alone (operational modal analysis).
 
@@ -136,6 +137,10 @@ def modes(
         Factor by which the sample rate is lowered first.
     reference : str, optional
         Output that shapes are scaled to; default the one that moves most in each mode.
+    blades : sequence of str, or str, optional
+        Sets of blade channels that go to the fixed frame first (collective, cosine and sine part), each as
+        "RootMyb1..3" or as names in the order of the blades, "A,B,C"; "auto" finds those called alike but for 1, 2, 3
+        at the end, "none" leaves all. Default those that the roles file gives by `blade`.
 
     Returns
     -------
@@ -156,6 +161,7 @@ def modes(
     found = as_records(records)
     window = read_past(str(past), found[0].sample_time_s * decimate)
     result = find_modal(
-        found, outputs=outputs, past=window, largest=largest_order, decimation=decimate, reference=reference
-    )
+        found, outputs=outputs, past=window, largest=largest_order, decimation=decimate, reference=reference,
+        blades=blades,
+    )  # fmt: skip
     return ModalAnalysis(result, ", ".join(record.source for record in found))

@@ -53,6 +53,15 @@ ResampleOption = Annotated[
         autocompletion=lambda incomplete: [v for v in ("auto",) if v.startswith(incomplete)],
     ),
 ]
+BladesOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--blades",
+        help="Blade channels to bring to the fixed frame: RootMyb1..3, or A,B,C; repeatable; auto, or none. Default: "
+        "those with `blade` in the roles file.",
+        autocompletion=lambda incomplete: [v for v in ("auto", "none") if v.startswith(incomplete)],
+    ),
+]
 ForceOption = Annotated[
     bool, typer.Option("--force", help="Replace also inputs, and files that this command did not write.")
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aeolid.cli.common import (
+    BladesOption,
     ForceOption,
     JsonOption,
     ResampleOption,
@@ -241,6 +242,7 @@ def identify(
         str | None,
         typer.Option("--reference", help="varx, varmax: output that mode shapes are scaled to; default the largest."),
     ] = None,
+    blades: BladesOption = None,
     structure: Annotated[
         Path | None,
         typer.Option("--structure", help="model.toml: fit its free values instead; --out then is a model.toml."),
@@ -259,7 +261,7 @@ def identify(
         scheduling_scaling=scheduling_scaling, offsets=offsets, refine=refine, memory=memory, joint_order=joint_order,
         deterministic_order=deterministic_order, response=response, stable=stable, allow_unstable=allow_unstable,
         uncertainty=uncertainty, bootstrap_runs=bootstrap_runs, bootstrap_seed=bootstrap_seed,
-        outputs=outputs, reference=reference,
+        outputs=outputs, reference=reference, blades=blades,
     )  # fmt: skip
     if structure is not None:
         fit_structure(structure, recordings, roles, out, json_target, resample, request, [markov, report], force)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from aeolid.cli.common import (
+    BladesOption,
     ForceOption,
     JsonOption,
     ResampleOption,
@@ -19,14 +20,15 @@ from aeolid.cli.common import (
     one_of,
     waiting,
 )
+from aeolid.cli.pictures import PICTURES, write_picture
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
 EXAMPLES = (
     "aeolid modes monday.csv --roles roles.toml",
     "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
+    "aeolid modes turbine.csv --roles roles.toml --blades flap_moment_1..3 --blades edge_moment_1..3",
 )
-PICTURES = (".svg", ".png", ".pdf")
 
 
 def register(app: typer.Typer) -> None:
@@ -56,6 +58,7 @@ def modes(
     reference: Annotated[
         str | None, typer.Option("--reference", help="Output that shapes are scaled to; default the largest of each.")
     ] = None,
+    blades: BladesOption = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     picture: Annotated[
         Path | None, typer.Option("--picture", help="Write the stabilisation diagram (.svg, .png or .pdf).")
@@ -73,6 +76,7 @@ def modes(
     files = {"--report": report, "--picture": picture, "--json": json_target}
     declare("modes", force=force, inputs=[*recordings, roles], files=files)
     from aeolid.api.modal import modes as find
+    from aeolid.api.pictures import draw_stabilisation as draw
     from aeolid.formats import read_record
 
     with waiting("reading"):
@@ -80,8 +84,9 @@ def modes(
         records = [read_record(path, layout) for path in recordings]
     with waiting("finding poles over orders and windows"):
         found = find(
-            records, outputs=outputs, past=past, largest_order=largest_order, decimate=decimate, reference=reference
-        )
+            records, outputs=outputs, past=past, largest_order=largest_order, decimate=decimate, reference=reference,
+            blades=blades,
+        )  # fmt: skip
     if json_target != "-":
         for record in records:
             console.print(extent(record), markup=False, soft_wrap=True)
@@ -89,22 +94,5 @@ def modes(
     if report is not None:
         found.report(report)
     if picture is not None:
-        _draw(found.to_json(), picture)
+        write_picture(picture, (10.6, 4.6), lambda figure: draw(found.to_json(), figure.subplots()))
     emit_json(found.to_json(), json_target)
-
-
-def _draw(facts: dict[str, object], path: Path) -> None:
-    """Write the diagram as a picture, whole or not at all."""
-    import io
-
-    from matplotlib.figure import Figure
-
-    from aeolid import output
-    from aeolid.api.pictures import draw_stabilisation
-
-    figure = Figure(figsize=(10.6, 4.6), layout="constrained")
-    draw_stabilisation(facts, figure.subplots())
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format=path.suffix.lower().lstrip("."), dpi=150)
-    with output.replacing(path) as handle:
-        handle.write(drawn.getvalue())

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from scipy.optimize import linear_sum_assignment
 from aeolid.models.modes import continuous_poles
 
 Facts = dict[str, Any]
+Place = TypeVar("Place")
 ComplexArray = NDArray[np.complex128]
 FARTHEST = 0.25  # relative distance of two continuous-time poles beyond which they are not one mode
 LEAST_MAC = 0.3  # modal assurance below which they are not, however near
@@ -25,11 +26,19 @@ def track(periods: Sequence[tuple[float, Sequence[Facts]]]) -> list[list[int]]:
     farther than FARTHEST in the first or under LEAST_MAC starts a track. Tracks are numbered as they appear, by
     frequency within a period.
     """
-    last: list[tuple[complex, ComplexArray]] = []
+    return follow([[_place(mode, step) for mode in modes] for step, modes in periods], _distance)
+
+
+def follow(steps: Sequence[Sequence[Place]], distance: Callable[[Place, Place], float | None]) -> list[list[int]]:
+    """Return the number of the track each place belongs to, for each step: those of a step to the tracks seen so far.
+
+    distance: of a place to a track's last one, None where they cannot be the same; the sum of distances is least, and
+    as many are followed as can be. Tracks are numbered as they appear.
+    """
+    last: list[Place] = []
     numbers = []
-    for sample_time_s, modes in periods:
-        now = [_place(mode, sample_time_s) for mode in modes]
-        given = _assign(last, now)
+    for now in steps:
+        given = _assign(last, now, distance)
         for i, place in enumerate(now):
             if given[i] < 0:
                 given[i] = len(last)
@@ -70,19 +79,27 @@ def _place(mode: Facts, sample_time_s: float) -> tuple[complex, ComplexArray]:
     return complex(pole), np.array([complex(*v) for v in mode["shape"]])
 
 
-def _assign(last: Sequence[tuple[complex, ComplexArray]], now: Sequence[tuple[complex, ComplexArray]]) -> list[int]:
+def _distance(now: tuple[complex, ComplexArray], before: tuple[complex, ComplexArray]) -> float | None:
+    """Return |Δs|/|s| + (1 − MAC)/2, None where two modes are too far apart to be one."""
+    (s, shape), (old, other) = now, before
+    apart, likeness = abs(s - old) / max(abs(s), abs(old), 1e-12), mac(shape, other)
+    same = apart <= FARTHEST and likeness >= LEAST_MAC and (s.imag > 0) == (old.imag > 0)
+    return apart + (1 - likeness) / 2 if same else None
+
+
+def _assign(
+    last: Sequence[Place], now: Sequence[Place], distance: Callable[[Place, Place], float | None]
+) -> list[int]:  # fmt: skip
     """Return the index into `last` for each of `now`, −1 for none."""
     given = [-1] * len(now)
     if not last or not now:
         return given
     never = 1e6  # finite: the assignment must exist even where nothing fits
     cost = np.full((len(now), len(last)), never)
-    for i, (s, shape) in enumerate(now):
-        for j, (before, other) in enumerate(last):
-            distance = abs(s - before) / max(abs(s), abs(before), 1e-12)
-            likeness = mac(shape, other)
-            if distance <= FARTHEST and likeness >= LEAST_MAC and (s.imag > 0) == (before.imag > 0):
-                cost[i, j] = distance + (1 - likeness) / 2
+    for i, place in enumerate(now):
+        for j, before in enumerate(last):
+            far = distance(place, before)
+            cost[i, j] = never if far is None else far
     for i, j in zip(*linear_sum_assignment(cost), strict=True):
         if cost[i, j] < never:
             given[int(i)] = int(j)

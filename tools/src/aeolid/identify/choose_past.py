@@ -73,6 +73,8 @@ def read_past(text: str, sample_time_s: float) -> int | None:
         return None
     seconds = SECONDS.fullmatch(text.strip())
     if seconds is not None:
+        if not sample_time_s > 0:
+            raise UsageError(f"--past {text}: the rate is lowered by no factor of at least 1; correct --decimate")
         return max(round(float(seconds[1]) / sample_time_s), 1)
     try:
         return int(text)

@@ -5,6 +5,11 @@ for each: no structure swings there. Where the rotor's azimuth or speed is recor
 their frequency (`mark_harmonics`). Where nothing is driven by recorded inputs, any pole whose damping may be none is
 held against the spectrum: the share of the power in a narrow band about it that is one sine of constant amplitude and
 phase. Of a mode that noise drives amplitude and phase wander within its decay time; what is left of a line is noise.
+
+A rotor whose speed varies smears its lines until many modes lie on one. What is a harmonic then moves with the rotor's
+angle: of the power about k times the speed the share is asked for that is one sine of k times the angle. Blades that
+cut turbulence make peaks about 3P, 6P, 9P with no such sine; they are as wide as the speed varies, so that a pole that
+is much sharper is a mode.
 """
 
 from __future__ import annotations
@@ -16,9 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.mode_names import named
-from aeolid.identify.rotor import rotation
-from aeolid.models.modes import Mode, mark_harmonics
+from aeolid.identify.rotor import Rotation, rotation
+from aeolid.models.blade_sets import with_multiblade
+from aeolid.models.modes import NORMAL, Mode, is_widened, mark_harmonics, with_whirl
 from aeolid.models.prediction import complete_stretches
+from aeolid.models.rotor_angle import rotor_angle
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -28,19 +35,61 @@ STEADY = 0.8  # of the power in the band, that one sine must explain where the 9
 # drives, with 4, 6, 8 decay times in the recording (2, 2.4, 2.8 deviations) 6, 2 and 0 % show so steady a sine
 STEADIER, WIDER = 0.9, 4.0
 LONGEST = 200_000  # samples that are looked at
+LOCKED = 0.5  # of the power about a multiple of the speed, which a sine of the rotor's angle explains of a harmonic
+SHARPER = 1 / 3  # of the speed's relative deviation: a line it smears has a damping of about the deviation itself
 
 
 def marked(modes: Sequence[Mode], records: Sequence[Record], output_only: bool) -> tuple[Mode, ...]:
     """Return the modes with names, rotor harmonics marked, and where outputs alone are recorded steady sines as well.
 
-    records: of one experiment set, the first of which tells how the rotor turns.
+    records: of one experiment set, the first of which tells how the rotor turns; fixed-frame channels that modes show
+    in are made of the blades.
     """
+    records = [with_multiblade(r, dict.fromkeys(n for m in modes for n in m.shares)) for r in records]
     turning, length = rotation(records[0]), max(len(r) * r.sample_time_s for r in records)
     if turning is not None:
         modes = mark_harmonics(modes, turning.frequency_hz, turning.deviation_hz, length)
+        modes = [m if m.rotor_order is None or is_driven(m, records[0], turning) else replace(m, rotor_order=None)
+                 for m in modes]  # fmt: skip
     if output_only:
         modes = [replace(m, tone=m.rotor_order is None and is_tone(m, records)) for m in modes]
-    return named(modes, None if turning is None else turning.frequency_hz)
+    rotor_hz = None if turning is None else turning.frequency_hz
+    return named(with_whirl(modes, rotor_hz), rotor_hz)
+
+
+def is_driven(mode: Mode, record: Record, turning: Rotation) -> bool:
+    """Tell whether a mode on a multiple of the rotor's speed is what the rotor drives, by its angle and its width."""
+    order, uneven = mode.rotor_order or 0, turning.deviation_hz / turning.frequency_hz
+    sharp = mode.damping_std is not None and mode.damping + NORMAL * mode.damping_std < SHARPER * uneven
+    angle = rotor_angle(record)
+    if (is_widened(order) and not sharp) or angle is None or not mode.shares:
+        return True
+    output = max(mode.shares, key=lambda name: mode.shares[name])
+    share = locked_share(record.column(output), order * angle, order * turning.deviation_hz * record.sample_time_s)
+    return share >= LOCKED
+
+
+def locked_share(y: Array, angle: Array, deviation: float) -> float:
+    """Return the share of the power of y (N,) about the mean rate of an angle (N,) in rad that its sine explains.
+
+    deviation: of that rate, cycles a sample. The power is that within two of them, and within BAND lines, seen through
+    a Hann window; missing samples are left out.
+    """
+    good = np.flatnonzero(np.isfinite(y) & np.isfinite(angle))[:LONGEST]
+    count = int(good[-1] - good[0] + 1) if len(good) > 2 else 0
+    if count < 2 * BAND:
+        return 1.0
+    window: Array = np.zeros(count)
+    window[good - good[0]] = np.hanning(count)[good - good[0]]
+    kept = slice(good[0], good[-1] + 1)
+    turned, values = np.nan_to_num(angle[kept]), np.nan_to_num(y[kept])
+    seen: Array = window * (values - np.average(values, weights=window))
+    rate = abs(np.unwrap(turned[good - good[0]])[[0, -1]] @ [-1, 1]) / (2 * np.pi * count)
+    near = abs(np.fft.rfftfreq(count) - rate) <= max(BAND / count, 2 * deviation)
+    before, after = (
+        float((abs(np.fft.rfft(v)[near]) ** 2).sum()) for v in (seen, _without_angle(seen, window, turned))
+    )
+    return 1.0 - after / before if before > 0 else 0.0
 
 
 def is_tone(mode: Mode, records: Sequence[Record]) -> bool:
@@ -80,7 +129,12 @@ def steady_share(y: Array, frequency: float, reach: float = 0.0) -> float:
 
 def _without(seen: Array, window: Array, frequency: float) -> Array:
     """Return what is left of seen (N,) without its best sine of a frequency, both through the window."""
-    angle = 2 * np.pi * frequency * np.arange(len(seen))
+    angle: Array = 2 * np.pi * frequency * np.arange(len(seen), dtype=np.float64)
+    return _without_angle(seen, window, angle)
+
+
+def _without_angle(seen: Array, window: Array, angle: Array) -> Array:
+    """Return what is left of seen (N,) without its best sine of an angle (N,), both through the window."""
     basis = np.column_stack([window * np.cos(angle), window * np.sin(angle)])
     gram = basis.T @ basis
     out: Array = seen - basis @ np.linalg.solve(gram, basis.T @ seen)

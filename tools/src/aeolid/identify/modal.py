@@ -29,6 +29,7 @@ from aeolid.identify.prepare import at_a_glance
 from aeolid.identify.rotor import Rotation, rotation
 from aeolid.identify.uncertainty import covariance_of
 from aeolid.identify.windows import find_scaling
+from aeolid.models.blade_sets import in_fixed_frame
 from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
 from aeolid.models.rate import decimate_causally
@@ -151,20 +152,21 @@ def _known(value: float) -> float | None:
 def find_modal(
     records: Sequence[Record], *, outputs: Sequence[str] | str | None = None, past: int | None = None,
     largest: int | None = None, decimation: int = 1, reference: str | None = None, criteria: Criteria | None = None,
+    blades: Sequence[str] | str | None = None,
 ) -> Modal:  # fmt: skip
     """Find the modes of one experiment set by its outputs alone.
 
     outputs: names, default all of the role; inputs are left out. past: window in samples; largest: order of the
     diagram; both default by the data (`diagram`). decimation: factor by which the rate is lowered first. reference:
-    output that shapes are scaled to. criteria: of the clusters. Raises UsageError on settings that cannot be,
-    NotIdentifiable on too few samples.
+    output that shapes are scaled to. criteria: of the clusters. blades: sets that go to the fixed frame first, as in
+    `blade_sets.find_sets`. Raises UsageError on settings that cannot be, NotIdentifiable on too few samples.
     """
     if past is not None and past < 2:
         raise UsageError(f"past window {past} is not at least 2")
     if largest is not None and largest < 2:
         raise UsageError(f"largest order {largest} is not at least 2")
     named = [outputs] if isinstance(outputs, str) else list(outputs or [ALL])
-    alone = of_outputs_alone(list(records), named)
+    alone = of_outputs_alone(in_fixed_frame(records, blades), named)
     at = index_of_reference(alone[0].names("output"), reference)
     seen = [decimate_causally(r, decimation) for r in at_a_glance(alone, "auto", "offset", "auto")]
     scaling = find_scaling(seen)

@@ -2,19 +2,21 @@
 
 A name is a reading of the channels' names, not a result of the data: a mode is called after the kind of output that it
 moves most, in units of the outputs' deviations, and only where it swings (damping below a half). The modes of a tower
-and of blades that shake each other share outputs; then the larger share decides.
+and of blades that shake each other share outputs; then the larger share decides. Cosine and sine part of blades are one
+motion in two directions, of the size √(c² + s²).
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from aeolid.formats.meanings import meaning_of
 from aeolid.models.modes import Mode
+from aeolid.models.multiblade import without_part
 
 _SWINGS = 0.5  # damping below which a pair of poles is called a mode of something
 _STRUCTURES = {
@@ -24,6 +26,7 @@ _STRUCTURES = {
     "flap_moment": "blade flapwise", "edge_moment": "blade edgewise",
 }  # fmt: skip
 _TURNING = ("generator_speed", "rotor_speed", "shaft_torque")
+TURNS_WITH = "turning"
 _DRIVE_TRAIN_HZ, _DRIVE_TRAIN_P = 0.6, 2.5  # below, a swing of the speed is one of the rotor as a whole
 _COUNTED = {*_STRUCTURES.values(), "drive train"}
 
@@ -39,7 +42,7 @@ def named(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:
     found = []
     for mode, name in zip(modes, names, strict=True):
         met[name] += 1
-        if name in _COUNTED and met[name] > 1:
+        if name.partition(",")[0] in _COUNTED and met[name] > 1:
             name = f"2nd {name}" if count[name] == 2 else ""
         found.append(replace(mode, name=name))
     return tuple(found)
@@ -51,16 +54,39 @@ def _name(mode: Mode, rotor_hz: float | None) -> str:
     if mode.rotor_order:
         return f"{mode.rotor_order}P"
     weights: dict[str, float] = {}
-    for output, share in mode.shares.items():
-        meaning = meaning_of(output)
-        kind = "" if meaning is None else meaning.kind
-        word = _STRUCTURES.get(kind, "turning" if kind in _TURNING else "")
+    for output, share in in_the_fixed_frame(mode.shares).items():
+        word = word_of(output)
         weights[word] = max(weights.get(word, 0.0), share)
     best = max(weights, key=lambda w: weights[w], default="")
-    if best != "turning":
+    if best.startswith("blade") and mode.whirl is not None:
+        return f"{best}, {mode.whirl.direction}"
+    if best != TURNS_WITH:
         return best
     slow = mode.frequency_hz < (_DRIVE_TRAIN_HZ if rotor_hz is None else _DRIVE_TRAIN_P * rotor_hz)
     return "rotor speed" if slow else "drive train"
+
+
+def in_the_fixed_frame(shares: Mapping[str, float]) -> dict[str, float]:
+    """Return shares with the cosine and sine part of each set of blades as one, under the cosine's name."""
+    found: dict[str, float] = {}
+    for output, share in shares.items():
+        stem, part = without_part(output)
+        key = f"{stem}_cosine" if part in ("cosine", "sine") else output
+        found[key] = float(np.hypot(found.get(key, 0.0), share))
+    return found
+
+
+def word_of(output: str) -> str:
+    """Return what a mode is called that an output moves in most; TURNS_WITH of the drive train, "" of others.
+
+    Edgewise moments of all blades at once are a torque on the shaft.
+    """
+    stem, part = without_part(output)
+    meaning = meaning_of(stem)
+    kind = "" if meaning is None else meaning.kind
+    if (kind, part) == ("edge_moment", "collective"):
+        return TURNS_WITH
+    return _STRUCTURES.get(kind, TURNS_WITH if kind in _TURNING else "")
 
 
 def mode_lines(modes: Sequence[Mode], sample_time_s: float = 0.0) -> list[str]:
@@ -101,6 +127,8 @@ def _line(mode: Mode, width: int) -> str:
     share = f"{where} ({mode.shares[where]:.0%})" if where else ""
     if mode.folded_from_hz is not None:
         share += f", perhaps the image of {mode.folded_from_hz:.4g} Hz"
+    if mode.whirl is not None and where and without_part(where)[1]:
+        share += f", {mode.whirl.text()}"
     frequency, damping = _deviation(mode.frequency_std_hz), _deviation(mode.damping_std)
     return f"  {mode.name:{width}s}  {mode.frequency_hz:8.4f}{frequency}  {mode.damping:7.4f}{damping}  {share}"
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from aeolid.errors import UsageError
 from aeolid.identify.request_checks import (
+    check_blades,
     check_finish,
     check_method,
     check_ort_and_fir,
@@ -33,9 +34,10 @@ class Request:
     varying, kernel_*, scheduling_scaling, offsets, refine, memory (gigabytes), joint_order, deterministic_order,
     response, uncertainty, bootstrap_*: of single methods, refused with another. feedthrough, angle: names, "auto" or
     "none". outputs: channels to identify by themselves, without inputs, or "all" of the role. reference: output that
-    mode shapes are scaled to (varx, varmax). delay: samples by name of the input, texts NAME=SAMPLES, "auto" or "none";
-    None is "auto" where the method has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move poles
-    inside the unit circle; allow_unstable: return also a model that is unstable or whose free run diverges.
+    mode shapes are scaled to (varx, varmax). blades: sets of blade channels that go to the fixed frame, "auto" or
+    "none"; None for those of the roles file. delay: samples by name of the input, texts NAME=SAMPLES, "auto" or
+    "none"; None is "auto" where the method has delays. regularize: "gcv", "none" or λ. decimate: factor. stable: move
+    poles inside the unit circle; allow_unstable: return also a model that is unstable or whose free run diverges.
     """
 
     past: str | int = "auto"
@@ -73,6 +75,7 @@ class Request:
     bootstrap_seed: int | None = None
     outputs: Sequence[str] | str | None = None
     reference: str | None = None
+    blades: Sequence[str] | str | None = None
 
     def check(self, *, streamed: bool = False) -> None:
         """Refuse settings that do not go together, before anything is read; streamed: whether Ξ comes from a stream.
@@ -87,6 +90,7 @@ class Request:
         self.delays(streamed=streamed)
         check_preparation(self.given("missing", "detrend", "robust"), self.method, streamed)
         check_output_only(self.given("outputs", "reference"), self.method, streamed)
+        check_blades(names(self.blades), streamed)
         joint = self.given("joint_order", "deterministic_order", "response")
         check_ort_and_fir(joint, self.method, streamed, self.regularize, self.stable)
         read_order(self.order)

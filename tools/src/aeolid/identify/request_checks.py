@@ -87,6 +87,12 @@ def check_output_only(given: dict[str, Any], method: str, streamed: bool) -> Non
         raise UsageError("--outputs changes the channels that the filter of --markov has used; leave one of them out")
 
 
+def check_blades(sets: list[str] | None, streamed: bool) -> None:
+    """Refuse sets of blades where the channels are those of a filter that has seen them on the blades."""
+    if streamed and sets not in (None, ["none"]):
+        raise UsageError("--blades changes the channels that the filter of --markov has used; leave one of them out")
+
+
 def check_finish(given: dict[str, Any], method: str, order: str) -> None:
     """Refuse criteria and prediction-error steps where the method has none, and a criterion where it cannot decide."""
     if "solution" in given and method != "varx":

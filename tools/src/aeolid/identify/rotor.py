@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.formats.meanings import meaning_of
+from aeolid.models.rotor_angle import TURNS, azimuth_of, speed_channel
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 STANDS = 1e-4  # Hz; slower than a turn in three hours is standing still
-_TURNS = {"rpm": 1 / 60, "1/min": 1 / 60, "rad/s": 1 / (2 * np.pi), "deg/s": 1 / 360, "Hz": 1.0, "1/s": 1.0}
 
 
 @dataclass(frozen=True)
@@ -25,16 +24,14 @@ class Rotation:
 
 def rotation(record: Record) -> Rotation | None:
     """Return how the rotor turns: by the azimuth, else by a rotor speed; None where neither is there, or it stands."""
-    for channel in record.of("azimuth"):
-        turn = 360.0 if channel.unit == "deg" else 2 * np.pi
-        steps = np.diff(record.column(channel.name)) / turn
-        return _turning(np.mod(steps + 0.5, 1.0) - 0.5, record.sample_time_s)
-    for channel in record.channels:
-        meaning = meaning_of(channel.name)
-        if meaning is not None and meaning.kind == "rotor_speed" and not meaning.demand and channel.unit in _TURNS:
-            turned = record.column(channel.name)[1:] * _TURNS[channel.unit] * record.sample_time_s
-            return _turning(turned, record.sample_time_s)
-    return None
+    azimuth = azimuth_of(record)
+    if azimuth is not None:
+        return _turning(np.mod(np.diff(azimuth) + 0.5, 1.0) - 0.5, record.sample_time_s)
+    channel = speed_channel(record)
+    if channel is None:
+        return None
+    turned = record.column(channel.name)[1:] * TURNS[channel.unit] * record.sample_time_s
+    return _turning(turned, record.sample_time_s)
 
 
 def rotor_frequency(record: Record) -> float | None:

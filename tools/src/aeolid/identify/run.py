@@ -13,6 +13,7 @@ from aeolid.identify.output_only import NOTE, of_outputs_alone
 from aeolid.identify.request import Request, names
 from aeolid.identify.request_checks import CHOOSING, SCHEDULED
 from aeolid.models.angles import renamed, split_angles
+from aeolid.models.blade_sets import in_fixed_frame
 from aeolid.models.shapes import index_of_reference
 
 if TYPE_CHECKING:
@@ -53,7 +54,8 @@ def identify_records(
     from aeolid.identify.sound import identify_soundly
 
     request.check(streamed=streamed is not None)
-    records, own = of_outputs_alone(list(records), names(request.outputs)), request.own()
+    records = list(records) if streamed is not None else in_fixed_frame(records, names(request.blades))
+    records, own = of_outputs_alone(records, names(request.outputs)), request.own()
     index_of_reference(records[0].names("output"), request.reference)
     records, turned = _turn_angles(records, request, own, streamed)
     through = turned.of_parts(names(request.feedthrough))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from aeolid.errors import DataError, UsageError
 from aeolid.models import lpv, state_space
 from aeolid.models.angles import with_parts
+from aeolid.models.blade_sets import with_multiblade
 from aeolid.models.divergence import Divergence, divergence_of
 from aeolid.models.equations import TIME
 from aeolid.models.exchange.files import FOREIGN, read_state_space
@@ -162,9 +163,10 @@ def matched(record: Record, signals: Sequence[Named]) -> Array:
     """Return the samples (N, k) of a model's signals; raises DataError on a missing channel or another unit.
 
     A signal called time_s that is no channel is the time itself: every recording has it. The cosine and sine of a
-    recorded angle are made where a model asks for them (see `angles`).
+    recorded angle, and the fixed-frame channels of blades, are made where a model asks for them (see `angles`,
+    `blade_sets`).
     """
-    record = with_parts(record, [s.name for s in signals])
+    record = with_multiblade(with_parts(record, [s.name for s in signals]), [s.name for s in signals])
     names = [c.name for c in record.channels]
     if any(s.name == TIME for s in signals) and TIME not in names:
         values = np.column_stack([record.values, record.time_s])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.models.multiblade import Whirl, whirl_of
 from aeolid.models.shapes import Shape
 from aeolid.models.state_space import StateSpace
 
@@ -30,7 +31,7 @@ class Mode:
     folded_from_hz is a peak beyond Nyquist whose image the mode may be, in a decimated recording. name says what an
     engineer would call it (tower fore-aft, 3P), empty where that is not known. tone: the outputs hold a steady sine
     there, and the damping may be none: a periodic force rather than a mode. shape is None of real poles, and where a
-    model was not identified with shapes.
+    model was not identified with shapes. whirl: how it moves the blades, where a set of them is in the fixed frame.
     """
 
     frequency_hz: float
@@ -44,6 +45,7 @@ class Mode:
     name: str = ""
     tone: bool = False
     shape: Shape | None = None
+    whirl: Whirl | None = None
 
     @property
     def is_real(self) -> bool:
@@ -79,7 +81,15 @@ class Mode:
             "folded_from_hz": self.folded_from_hz,
             "name": self.name,
             "tone": self.tone,
-        } | ({} if self.shape is None else {"shape": self.shape.to_json()})
+        } | {key: told.to_json() for key, told in (("shape", self.shape), ("whirl", self.whirl)) if told is not None}
+
+
+def with_whirl(modes: Sequence[Mode], rotor_hz: float | None) -> tuple[Mode, ...]:
+    """Return the modes with how they move the blades, by their shapes; rotor_hz: 1P, None where it is not known."""
+    return tuple(
+        m if m.shape is None else replace(m, whirl=whirl_of(m.shape.values, m.shares, m.frequency_hz, rotor_hz))
+        for m in modes
+    )
 
 
 def continuous_poles(eigenvalues: ComplexArray, sample_time_s: float) -> ComplexArray:
@@ -127,6 +137,11 @@ def modes_of(
     return tuple(sorted(found, key=lambda m: m.frequency_hz))
 
 
+def is_widened(order: int) -> bool:
+    """Tell whether wind that three blades cut through widens a multiple of the rotor's speed: 1P, 3P, 6P, 9P."""
+    return order in (1, *range(BLADES, WIDENED + 1, BLADES))
+
+
 def mark_harmonics(
     modes: Sequence[Mode], rotor_hz: float, deviation_hz: float = 0.0, duration_s: float = np.inf
 ) -> tuple[Mode, ...]:
@@ -144,8 +159,7 @@ def mark_harmonics(
         varied = NORMAL * order * deviation_hz
         near = max(0.015 * mode.frequency_hz, 3 * (mode.frequency_std_hz or 0.0), varied)
         close = order >= 1 and abs(mode.frequency_hz - order * rotor_hz) <= min(near, max(0.05 * rotor_hz, varied))
-        widened = order in (1, *range(BLADES, WIDENED + 1, BLADES))
-        little = abs(mode.damping) < 0.05 and (widened or mode.damping_std is None)
+        little = abs(mode.damping) < 0.05 and (is_widened(order) or mode.damping_std is None)
         harmonic = close and (little or mode.vanishes(duration_s, uneven))
         marked.append(replace(mode, rotor_order=order if harmonic else None))
     return tuple(marked)

@@ -38,7 +38,7 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found), _diagram(facts),
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
-        shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
+        section("On the blades", _whirls(modes)), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
         _criteria(facts),
     )  # fmt: skip
@@ -51,6 +51,18 @@ def _stability(modes: list[Facts]) -> Html:
         for m in modes
     ]  # fmt: skip
     heads = ["mode", "#frequency (Hz)", "#in models that count", "#poles between (Hz)", "#damping between (%)"]
+    return table(heads, rows)
+
+
+def _whirls(modes: list[Facts]) -> Html:
+    """Build the table of how modes move the blades; empty where no set of them is in the fixed frame."""
+    told = [(m, m["whirl"]) for m in modes if m.get("whirl")]
+    rows = [
+        [m.get("name") or "", number(m["frequency_hz"], 4), w["blades"], w["direction"], percent(w["collective"], 2),
+         number(w["blade_frequency_hz"], 4)]
+        for m, w in told
+    ]  # fmt: skip
+    heads = ["mode", "#frequency (Hz)", "blades", "whirling", "#of it all blades alike", "#on the blade (Hz)"]
     return table(heads, rows)
 
 

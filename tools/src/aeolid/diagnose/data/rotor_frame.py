@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from aeolid.record import Channel, Record
+from aeolid.models.blade_sets import BladeSet, numbered, replaced
+from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _CONTENT = 0.95  # of an output's power lies below the frequency that sets the rate
@@ -27,14 +26,9 @@ def blade_sets(record: Record, context: Mapping[str, Any]) -> list[tuple[str, tu
     blades = context.get("blades")
     if not record.names("azimuth") or not isinstance(blades, int) or not 2 < blades < 10:
         return []
-    stems: dict[str, dict[int, str]] = {}
-    for channel in record.of("output"):
-        match = re.fullmatch(r"(.*?)_?([1-9])", channel.name)
-        if match:
-            stems.setdefault(match[1], {})[int(match[2])] = channel.name
     return [
         (stem, tuple(names[b] for b in range(1, blades + 1)))
-        for stem, names in stems.items()
+        for stem, names in numbered(record.names("output")).items()
         if sorted(names) == list(range(1, blades + 1))
     ]
 
@@ -44,11 +38,8 @@ def to_fixed_frame(record: Record, sets: Sequence[tuple[str, tuple[str, ...]]]) 
 
     A linear time-invariant model holds for the mean over the rotor, not for a single blade.
     """
-    dropped = {name for _, names in sets for name in names}
-    kept = [i for i, c in enumerate(record.channels) if c.name not in dropped]
-    values = [record.values[:, kept]] + [record.columns(names).mean(axis=1)[:, None] for _, names in sets]
-    added = [Channel(f"{stem}_collective", record.unit(names[0]), "output") for stem, names in sets]
-    return replace(record, values=np.hstack(values), channels=(*(record.channels[i] for i in kept), *added))
+    parts = [record.columns(names).mean(axis=1)[:, None] for _, names in sets]
+    return replaced(record, [BladeSet(stem, names) for stem, names in sets], parts)
 
 
 def worth_rate(record: Record) -> int:

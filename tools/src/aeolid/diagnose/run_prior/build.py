@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
-from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame, side_of
+from aeolid.diagnose.run_prior.pair import Pair, Side, side_of
 from aeolid.diagnose.run_prior.regions import in_regions
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode
+from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame
+from aeolid.diagnose.run_prior.pair import Pair, Side
+from aeolid.models.multiblade import fixed_frame
 
 Array = NDArray[np.float64]
 SPREAD = 0.4  # of a logarithm between runs of one machine in other wind (18 pairs: -0.7 to 0.5)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
-from aeolid.diagnose.run_prior.pair import fixed_frame
+from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
 Array = NDArray[np.float64]

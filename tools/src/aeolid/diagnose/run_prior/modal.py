@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.run_prior.machine import is_turbine
-from aeolid.diagnose.run_prior.pair import Pair, Side, fixed_frame
+from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.modes import Mode, mark_harmonics
+from aeolid.models.multiblade import fixed_frame
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise
 from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
+from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -235,24 +236,6 @@ def stretches(missing: Mask, shortest: int) -> list[tuple[int, int]]:
     good = np.concatenate([[False], ~missing, [False]])
     edges = np.flatnonzero(np.diff(good.astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= shortest]
-
-
-def fixed_frame(y: Array, azimuth: Array | None, blades: Sequence[Sequence[int]]) -> Array:
-    """Return the outputs with every set of blade outputs as mean, cosine and sine part (multi-blade coordinates)."""
-    if not blades or azimuth is None:
-        return y
-    turning = {j for places in blades for j in places}
-    columns = [y[:, [j for j in range(y.shape[1]) if j not in turning]]]
-    for places in blades:
-        b = len(places)
-        angle = azimuth[:, None] + 2 * np.pi * np.arange(b) / b
-        own = y[:, list(places)]
-        columns.append(
-            np.column_stack(
-                [own.mean(axis=1), 2 / b * (own * np.cos(angle)).sum(axis=1), 2 / b * (own * np.sin(angle)).sum(axis=1)]
-            )
-        )
-    return np.hstack(columns)
 
 
 def side_of(

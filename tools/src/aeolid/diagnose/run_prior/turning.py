@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.models.rotor_angle import integrated
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -33,16 +34,10 @@ def turned(record: Record, context: Mapping[str, Any]) -> Array | None:
         if channel.unit not in _UNITS or not re.search(_SPEED, channel.name.lower()):
             continue
         speed = record.column(channel.name) * _UNITS[channel.unit]
-        good = np.isfinite(speed)
-        if not good.any():
+        if not np.isfinite(speed).any():
             continue
-        speed = np.interp(np.arange(len(speed)), np.flatnonzero(good), speed[good])
+        mean = float(np.nanmean(speed))
         for ratio in (1.0, float(context.get("gearbox_ratio") or 1.0)):
-            if _SLOWEST < speed.mean() / (ratio * float(rated)) < _FASTEST:
-                return _sum(speed / ratio, record.sample_time_s)
+            if _SLOWEST < mean / (ratio * float(rated)) < _FASTEST:
+                return integrated(speed / ratio, record.sample_time_s)
     return None
-
-
-def _sum(speed: Array, step: float) -> Array:
-    """Return the integral of a speed by the trapezoidal rule."""
-    return np.concatenate([[0.0], np.cumsum(0.5 * step * (speed[1:] + speed[:-1]))])
