@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
+from aeolid.diagnose.candidates import settle_sampling
 from aeolid.diagnose.candidates.sampling_choice import Choice, choice_of
 from aeolid.diagnose.candidates.settle_sampling import settle
 from aeolid.diagnose.data.case import load_case
@@ -158,9 +159,9 @@ equation = "w"
 """
 
 
-def test_a_smooth_command_that_the_errors_foretell_is_no_feedback(tmp_path: Path) -> None:
-    """Outputs of a stiff servo, read a third of a row late, tell almost all of the command of their own row."""
-    rng, fine = np.random.default_rng(5), 20
+def servo(rng: np.random.Generator) -> Array:
+    """Return a smooth command, angle and speed of a stiff servo in open loop, read a third of a row late."""
+    fine = 20
     top, bottom = butter(2, 0.05, fs=fine)
     command = lfilter(top, bottom, np.repeat(np.repeat(rng.uniform(-1, 1, ROWS // 25 + 1), 25)[:ROWS], fine))
     q, w, states = 0.0, 0.0, []
@@ -169,12 +170,36 @@ def test_a_smooth_command_that_the_errors_foretell_is_no_feedback(tmp_path: Path
         w += 0.01 / fine * (10.0 * (u - q) - 0.9 * w) / 0.03
         q += 0.01 / fine * w
     at = np.minimum(fine * np.arange(ROWS) + fine // 3, len(states) - 1)
-    y = np.array(states)[at] + rng.standard_normal((ROWS, 2)) * [2e-4, 2e-3]
+    return np.column_stack([command[::fine], np.array(states)[at] + rng.standard_normal((ROWS, 2)) * [2e-4, 2e-3]])
+
+
+def loop(rng: np.random.Generator) -> Array:
+    """Return the same of a command that answers the angle and the speed of its own row, held until the next."""
+    q, w, rows = 0.0, 0.0, []
+    wanted = sosfilt(butter(2, 0.04, output="sos"), rng.standard_normal(ROWS))
+    for r in wanted:
+        y = np.array([q, w]) + rng.standard_normal(2) * [2e-2, 0.5]
+        u = 5.0 * r - 0.8 * y[0] - 0.05 * y[1]
+        rows.append([u, *y])
+        for _ in range(50):
+            w += 2e-4 * (10.0 * (u - q) - 0.9 * w) / 0.03
+            q += 2e-4 * w
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(("rows_of", "least", "most"), [(servo, 0.0, 0.05), (loop, 0.9, 1.1)])
+def test_what_errors_tell_of_a_command_is_feedback_where_no_reading_takes_it_away(
+    tmp_path: Path, rows_of: Callable[[np.random.Generator], Array], least: float, most: float
+) -> None:
+    """Late outputs of a stiff servo tell almost all of the smooth command of their row; so does a controller."""
     channels = (("command", "rad", "input"), ("angle", "rad", "output"), ("speed", "rad/s", "output"))
-    case = load_case(write_case(tmp_path, GEARS, 0.01, channels, np.column_stack([command[::fine], y])))
-    found = settle(case, prepare(case))
-    assert found is not None
-    assert not found.is_held
+    case = load_case(write_case(tmp_path, GEARS, 0.01, channels, rows_of(np.random.default_rng(5))))
+    prepared = prepare(case)
+    now, choice = settle_sampling._stage(prepared, None), choice_of(case, prepared)
+    told = settle_sampling._leak(now, choice)
+    best = now.tried(Sampling((("command", "band_limited"),), -0.003, 0.0, True))
+    assert told > 20  # nats: far beyond chance
+    assert least * told <= settle_sampling._feedback(now, choice, best) <= most * told
 
 
 def test_a_case_that_says_closed_loop_has_whole_samples_only(tmp_path: Path) -> None:
