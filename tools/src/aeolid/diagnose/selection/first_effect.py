@@ -183,7 +183,8 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     where a filter of second order has 1,200 and 445, and a drive or a mode of 1,025 and 210 was named. What has fewer
     values and, as the catalogue says, is taken for an accepted effect at its place is kin whatever its score: of a
     spring that the fitted baseline never lets go of, play has none, and stops beside a spring five times too soft were
-    named for it.
+    named for it. The same of what ran to an end of its range, with no more values: a slider that slips at once is dry
+    friction (131 nats, not credible, and friction, of which the score said little, had not been fitted).
     """
     known = {c.key for c in fitted}
     meant = [c for c in fitted if c.plausible or c.at_end or c.is_plainer]
@@ -191,7 +192,9 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     leaders, others = led[:_LEADERS], led[_LEADERS:]
     leaders += [c for c in others if c.fit_gain > leaders[-1].fit_gain][:_FITTING]
     allowed = [c for c in led if c.plausible]
-    plainer = {pair: _values(c.attachments[0]) for c in allowed[:_LEADERS] if is_accepted(c) for pair in _taken_for(c)}
+    plainer = {pair: _values(c.attachments[0]) + 1 for c in leaders if c.at_end for pair in _taken_for(c)}
+    accepted = [c for c in allowed[:_LEADERS] if is_accepted(c)]
+    plainer |= {pair: _values(c.attachments[0]) for c in accepted for pair in _taken_for(c)}
     own, fresh = {r.attachment.key: r for r in bank.rows}, [r for r in bank.rows if r.attachment.key not in known]
     speaking = [row for row in fresh if row.z > bank.limit(row)]
     family = [r for r in speaking if any(are_kin(r.attachment, c.attachments[0]) for c in leaders)]
