@@ -60,7 +60,7 @@ class Heard:
         """
         if not self._parts:
             return
-        values: Array = np.concatenate(self._parts)
+        values = np.asarray(np.concatenate(self._parts), dtype=np.float64)
         record = Record(self._step * np.arange(len(values)), values, self._channels, self._step, "stream", "")
         self.turning = rotation(record)
         self._tones = frozenset(n for n, m in modes if self._alone and _is_tone(m, record))
