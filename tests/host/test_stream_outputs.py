@@ -33,12 +33,13 @@ def record_of(y: np.ndarray, channels: tuple[Channel, ...] = OUTPUTS) -> Record:
 
 
 def described(
-    r: int, outputs: int, past: int, *, s: int = 0, parameters: int | None = None, mask: int = 0, names: tuple[str, ...] = (),
+    r: int, outputs: int, past: int, *, s: int = 0, parameters: int | None = None, mask: int = 0,
+    names: tuple[str, ...] = (),
 ) -> Assembly:  # fmt: skip
     """Feed the description of a node of these sizes, built by hand."""
     parts = {(1, 0): r | outputs << 8 | s << 16 | 1 << 24, (3, 1): bits(0.1), (4, 0): bits(1.0), (5, 0): bits(0.1)}
     parts |= {(2, past): outputs * past * (r + outputs) if parameters is None else parameters, (6, 0): mask}
-    for i in range(r + outputs + s):
+    for i in range(min(r + outputs + s, 64)):
         parts |= {(7, i): bits(0.0), (8, i): bits(1.0)}
     for i, name in enumerate(names):
         for k in range(0, len(name), 4):

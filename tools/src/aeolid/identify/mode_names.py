@@ -1,8 +1,9 @@
 """Name modes as engineers do: tower fore-aft, drive train, 3P; by the outputs they show in and the rotor's speed.
 
 A name is a reading of the channels' names, not a result of the data: a mode is called after the kind of output that it
-moves most, in units of the outputs' deviations, and only where it swings (damping below a half); a steady sine is forced
-and gets none. The modes of a tower and of blades that shake each other share outputs; then the larger share decides.
+moves most, in units of the outputs' deviations, and only where it swings (damping below a half); a steady sine, which
+is forced, gets none. The modes of a tower and of blades that shake each other share outputs; then the larger share
+decides.
 """
 
 from __future__ import annotations
