@@ -45,9 +45,10 @@ class Terminal:
         self._board.end(reason)
 
     def close(self) -> None:
-        """Leave the last facts on the terminal."""
+        """Leave the last facts on the terminal, with the modes of what still waited when the last frame had come."""
         self._closing.set()
         self._thread.join()
+        self._board.tick()
         if self._console.is_terminal:
             self._live.stop()
         else:
