@@ -70,7 +70,7 @@ static aeo_status_t take(aeo_estimator_t *self, unsigned k)
 /* ---- the law ------------------------------------------------------------------------------------------------------- */
 
 /* With lambda = 1, theta is the batch least squares of y_k on the windows the filter saw; in VARMAX these hold the
- * residuals fed back. Bounds: those of the contract for condition below 100, ten times as wide. */
+ * residuals fed back. Measured: 13 rounding errors of unit size in float, 25 in double; the contract has 300. */
 static void the_autoregression_equals_batch(void)
 {
     for (unsigned e = 0; e < 2u; e++) {
@@ -96,7 +96,7 @@ static void the_autoregression_equals_batch(void)
             }
             solve_batch(seen, target, NULL, COUNT - P, n, L, ridge, batch);
             /* fast_rls: its recursion runs error up where nothing is forgotten (test_contract_fast_rls.c) */
-            const double bound = (m == (unsigned)AEO_METHOD_FAST_RLS ? 1e5 : 3000.0) * (double)AEO_REAL_EPSILON;
+            const double bound = (m == (unsigned)AEO_METHOD_FAST_RLS ? 30000.0 : 3000.0) * (double)AEO_REAL_EPSILON;
             TEST_ASSERT_TRUE(relative_distance(aeo_estimator_theta(&one), batch, n * L) < bound);
         }
     }
