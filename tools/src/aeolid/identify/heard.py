@@ -60,8 +60,9 @@ class Heard:
         """
         if not self._parts:
             return
-        values = np.asarray(np.concatenate(self._parts), dtype=np.float64)
-        record = Record(self._step * np.arange(len(values)), values, self._channels, self._step, "stream", "")
+        values = np.concatenate(self._parts)
+        time_s = np.arange(len(values), dtype=np.float64) * self._step
+        record = Record(np.asarray(time_s, dtype=np.float64), values, self._channels, self._step, "stream", "")
         self.turning = rotation(record)
         self._tones = frozenset(n for n, m in modes if self._alone and _is_tone(m, record))
 
