@@ -21,14 +21,14 @@ static int guard_is_on(const aeo_els_config_t *config)
     return config->guard_ratio > AEO_REAL(0);
 }
 
-/* p blocks [u; y; e] with at least one input; without blocks there is nothing to guard or to start from. */
+/* p blocks [u; y; e], of which u may be empty; without blocks there is nothing to guard or to start from. */
 static int layout_holds(const aeo_els_config_t *config)
 {
     const unsigned n = config->regressors, p = config->past, d = config->present;
     if (p == 0u) {
         return d == 0u && config->varx_samples == 0u && !guard_is_on(config);
     }
-    return n > d && (n - d) % p == 0u && (n - d) / p >= 2u * config->outputs + 1u;
+    return n > d && (n - d) % p == 0u && (n - d) / p >= 2u * config->outputs;
 }
 
 /* What is not the inner filter's to judge. */

@@ -18,7 +18,7 @@
 static int sizes_hold(const aeo_regressor_config_t *config)
 {
     const unsigned r = config->inputs, l = config->outputs;
-    if (r < 1u || r > AEO_REGRESSOR_CHANNELS_MAX || l < 1u || l > AEO_REGRESSOR_CHANNELS_MAX || config->past < 1u) {
+    if (r > AEO_REGRESSOR_CHANNELS_MAX || l < 1u || l > AEO_REGRESSOR_CHANNELS_MAX || config->past < 1u) {
         return 0;
     }
     if (config->model_set != AEO_VARX && config->model_set != AEO_VARMAX) {
@@ -194,7 +194,7 @@ static void store_block(aeo_regressor_t *self, const aeo_real_t *u, const aeo_re
 
 aeo_status_t aeo_regressor_push(aeo_regressor_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us)
 {
-    if (self == NULL || u == NULL || y == NULL) {
+    if (self == NULL || y == NULL || (u == NULL && self->inputs > 0u)) {
         return AEO_E_ARG;
     }
     if (!aeo_linalg_all_finite(u, self->inputs) || !aeo_linalg_all_finite(y, self->outputs)) {

@@ -121,7 +121,7 @@ typedef struct {
 
 /* Start self with theta = 0 and P = I / rho in the memory given (words values, written, aligned as the type). The
  * config is copied. Memory must outlive self and serve nothing else.
- * AEO_E_ARG: null pointer, a size or setting out of its range, sizes that do not make p blocks of at least 2 l + 1
+ * AEO_E_ARG: null pointer, a size or setting out of its range, sizes that do not make p blocks of at least 2 l
  * entries; AEO_E_NOT_FINITE: a setting is NaN or infinite; AEO_E_MEMORY: words < AEO_ELS_WORDS(n, l). On failure
  * neither self nor memory is written. */
 aeo_status_t aeo_els_init(aeo_els_t *self, const aeo_els_config_t *config, aeo_real_t *memory, size_t words);

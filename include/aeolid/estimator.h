@@ -161,8 +161,8 @@ size_t aeo_estimator_regressors(const aeo_estimator_config_t *config);
 aeo_status_t aeo_estimator_init(aeo_estimator_t *self, aeo_estimator_method_t method,
                                 const aeo_estimator_config_t *config, aeo_real_t *memory, size_t words);
 
-/* Take the sample u (r values), y (l values), in the channels' units, taken at time_us, and absorb it once the window is
- * full. AEO_OK: theta, innovation and residual are those of this sample. AEO_E_GAP: as AEO_FILLING, and samples before
+/* Take the sample u (r values; null when r = 0), y (l values), in the channels' units, taken at time_us, and absorb it
+ * once the window is full. AEO_OK: theta, innovation and residual are those of this sample. AEO_E_GAP: as AEO_FILLING, and samples before
  * it are missing. Other codes as aeo_regressor_push and the filter's update: the sample is refused. AEO_E_ARG: a null
  * pointer. */
 aeo_status_t aeo_estimator_take(aeo_estimator_t *self, const aeo_real_t *u, const aeo_real_t *y, uint64_t time_us);

@@ -48,7 +48,7 @@ extern "C" {
 #define aeo_regressor_invariants_hold aeo_regressor_invariants_hold_f64
 #endif
 
-/* Limits: inputs 1 ... 32 (the mask has 32 bits), outputs 1 ... 32, p m + r at most AEO_REGRESSOR_LENGTH_MAX. */
+/* Limits: inputs 0 ... 32 (the mask has 32 bits), outputs 1 ... 32, p m + r at most AEO_REGRESSOR_LENGTH_MAX. */
 #define AEO_REGRESSOR_CHANNELS_MAX 32
 #define AEO_REGRESSOR_LENGTH_MAX   1024
 
@@ -74,7 +74,8 @@ typedef enum {
 } aeo_model_set_t;
 
 typedef struct {
-    uint16_t inputs;  /* r, 1 ... 32 */
+    uint16_t
+        inputs; /* r, 0 ... 32; 0: an autoregression of the outputs alone, y_k = Xi [y_{k-p}; ...; y_{k-1}] + e_k */
     uint16_t outputs; /* l, 1 ... 32 */
     uint16_t past;    /* p, blocks in z, 1 ...; too small: biased, coloured innovation; too large: more variance
                                   and p^2 time and memory. Start: one slowest period over two, 10 ... 30 */
@@ -129,7 +130,7 @@ typedef struct {
 aeo_status_t aeo_regressor_init(aeo_regressor_t *self, const aeo_regressor_config_t *config, aeo_real_t *memory,
                                 size_t words);
 
-/* Take the sample u (r values, read), y (l values, read), both in the channels' units, taken at time_us.
+/* Take the sample u (r values, read; null when r = 0), y (l values, read), both in the channels' units, at time_us.
  * AEO_OK: z and y of this sample are ready. AEO_FILLING: accepted, the past window is not full yet.
  * AEO_E_GAP: accepted as the first sample of a new window (see above), count.gaps + 1.
  * Rejected, nothing changed but one counter: AEO_E_NOT_FINITE (judged on the bit pattern, so -ffast-math does not

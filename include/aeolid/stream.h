@@ -235,8 +235,8 @@ typedef struct {
 aeo_status_t aeo_stream_init(aeo_stream_t *self, const aeo_stream_config_t *config, const aeo_port_t *port,
                              uint32_t *memory, uint32_t words);
 
-/* Send sample `index` and its seal: u (inputs), y (outputs), s (scheduling; null when none), in the channels' units, as
- * binary32; a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
+/* Send sample `index` and its seal: u (inputs), y (outputs), s (scheduling), in the channels' units, u or s null when
+ * there are none, as binary32; a NaN arrives as a missing sample. Samples that sample_every skips cost nothing. AEO_E_ARG: null pointer.
  * AEO_E_REFUSED. */
 aeo_status_t aeo_stream_sample(aeo_stream_t *self, uint32_t index, const aeo_real_t *u, const aeo_real_t *y,
                                const aeo_real_t *s);

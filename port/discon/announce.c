@@ -36,7 +36,7 @@ static void add_channels(line_t *line, const settings_t *s)
     unsigned at = 0;
     for (unsigned r = 0; r < 3u; r++) {
         for (unsigned i = 0; i < s->taps[r]; i++) {
-            add(line, "%s%s", i == 0u ? (r == 0u ? "" : "; ") : ", ", i == 0u ? role[r] : "");
+            add(line, "%s%s", i == 0u ? (at == 0u ? "" : "; ") : ", ", i == 0u ? role[r] : "");
             add(line, "%s%s", i == 0u ? " " : "", s->tap[at + i].name);
         }
         at += s->taps[r];

@@ -370,7 +370,6 @@ static int finish(reading_t *self)
     const char *missing = s->controller[0] == '\0'                      ? "controller"
                           : (self->words_given[MAIN] >> 2 & 1ul) == 0ul ? "bus"
                           : (self->number_given >> PAST & 1ul) == 0ul   ? "past"
-                          : s->taps[ROLE_INPUT] == 0u                   ? "input"
                           : s->taps[ROLE_OUTPUT] == 0u                  ? "output"
                                                                         : NULL;
     self->text.number = 0;

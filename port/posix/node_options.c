@@ -222,8 +222,8 @@ int node_options_read(node_options_t *self, int argc, char **argv)
             at += 2;
         }
     }
-    if (self->inputs < 1u || self->outputs < 1u || !(setting[SAMPLE_TIME].value > 0) || !(setting[PAST].value > 0)) {
-        return refuse("aeolid-node", "", "at least --input, --output, --sample-time and --past");
+    if (self->outputs < 1u || !(setting[SAMPLE_TIME].value > 0) || !(setting[PAST].value > 0)) {
+        return refuse("aeolid-node", "", "at least --output, --sample-time and --past");
     }
     if (self->can != NULL && self->wait) {
         return refuse("--wait", "", "a bus that shows its listeners (pty or tcp:PORT)");

@@ -1,9 +1,10 @@
 /* node_options.h: reads what the software node is told on its command line.
  *
- *   aeolid-node --input NAME UNIT OFFSET SCALE ... --output NAME UNIT OFFSET SCALE ... --sample-time S --past P
+ *   aeolid-node [--input NAME UNIT OFFSET SCALE ...] --output NAME UNIT OFFSET SCALE ... --sample-time S --past P
  *   [options]
  *
- *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h
+ *   --input, --output   one a channel, in the order of the samples; OFFSET and SCALE as in regressor.h. Without --input
+ *                       the filter is an autoregression of the outputs
  *   --sample-time S     seconds between two samples
  *   --past P            past window
  *   --method NAME       rls, els, fast-rls or lattice, default rls

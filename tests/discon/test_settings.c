@@ -69,6 +69,17 @@ static void test_a_full_file_is_understood(void)
     TEST_ASSERT_EQUAL_INT(SIGNAL_OFF, settings.pitch.signal);
 }
 
+/* Without an input the filter is an autoregression of the outputs, and there is none whose feedthrough could be named. */
+static void test_outputs_alone_are_enough(void)
+{
+    TEST_ASSERT_EQUAL_INT_MESSAGE(0, parse("controller = a\nbus = none\npast = 3\noutput = tower_fore_aft scale 1\n"),
+                                  why);
+    TEST_ASSERT_EQUAL_UINT(0, settings.taps[ROLE_INPUT]);
+    TEST_ASSERT_EQUAL_UINT(1, settings.taps[ROLE_OUTPUT]);
+    TEST_ASSERT_EQUAL_INT(-1, parse("controller = a\nbus = none\npast = 3\noutput = tower_fore_aft scale 1\n"
+                                    "feedthrough = tower_fore_aft\n"));
+}
+
 static void test_the_example_is_understood(void)
 {
     TEST_ASSERT_EQUAL_INT_MESSAGE(0, settings_read(&settings, EXAMPLE, why), why);
@@ -96,7 +107,6 @@ typedef struct {
 static const bad_t bad[] = {
     {"", "t.cfg: controller", "missing"},
     {"controller = a\nbus = none\npast = 3\ninput = pitch scale 1\n", "t.cfg: output", "missing"},
-    {"controller = a\nbus = none\npast = 3\noutput = pitch scale 1\n", "t.cfg: input", "missing"},
     {"controller = a\nbus = none\ninput = pitch scale 1\noutput = wind scale 1\n", "t.cfg: past", "missing"},
     {"controller = a\npast = 3\ninput = pitch scale 1\noutput = wind scale 1\n", "t.cfg: bus", "missing"},
     {GOOD "past = 21\n", "line 6: past", "twice"},
@@ -304,6 +314,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(test_a_full_file_is_understood);
+    RUN_TEST(test_outputs_alone_are_enough);
     RUN_TEST(test_the_example_is_understood);
     RUN_TEST(test_every_name_of_the_table_is_a_channel);
     RUN_TEST(test_every_mistake_is_named_with_its_place_and_remedy);

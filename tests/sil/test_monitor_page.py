@@ -97,7 +97,7 @@ def test_the_page_shows_what_the_terminal_prints(start: Start, browser: Browser,
         watched.finish()
         text = words_of(watched.board)
         modes = watched.board.facts["nodes"][0]["modes"]
-        keys = ("frequency", "frequency_95", "damping_percent", "damping_95", "mostly_in")
+        keys = ("frequency", "frequency_95", "damping_percent", "damping_95", "mostly_in", "name")
         rows = [[str(m["mode"]), *(m[key] for key in keys)] for m in modes]
         browser.wait(
             f"JSON.stringify({TABLE}) === {json.dumps(json.dumps(rows, ensure_ascii=False, separators=(',', ':')))}"

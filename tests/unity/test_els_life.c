@@ -215,7 +215,7 @@ static void settings_out_of_range_are_refused(void)
         aeo_els_config_t config = make_els_config(2);
         config.regressors = t == 0 ? 7 : t == 1 ? 0 : config.regressors; /* no two blocks */
         config.outputs = t == 2 ? 2 : t == 3 ? 0 : t == 4 ? 33 : config.outputs;
-        config.past = t == 5 ? 3 : t == 6 ? 0 : config.past; /* blocks of 2; guard without blocks */
+        config.past = t == 5 ? 6 : t == 6 ? 0 : config.past; /* blocks of 1; guard without blocks */
         config.present = t == 7 ? 6 : config.present;
         config.varx_samples = t == 8 ? AEO_ELS_VARX_SAMPLES_MAX + 1u : t == 9 ? 15u : config.varx_samples;
         config.forgetting = t == 10 ? AEO_REAL(1.01) : t == 11 ? AEO_REAL(0.98) : config.forgetting;

@@ -168,7 +168,7 @@ static void a_refused_description_leaves_every_byte(void)
             aeo_estimator_t untouched;
             memcpy(bad, channel, sizeof bad);
             config.channels = fault == 0u ? NULL : bad;
-            config.inputs = fault == 1u ? 0u : config.inputs;
+            config.inputs = fault == 1u ? 33u : config.inputs;
             config.feedthrough = fault == 2u ? 4u : config.feedthrough;
             config.forgetting = fault == 3u ? AEO_REAL(1.5) : config.forgetting;
             config.regularisation = fault == 4u ? make_not_finite(0) : config.regularisation;

@@ -68,7 +68,7 @@ static size_t expected(aeo_real_t *z, size_t k, unsigned r, unsigned l, unsigned
 
 static void order_is_that_of_the_paper(void)
 {
-    static const unsigned SIZES[][3] = {{1, 1, 1}, {2, 3, 4}, {3, 1, 2}, {1, 4, 10}, {4, 4, 1}};
+    static const unsigned SIZES[][3] = {{1, 1, 1}, {2, 3, 4}, {3, 1, 2}, {1, 4, 10}, {4, 4, 1}, {0, 1, 3}, {0, 3, 2}};
     for (size_t s = 0; s < sizeof SIZES / sizeof SIZES[0]; s++) {
         const unsigned r = SIZES[s][0], l = SIZES[s][1], p = SIZES[s][2];
         for (unsigned set = 0; set < 2; set++) {
@@ -280,7 +280,7 @@ static void bad_settings_are_refused(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(NULL, &config, memory, WORDS));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, NULL, memory, WORDS));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, &config, NULL, WORDS));
-    static const unsigned SIZES[][3] = {{0, 1, 1}, {33, 1, 1},  {1, 0, 1},   {1, 33, 1},
+    static const unsigned SIZES[][3] = {{0, 0, 1}, {33, 1, 1},  {1, 0, 1},   {1, 33, 1},
                                         {1, 1, 0}, {2, 3, 205}, {32, 32, 16}};
     for (size_t s = 0; s < sizeof SIZES / sizeof SIZES[0]; s++) {
         config = make_config(SIZES[s][0], SIZES[s][1], SIZES[s][2]);

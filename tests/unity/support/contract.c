@@ -91,9 +91,9 @@ static void assert_same_state(filter_size_t size)
     TEST_ASSERT_EQUAL_MEMORY(filter->residual(&first), filter->residual(&second), l * sizeof(aeo_real_t));
 }
 
-/* n = 1, 2, 3, 7, 13, 24 */
-static const filter_size_t SIZES[] = {{1, 1, 0, 1}, {1, 2, 0, 1}, {1, 2, 1, 2},
-                                      {3, 2, 1, 3}, {4, 3, 1, 4}, {8, 3, 0, 2}};
+/* n = 1, 2, 3, 7, 13, 24, and 8 whose blocks are those of outputs alone */
+static const filter_size_t SIZES[] = {{1, 1, 0, 1}, {1, 2, 0, 1}, {1, 2, 1, 2}, {3, 2, 1, 3},
+                                      {4, 3, 1, 4}, {8, 3, 0, 2}, {4, 2, 0, 2}};
 static const filter_size_t LARGEST = {8, 3, 0, L_MAX};
 static const filter_size_t SMALL = {3, 2, 1, 2}, MIDDLE = {4, 3, 1, 3}, LARGE = {8, 3, 0, 2};
 enum { SIZE_COUNT = sizeof SIZES / sizeof SIZES[0] };
@@ -136,6 +136,36 @@ static void law_equals_batch(void)
             TEST_ASSERT_TRUE(is_close(filter->theta(&first), theta, size, lambda, SAMPLES));
         }
     }
+}
+
+/* No input: z holds the past outputs themselves, y_k = A_1 y_{k-1} + A_2 y_{k-2} + e_k from rest. */
+static void make_autoregression(filter_size_t size)
+{
+    const size_t l = size.outputs, n = size.past * l;
+    memset(z, 0, sizeof z);
+    for (size_t k = 0; k < SAMPLES; k++) {
+        for (size_t lag = 1; lag <= size.past && lag <= k; lag++) {
+            memcpy(z + k * n + (size.past - lag) * l, y + (k - lag) * l, l * sizeof *y);
+        }
+        for (size_t i = 0; i < l; i++) {
+            const aeo_real_t *const newest = z + k * n + n - l, *const older = newest - l;
+            y[k * l + i] = AEO_REAL(0.6) * newest[i] - AEO_REAL(0.3) * newest[(i + 1) % l] - AEO_REAL(0.4) * older[i] +
+                           (aeo_real_t)draw(&seed);
+        }
+    }
+}
+
+static void law_autoregression_equals_batch(void)
+{
+    const filter_size_t size = {4, 2, 0, 2}; /* blocks as long as there are outputs */
+    const size_t n = count_regressors(size), l = size.outputs;
+    double batch[L_MAX * N_MAX], ridge[N_MAX];
+    make_autoregression(size);
+    start(&first, first_memory, size, 1.0, 1.0);
+    feed(&first, size, 0, SAMPLES);
+    fill_ridge(size, 1.0, 1.0, SAMPLES, ridge);
+    solve_batch(z, y, NULL, SAMPLES, n, l, ridge, batch);
+    TEST_ASSERT_TRUE(is_close(filter->theta(&first), batch, size, 1.0, SAMPLES));
 }
 
 static void law_first_samples_equal_batch(void)
@@ -447,6 +477,7 @@ void run_contract(const filter_face_t *face)
     TEST_ASSERT_TRUE(face->object_bytes <= OBJECT_MAX && face->words(LARGEST) <= WORDS_MAX);
     TEST_ASSERT_TRUE(face->saved_words(LARGEST) < WORDS_MAX);
     RUN_TEST(law_equals_batch);
+    RUN_TEST(law_autoregression_equals_batch);
     RUN_TEST(law_first_samples_equal_batch);
     RUN_TEST(law_residuals);
     RUN_TEST(law_permutation);

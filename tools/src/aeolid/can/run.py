@@ -21,6 +21,7 @@ from aeolid.can.tables import SampleTable, follows
 from aeolid.errors import DataError, UsageError
 from aeolid.filters.scales import START_S, RunSums, find_problems
 from aeolid.formats.growing import GrowingTable, growing_suffix, open_growing
+from aeolid.formats.meanings import meaning_of
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]
@@ -28,10 +29,16 @@ FILL = 1 << 16  # missing rows that are written at once
 
 
 def channels_of(configuration: Configuration) -> tuple[Channel, ...]:
-    """Return the channels a node described."""
+    """Return the channels a node described; what it sends besides in- and outputs and calls the azimuth is that."""
     d = configuration.description
-    roles = ["input"] * d.inputs + ["output"] * d.outputs + ["scheduling"] * d.scheduling
+    roles = ["input"] * d.inputs + ["output"] * d.outputs
+    roles += [_role(*channel) for channel in zip(d.names[len(roles) :], d.units[len(roles) :], strict=True)]
     return tuple(Channel(n, u, r) for n, u, r in zip(d.names, d.units, roles, strict=True))
+
+
+def _role(name: str, unit: str) -> str:
+    meaning = meaning_of(name)
+    return "azimuth" if meaning is not None and meaning.kind == "azimuth" and unit in ("deg", "rad") else "scheduling"
 
 
 @dataclass(eq=False)

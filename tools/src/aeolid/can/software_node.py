@@ -42,11 +42,12 @@ class Feed:
 def feed_from_record(record: Record, samples: int | None = None) -> Feed:
     """Feed a recording; offset and scale are its mean and standard deviation, as `aeolid filter` takes them.
 
-    Raises DataError for a recording without inputs or outputs, or with a constant or empty channel.
+    Without inputs the node's filter is an autoregression of the outputs. Raises DataError for a recording without
+    outputs, or with a constant or empty channel.
     """
     inputs, outputs = record.of("input"), record.of("output")
-    if not inputs or not outputs:
-        raise DataError(f"{record.source}: a node needs at least one input and one output channel in the roles")
+    if not outputs:
+        raise DataError(f"{record.source}: a node needs at least one output channel in the roles")
     values = record.columns([c.name for c in inputs + outputs])
     for channel, column in zip(inputs + outputs, values.T, strict=True):
         finite = column[np.isfinite(column)]

@@ -81,11 +81,17 @@ def _show(made: Beginning, folder: Path, following: list[str]) -> None:
         console.print(f"  {f.key} = {f.value}{'' if f.sure else ' (left out)'}: {f.why}", markup=False, soft_wrap=True)
     console.print(f"written: {', '.join(str(folder / n) for n in made.files)}", markup=False, soft_wrap=True)
     if made.missing:
-        told = " and no ".join(made.missing)
-        console.print(f"No {told} was recognised: give roles by hand.", markup=False, soft_wrap=True)
+        console.print(_missing(made), markup=False, soft_wrap=True)
     console.print("Next:" if following else "", markup=False)
     for line in following:
         console.print(f"  {line}", markup=False, soft_wrap=True)
+
+
+def _missing(made: Beginning) -> str:
+    """Say what was not recognised, and what follows from that."""
+    if made.missing == ("input",):
+        return "No input was recognised: modes come from the outputs alone; for more, give an input its role by hand."
+    return f"No {' and no '.join(made.missing)} was recognised: give roles by hand."
 
 
 def _next(made: Beginning, recording: Path, baseline: Path | None, folder: Path) -> list[str]:
@@ -94,8 +100,9 @@ def _next(made: Beginning, recording: Path, baseline: Path | None, folder: Path)
     lines = [f"aeolid check {place}{outside}"]
     if baseline is None:
         roles, model = shlex.quote(str(folder / "roles.toml")), shlex.quote(str(folder / "model.json"))
-        lines = [f"aeolid check {place}{outside}"]
-        lines.append(f"aeolid identify {shlex.quote(str(recording))} --roles {roles} --out {model}")
+        file = shlex.quote(str(recording))
+        alone = [f"aeolid modes {file} --roles {roles}"] if made.missing == ("input",) else []
+        lines = [f"aeolid check {place}{outside}", *alone, f"aeolid identify {file} --roles {roles} --out {model}"]
         return lines
     native = " --allow-fmu" if baseline.suffix.lower() == ".fmu" else ""
     target = shlex.quote(str(folder / "diagnosis"))

@@ -156,16 +156,26 @@ def _mode_lines(modes: dict[str, Any] | None) -> list[str]:
         return []
     if modes["waiting"]:
         return [f"  no modes: {modes['waiting']}"]
-    found = [m for m in modes["modes"] if abs(m["damping"]) < 1][:MOST_MODES]
-    if not found:
-        return ["  no oscillating mode"]
-    told = ", ".join(
-        with_deviation(m["frequency_hz"], m["frequency_std_hz"]) + " Hz"
-        f" ({with_deviation(100 * m['damping'], None if m['damping_std'] is None else 100 * m['damping_std'])} %)"
-        for m in found
-    )
+    swinging = [m for m in modes["modes"] if abs(m["damping"]) < 1]
+    turning = [m for m in swinging if m["rotor_order"] or m["tone"]]
+    found = [m for m in swinging if m not in turning][:MOST_MODES]
+    told = ", ".join(map(_mode_text, found))
     why = modes["no_deviations_because"]
-    return [f"  modes (damping): {told}" + (f"; deviations not known: {why}" if why else "")]
+    lines = ["  no oscillating mode"]
+    if found:
+        lines = [f"  modes (damping): {told}" + (f"; deviations not known: {why}" if why else "")]
+    if turning:
+        told = ", ".join(f"{m['frequency_hz']:.4g} Hz" + f" ({m['name']})" * bool(m["name"]) for m in turning)
+        lines.append(f"  harmonics of the rotor or other steady sines: {told}")
+    return lines
+
+
+def _mode_text(m: dict[str, Any]) -> str:
+    """Return a mode in words: its name, frequency and damping in percent."""
+    name = f"{m['name']} " if m["name"] else ""
+    spread = None if m["damping_std"] is None else 100 * m["damping_std"]
+    hertz = with_deviation(m["frequency_hz"], m["frequency_std_hz"])
+    return f"{name}{hertz} Hz ({with_deviation(100 * m['damping'], spread)} %)"
 
 
 def _troubles(facts: dict[str, Any]) -> str:

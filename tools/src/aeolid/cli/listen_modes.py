@@ -177,7 +177,7 @@ class ModeFollower:
             e = None if innovations is None else innovations[start : start + BATCH]
 
             def add(live: LiveModes, index: Any = index, values: Any = values, e: Any = e) -> None:
-                self._add(number, followed, live, index, (values[:, :r], values[:, r:m], e))
+                self._add(number, followed, live, index, (values[:, :r], values[:, r:m], e), values[:, m:])
 
             size = WORK_BYTES + values.nbytes + index.nbytes
             if not self._put(_Work(number, followed, add, len(part), size)):
@@ -209,7 +209,7 @@ class ModeFollower:
         self._queue.put(work)
         return True
 
-    def _add(self, number: int, followed: _Followed, live: LiveModes, index: Any, samples: Any) -> None:
+    def _add(self, number: int, followed: _Followed, live: LiveModes, index: Any, samples: Any, s: Array) -> None:
         """Take samples up to each time at which the table gets rows: what it holds does not hang on the batches."""
         u, y, e = samples
         if self._observer is not None:
@@ -218,11 +218,11 @@ class ModeFollower:
         while len(index):
             due = np.flatnonzero(index * step >= followed.told + self._every_s)
             stop = int(due[0]) + 1 if self._tells and len(due) else len(index)
-            live.add(index[:stop], u[:stop], y[:stop], None if e is None else e[:stop])
+            live.add(index[:stop], u[:stop], y[:stop], None if e is None else e[:stop], s[:stop])
             if self._tells and len(due):
                 followed.told = float(index[stop - 1] * step)
                 self._tell(number, followed, live)
-            index, u, y, e = index[stop:], u[stop:], y[stop:], None if e is None else e[stop:]
+            index, u, y, s, e = index[stop:], u[stop:], y[stop:], s[stop:], None if e is None else e[stop:]
 
     def _tell(self, number: int, followed: _Followed, live: LiveModes) -> None:
         nan, modes = np.nan, live.modes()

@@ -28,11 +28,12 @@ def find_problem(configuration: Configuration) -> str:
             f"the node's filter has {d.regressors} regressors (past window {d.past}); modes are followed up to"
             f" {MODES_REGRESSORS}: record, and use aeolid identify"
         )
-    return "" if d.inputs else "the node describes no input; modes need one"
+    return ""
 
 
 def live_of(configuration: Configuration, order: int | None) -> LiveModes:
     """Return live modes for what a node described; raises AeolidError where it cannot be."""
+    from aeolid.can.run import channels_of
     from aeolid.identify.live import LiveModes, LiveSettings
 
     d = configuration.description
@@ -41,6 +42,7 @@ def live_of(configuration: Configuration, order: int | None) -> LiveModes:
         LiveSettings(
             d.names[: d.inputs], d.names[d.inputs : m], d.past, d.sample_time_s, d.forgetting, d.regularisation,
             d.feedthrough, d.model_set, np.asarray(d.offset[:m]), np.asarray(d.scale[:m]), order,
+            channels_of(configuration)[m:], d.units[d.inputs : m],
         )
     )  # fmt: skip
 

@@ -8,7 +8,15 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aeolid.cli.common import progress_console
-from aeolid.monitor.wording import MOST_MODES, clock_facts, drift_text, duration, times, with_deviation
+from aeolid.monitor.wording import (
+    MOST_MODES,
+    clock_facts,
+    drift_text,
+    duration,
+    harmonics_text,
+    times,
+    with_deviation,
+)
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -73,19 +81,21 @@ class Progress:
 
         view = {} if self._follower is None else self._follower.view()
         table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-        for heading in ("node", "mode", "frequency (Hz)", "damping (%)", "mostly in"):
+        for heading in ("node", "mode", "frequency (Hz)", "damping (%)", "mostly in", "name"):
             table.add_column(heading, justify="right" if heading == "mode" else "left")
         lines = []
         for number, (why, modes) in view.items():
             if why:
                 lines.append(Text(f"node {number}: no modes yet, {why}"))
-            for m in [m for m in modes if abs(m.mode.damping) < 1][:MOST_MODES]:
+            for m in [m for m in modes if m.is_shown][:MOST_MODES]:
                 spread = None if m.mode.damping_std is None else 100 * m.mode.damping_std
                 where = max(m.mode.shares, key=lambda name: m.mode.shares[name])
                 table.add_row(
                     str(number), str(m.number), with_deviation(m.mode.frequency_hz, m.mode.frequency_std_hz),
-                    with_deviation(100 * m.mode.damping, spread), where,
+                    with_deviation(100 * m.mode.damping, spread), where, m.mode.name,
                 )  # fmt: skip
+            if turning := harmonics_text(modes):
+                lines.append(Text(f"node {number}: harmonics of the rotor or other steady sines: {turning}"))
         return ([table] if table.row_count else []) + lines
 
     def _warnings(self) -> list[str]:

@@ -162,7 +162,7 @@ def _feedthrough_mask(feed: Feed, names: list[str]) -> int:
     known = [c.name for c in feed.inputs]
     for name in names:
         if name not in known:
-            raise UsageError(f"--feedthrough {name}: the inputs are {', '.join(known)}")
+            raise UsageError(f"--feedthrough {name}: the inputs are {', '.join(known) or 'none'}")
     return sum(1 << known.index(name) for name in set(names))
 
 

@@ -56,6 +56,7 @@ def replay_filter(
     say what each does beyond that: rls and els weigh all of θ alike, the fast ones older blocks less.
 
     u (N, r), y (N, l): one row a sample, the channels' units; NaN rows are rejected and counted, the window refills.
+    r = 0 makes an autoregression of the outputs.
     past: p ≥ 1, blocks of the window, p m + r ≤ 1024 with m = r + l (VARX) or r + 2 l (VARMAX).
     method: "rls" (square-root least squares, default), "els" (extended: VARMAX), "fast-rls" or "lattice" (cost linear
     in p). model_set: "varx" or "varmax", default what the method is for; VARMAX feeds the residual back.
@@ -80,7 +81,7 @@ def replay_filter(
     >>> bool(abs(result.theta[0, 0] - 0.5) < 2e-3)
     True
     """
-    inputs, outputs = _as_samples(u, "u"), _as_samples(y, "y")
+    inputs, outputs = _as_samples(u, "u", least=0), _as_samples(y, "y")
     if len(inputs) != len(outputs):
         raise UsageError(f"u has {len(inputs)} samples, y has {len(outputs)}; they must match")
     chosen = choose_model_set(method, model_set)
@@ -111,15 +112,16 @@ def filter_record(
 ) -> FilterResult:
     """Replay the input and output channels of a recording through one of the C filters.
 
-    feedthrough: names of inputs; the other parameters as in replay_filter. Raises as replay_filter, naming recording
-    and channel, and UsageError for an unknown input name or a recording without inputs or outputs.
+    feedthrough: names of inputs; the other parameters as in replay_filter. Without inputs the filter is an
+    autoregression of the outputs. Raises as replay_filter, naming recording and channel, and UsageError for an unknown
+    input name or a recording without outputs.
     """
     names_u, names_y = record.names("input"), record.names("output")
-    if not names_u or not names_y:
-        raise UsageError(f"{record.source}: a filter needs at least one input and one output channel in the roles")
+    if not names_y:
+        raise UsageError(f"{record.source}: a filter needs at least one output channel in the roles")
     unknown = [name for name in feedthrough if name not in names_u]
     if unknown:
-        raise UsageError(f"feedthrough {unknown[0]!r} is no input; the inputs are {', '.join(names_u)}")
+        raise UsageError(f"feedthrough {unknown[0]!r} is no input; the inputs are {', '.join(names_u) or 'none'}")
     u, y = record.columns(names_u), record.columns(names_y)
     for name, samples in zip(names_u + names_y, np.hstack([u, y]).T, strict=True):
         fault = find_fault(f"{record.source}: channel {name!r}", samples, precision)
@@ -143,11 +145,11 @@ def filter_record(
         raise NotIdentifiable(f"{record.source}: {error}") from None
 
 
-def _as_samples(values: ArrayLike, name: str) -> Array:
+def _as_samples(values: ArrayLike, name: str, least: int = 1) -> Array:
     array = np.ascontiguousarray(values, dtype=np.float64)
-    if array.ndim != 2 or not 1 <= array.shape[1] <= CHANNELS_MAX:
+    if array.ndim != 2 or not least <= array.shape[1] <= CHANNELS_MAX:
         raise UsageError(
-            f"{name} has shape {array.shape}; it must be (samples, channels) with 1 to {CHANNELS_MAX} channels"
+            f"{name} has shape {array.shape}; it must be (samples, channels) with {least} to {CHANNELS_MAX} channels"
         )
     return array
 

@@ -111,7 +111,9 @@ def check_sizes(r: int, ny: int, past: int, feedthrough: tuple[int, ...], sample
         raise UsageError(f"past = {past}: with {r} inputs and {ny} outputs it must be 1 to {longest}")
     for index in feedthrough:
         if not 0 <= index < r:
-            raise UsageError(f"feedthrough names input {index}; there are inputs 0 to {r - 1}")
+            raise UsageError(
+                f"feedthrough names input {index}; there are {f'inputs 0 to {r - 1}' if r else 'no inputs'}"
+            )
     if not 1e-6 <= sample_time_s <= 4000.0:
         raise UsageError(f"sample_time_s = {sample_time_s} is not between 1e-6 and 4000 seconds")
 

@@ -17,6 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.assemble import LARGEST_AUTO_ORDER
+from aeolid.identify.heard import Heard
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
 from aeolid.identify.order import FIT_PART, choose_order
 from aeolid.identify.outcome import nearest
@@ -28,6 +29,7 @@ from aeolid.identify.uncertainty import matrix_spread, pole_covariance
 from aeolid.identify.windows import WindowFactor, triangularise
 from aeolid.models.model_file import Signal
 from aeolid.models.modes import Mode, continuous_poles, modes_of
+from aeolid.record import Channel
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -43,7 +45,8 @@ BUSY = 20  # deviations are worked out again after so many times what they took
 class LiveSettings:
     """Hold what a node says of its filter. order: number of states, None to choose it.
 
-    inputs, outputs: names; offset, scale (r + l,) in the channels' units, inputs first; the rest as in `Propagator`.
+    inputs, outputs: names; inputs may be none; offset, scale (r + l,) in the channels' units, inputs first; others:
+    channels that are sent besides; units: of the outputs, "" where not known; the rest as in `Propagator`.
     """
 
     inputs: tuple[str, ...]
@@ -57,6 +60,8 @@ class LiveSettings:
     offset: Array
     scale: Array
     order: int | None = None
+    others: tuple[Channel, ...] = ()
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,16 @@ class LiveMode:
 
     number: int
     mode: Mode
+
+    @property
+    def is_shown(self) -> bool:
+        """Tell whether it swings, and is neither a harmonic of the rotor nor a steady sine."""
+        return abs(self.mode.damping) < 1 and not self.is_harmonic
+
+    @property
+    def is_harmonic(self) -> bool:
+        """Tell whether it is a harmonic of the rotor or another steady sine: no structure swings there."""
+        return bool(self.mode.rotor_order) or self.mode.tone
 
 
 class LiveModes:
@@ -84,6 +99,9 @@ class LiveModes:
         )  # fmt: skip
         self._regressors = s.past * self._tracker.block + len(s.feedthrough)
         self._moments = Moments(self._regressors, len(s.outputs))
+        units = s.units or ("",) * len(s.outputs)
+        channels = [Channel(n, u, "output") for n, u in zip(s.outputs, units, strict=True)]
+        self._heard = Heard([*channels, *s.others], s.sample_time_s, output_only=not s.inputs)
         self.order, self.order_reason = 0, ""
         self.waiting, self.note = "waiting for Markov parameters", "no Markov parameters yet"
         self.samples = self.missing = self.snapshots = 0
@@ -98,21 +116,23 @@ class LiveModes:
         self._places: list[complex] = []  # of each number, where it was last
         self._next_place = 0
 
-    def add(self, index: Integers, u: Array, y: Array, e: Array | None = None) -> None:
+    def add(self, index: Integers, u: Array, y: Array, e: Array | None = None, s: Array | None = None) -> None:
         """Take samples u (N, r), y (N, l), index rising by one; NaN where lost. A hole before them is bridged.
 
-        e (N, l): innovations the node sent, for VARMAX; NaN or None where it did not.
+        e (N, l): innovations the node sent, for VARMAX; NaN or None where it did not. s (N, k): of `others`.
         """
         began = time.thread_time()
         if self.last is not None and index[0] > self.last + 1:
             hole = int(index[0]) - self.last - 1
             self._moments.fade(self.settings.forgetting**hole)
             self._tracker.update(np.full(u.shape[1], np.nan), np.full(y.shape[1], np.nan))
+            self._heard.skip()
             self._good = 0
             self.missing += hole
         whole: NDArray[np.bool_] = np.asarray(np.isfinite(np.hstack([u, y])).all(axis=1), dtype=np.bool_)
         places = np.flatnonzero(self._complete(whole))
         rows = self._tracker.update_many(u, y, e)
+        self._heard.add(y, s)
         lam, N = self.settings.forgetting, len(index)
         self._moments.fade(lam**N)
         if len(rows) == len(places) > 0:
@@ -164,6 +184,7 @@ class LiveModes:
                 self._tracker.update_markov(theta)
                 self.waiting = ""
                 self._find_spread(sample_index)
+                self._heard.look([(m.number, m.mode) for m in self.modes()])
         except (NotIdentifiable, DataError, UsageError) as error:
             self.waiting = str(error)
         spent = time.thread_time() - began
@@ -256,7 +277,7 @@ class LiveModes:
         return np.linalg.eigvals(A).astype(complex), pole_covariance(A, matrices)
 
     def modes(self) -> tuple[LiveMode, ...]:
-        """Return the modes as they are now, by frequency; none while `waiting`. Cost: n³."""
+        """Return the modes as they are now, by frequency, named and marked; none while `waiting`. Cost: n³."""
         if self.waiting or not self._tracker.ready:
             return ()
         s = self.settings
@@ -269,7 +290,8 @@ class LiveModes:
         numbers = self._numbers(
             [complex(continuous_poles(np.array([m.eigenvalue]), s.sample_time_s)[0]) for m in modes]
         )
-        return tuple(LiveMode(number, mode) for number, mode in zip(numbers, modes, strict=True))
+        marked = self._heard.marked(list(zip(numbers, modes, strict=True)), self.samples * s.sample_time_s)
+        return tuple(LiveMode(number, mode) for number, mode in zip(numbers, marked, strict=True))
 
     def _covariances(self, poles: NDArray[np.complex128]) -> Array:
         """Return the covariance (n, 2, 2) of each pole: that of the nearest pole at the last snapshot."""

@@ -1,9 +1,9 @@
 """Name modes as engineers do: tower fore-aft, drive train, 3P; by the outputs they show in and the rotor's speed.
 
 A name is a reading of the channels' names, not a result of the data: a mode is called after the kind of output that it
-moves most, in units of the outputs' deviations, and only where it swings (damping below a half). The modes of a tower
-and of blades that shake each other share outputs; then the larger share decides. Cosine and sine part of blades are one
-motion in two directions, of the size √(c² + s²).
+moves most, in units of the outputs' deviations, and only where it swings (damping below a half); a steady sine, which
+is forced, gets none. The modes of a tower and of blades that shake each other share outputs; then the larger share
+decides. Cosine and sine part of blades are one motion in two directions, of the size √(c² + s²).
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ def _name(mode: Mode, rotor_hz: float | None) -> str:
         return ""
     if mode.rotor_order:
         return f"{mode.rotor_order}P"
+    if mode.tone:
+        return ""
     weights: dict[str, float] = {}
     for output, share in in_the_fixed_frame(mode.shares).items():
         word = word_of(output)

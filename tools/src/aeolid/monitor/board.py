@@ -208,8 +208,7 @@ def _busier(older: BusRow, row: BusRow) -> BusRow:
 def _followable(node: Node) -> bool:
     """Tell whether the modes' thread hands on what comes of a node."""
     assert node.now is not None
-    d = node.now.description
-    return d.sample_every == 1 and d.inputs > 0
+    return node.now.description.sample_every == 1
 
 
 def _mode_row(row: tuple[float, NDArray[np.float32]]) -> list[Any]:

@@ -10,7 +10,7 @@ from aeolid.can.clock import ClockKeeper
 from aeolid.filters.settings import HEALTH
 from aeolid.monitor.innovations import LAGS, LEVEL
 from aeolid.monitor.track import Track, oscillating, round_to
-from aeolid.monitor.wording import clock_facts, drift_text, range_95, with_deviation
+from aeolid.monitor.wording import clock_facts, drift_text, harmonics_text, range_95, with_deviation
 
 if TYPE_CHECKING:
     from aeolid.can import Node
@@ -79,6 +79,7 @@ def node_facts(
 ) -> dict[str, Any]:
     """Add modes and tests to the counters of a node. why: it has no modes, empty where it has; more: facts of them."""
     facts = part | {"modes_waiting": why, "modes": [_mode(m) for m in oscillating(modes)]}
+    facts["harmonics"] = harmonics_text(modes)
     facts |= {"left_out": more.get("left_out", 0), "order": more.get("order"), "time_s": more.get("time_s")}
     facts["modes_note"] = more.get("no_deviations_because") or ""
     facts["runs"] = 1 if track is None else track.run + 1
@@ -96,7 +97,7 @@ def _mode(m: LiveMode) -> dict[str, Any]:
         "frequency_95": range_95(mode.frequency_hz, mode.frequency_std_hz),
         "damping_percent": with_deviation(100 * mode.damping, percent),
         "damping_95": range_95(100 * mode.damping, percent),
-        "mostly_in": max(mode.shares, key=lambda name: mode.shares[name]),
+        "mostly_in": max(mode.shares, key=lambda name: mode.shares[name]), "name": mode.name,
     }  # fmt: skip
 
 

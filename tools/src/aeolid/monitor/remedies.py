@@ -137,8 +137,6 @@ def _modes(n: Facts) -> Iterator[Facts]:
 def _about_modes(why: str) -> str:
     if "modes need every one" in why:
         return "Send every sample (sample_every = 1)."
-    if "describes no input" in why:
-        return "Declare the controller's demands as inputs of the stream."
     if "Markov parameters" in why:
         return "They come with the first complete snapshot."
     if "windows" in why:

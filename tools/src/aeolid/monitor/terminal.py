@@ -45,9 +45,10 @@ class Terminal:
         self._board.end(reason)
 
     def close(self) -> None:
-        """Leave the last facts on the terminal."""
+        """Leave the last facts on the terminal, with the modes of what still waited when the last frame had come."""
         self._closing.set()
         self._thread.join()
+        self._board.tick()
         if self._console.is_terminal:
             self._live.stop()
         else:
@@ -115,18 +116,19 @@ def counters(n: dict[str, Any]) -> str:
 def _table(*headings: str) -> Table:
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for heading in headings:
-        table.add_column(heading, justify="left" if heading in ("output", "mostly in") else "right")
+        table.add_column(heading, justify="left" if heading in ("output", "mostly in", "name") else "right")
     return table
 
 
 def _modes(n: dict[str, Any]) -> list[RenderableType]:
-    if n["modes_waiting"] or not n["modes"]:
-        return [Text(f"no modes yet: {n['modes_waiting']}" if n["modes_waiting"] else "no oscillating mode")]
-    table = _table("mode", "frequency (Hz)", "95 %", "damping (%)", "95 %", "mostly in")
+    if n["modes_waiting"]:
+        return [Text(f"no modes yet: {n['modes_waiting']}")]
+    table = _table("mode", "frequency (Hz)", "95 %", "damping (%)", "95 %", "mostly in", "name")
     for m in n["modes"]:
-        row = (str(m["mode"]), m["frequency"], m["frequency_95"], m["damping_percent"], m["damping_95"], m["mostly_in"])
-        table.add_row(*(Text(cell) for cell in row))
-    return [table]
+        row = [str(m["mode"]), m["frequency"], m["frequency_95"], m["damping_percent"], m["damping_95"]]
+        table.add_row(*(Text(cell) for cell in [*row, m["mostly_in"], m["name"]]))
+    turning = [Text(f"harmonics of the rotor or other steady sines: {n['harmonics']}")] if n["harmonics"] else []
+    return [table if n["modes"] else Text("no oscillating mode"), *turning]
 
 
 def _tests(t: dict[str, Any]) -> list[RenderableType]:

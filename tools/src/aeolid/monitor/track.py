@@ -108,8 +108,8 @@ class Track:
 
 
 def oscillating(modes: tuple[LiveMode, ...]) -> list[LiveMode]:
-    """Return the modes that are shown."""
-    return [m for m in modes if abs(m.mode.damping) < 1][:MOST_MODES]
+    """Return the modes that are shown: harmonics of the rotor and steady sines are not."""
+    return [m for m in modes if m.is_shown][:MOST_MODES]
 
 
 def _worse(older: TestRow, row: TestRow) -> TestRow:

@@ -7,7 +7,10 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from aeolid.can.clock import ClockFit
+    from aeolid.identify.live import LiveMode
 
 MOST_MODES = 8  # named of one node
 WIDE = 1.959964  # standard deviations on either side that hold 95 % of a Gaussian
@@ -23,6 +26,12 @@ def clock_facts(fit: ClockFit) -> dict[str, Any]:
         "scatter_s": fit.scatter_s,
         "span_s": fit.span_s,
     }
+
+
+def harmonics_text(modes: Sequence[LiveMode]) -> str:
+    """List the harmonics of the rotor and steady sines among modes, empty where there are none."""
+    found = [m.mode for m in modes if m.is_harmonic][:MOST_MODES]
+    return ", ".join(f"{m.frequency_hz:.4g} Hz" + (f" ({m.name})" if m.name else "") for m in found)
 
 
 def with_deviation(value: float, deviation: float | None) -> str:

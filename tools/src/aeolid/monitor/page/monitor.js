@@ -2,7 +2,7 @@
 /* Ask once a second what is new, and show it. Text from the bus enters the page as text only. */
 
 const EVERY_MS = 1000, FIRST_MS = 300, PATIENCE_MS = 8000, ROWS = 2500;
-const MODES = ["Mode", "Frequency (Hz)", "95 %", "Damping (%)", "95 %", "Mostly in"];
+const MODES = ["Mode", "Frequency (Hz)", "95 %", "Damping (%)", "95 %", "Mostly in", "Name"];
 const TESTS = ["", "Std of e", "Whiteness Q", "Variance s²/s₀²", "Outside 99 %: Q, s²"];
 const $ = (id) => document.getElementById(id);
 const state = {
@@ -196,7 +196,7 @@ function showNode(n) {
     ["Newest snapshot", s.age_s == null ? "none yet" : `${duration(s.age_s)} old`],
     ["Filter", `${n.method}, ${n.model_set}, p = ${n.past}, λ = ${n.forgetting}, ρ = ${n.regularisation}`],
     ["Sample time", `${n.sample_time_s} s`], ["Order", n.order || ""],
-    ["Inputs", n.inputs.join(", ")], ["Outputs", n.outputs.join(", ")], ["Clock", n.clock],
+    ["Inputs", n.inputs.join(", ") || "none: outputs alone"], ["Outputs", n.outputs.join(", ")], ["Clock", n.clock],
   ]);
   showModes(n);
   showTests(n);
@@ -236,10 +236,13 @@ function nearest(rows, mode) {
 
 function showModes(n) {
   put($("modes-table").tBodies[0], n.modes.map((m) => cells(element("tr", null, { "data-mode": m.mode }), MODES, [
-    m.mode, m.frequency, m.frequency_95, m.damping_percent, m.damping_95, m.mostly_in,
+    m.mode, m.frequency, m.frequency_95, m.damping_percent, m.damping_95, m.mostly_in, m.name,
   ])));
-  $("modes-note").textContent = n.modes_waiting ? `No modes yet: ${n.modes_waiting}.`
-    : !n.modes.length ? "No oscillating mode." : n.modes_note ? `Deviations not known: ${n.modes_note}.` : "";
+  $("modes-note").textContent = [
+    n.modes_waiting ? `No modes yet: ${n.modes_waiting}.`
+      : !n.modes.length ? "No oscillating mode." : n.modes_note ? `Deviations not known: ${n.modes_note}.` : "",
+    n.harmonics ? `Harmonics of the rotor or other steady sines: ${n.harmonics}.` : "",
+  ].join(" ").trim();
   const place = $("strips"), wanted = n.modes.map((m) => String(m.mode));
   for (const old of [...place.children]) if (!wanted.includes(old.dataset.mode)) old.remove();
   const rows = within(state.rows.modes, state.span), begun = state.starts.at(-1);
