@@ -3,15 +3,15 @@
     python tests/studies/excitation.py [--runs 50] [--only fourth turbine …] [--out FOLDER]
 
 Writes excitation.txt (the table) and excitation.json; results/ beside this file holds 50 runs. For each plant and kind
-of signal the signal is designed within bounds, played to the plant with its own noise in every run, and identified with
-the window and order that the design says. Of each mode stand the spread of frequency and damping over the runs, and
-over it: what the design foretells with the expected Gram matrix of PBSIDopt's windows ("foretold"), the Cramér–Rao bound
-of the innovations-form predictor ("bound"), and the median of the deviations that the identifications state ("stated").
+of signal one is designed within bounds, played to the plant with its own noise in every run, and identified with the
+window and order that the design says. Of each mode stand the spread of frequency and damping over the runs, and over
+it: what the design foretells with the expected Gram matrix of PBSIDopt's windows ("foretold"), the Cramér–Rao bound of
+the innovations-form predictor ("bound"), and the median of the deviations that the identifications state ("stated").
 50 runs leave 10 % on a deviation.
 
-fourth: the fourth-order example in open loop, 3000 samples, noise variance 0.49. turbine: the turbine in its closed loop
-under wind of 0.3 m/s and measurement noise of 1 %, 600 s, excited by pitch and torque. rotor: the same in
-open loop without its integrator, a shaft and tower on a held rotor.
+fourth: the fourth-order example in open loop, 3000 samples, noise variance 0.49. turbine: the turbine in its closed
+loop under wind of 0.3 m/s and measurement noise of 1 %, 600 s, excited by pitch and torque. rotor: the same in open
+loop without its integrator, a shaft and tower on a held rotor.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def study_one(plant: Plant, kind: str, runs: int) -> dict[str, Any]:
         record = recorded(plant.model, plant.simulate(design.signals.values, 1000 + run))
         result = identify_varx([record], past=design.method.past, order=plant.model.order, feedthrough=through)
         for i, m in enumerate(modes):
-            near = min(result.modes, key=lambda q: abs(q.eigenvalue - m.mode.eigenvalue))  # noqa: B023
+            near = min(result.modes, key=lambda q: abs(q.eigenvalue - m.mode.eigenvalue))
             found[run, i] = near.frequency_hz, near.damping, near.frequency_std_hz or 0.0, near.damping_std or 0.0
     return {"signal": design.signals.shape.text(design.signals.step_s), "crest": list(design.signals.crest),
             "modes": [row_of(design, i, found) for i in range(len(modes))]}  # fmt: skip
@@ -182,7 +182,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path(__file__).with_name("results"), help="folder of the two files")
     options = parser.parse_args(arguments)
     known = plants()
-    rows = [{"plant": n} | {"kind": k} | study_one(known[n], k, options.runs) for n in options.only for k in options.kinds]
+    rows = [
+        {"plant": n} | {"kind": k} | study_one(known[n], k, options.runs) for n in options.only for k in options.kinds
+    ]
     facts = {"runs": options.runs, "rows": rows}
     options.out.mkdir(parents=True, exist_ok=True)
     text = text_of(facts)

@@ -253,7 +253,8 @@ def design(
     plant = linear_model(model)
     stated, facts = known_of(plant)
     holder = None if controller is None else linear_model(controller).state_space
-    wanted = Wanted(None if signal == "auto" else signal, clock, None if band is None else tuple(band), lines, phases)
+    pair = None if band is None else (float(band[0]), float(band[1]))
+    wanted = Wanted(None if signal == "auto" else signal, clock, pair, lines, phases)
     request = DesignRequest(
         dict(bound), dict(rate or {}), dict(limit or {}), dict(demand or {}), duration, deviation, sample_time, wanted,
         goal, quantity, on_top, past, seed,

@@ -87,7 +87,7 @@ def design(
     ] = None,
     sample_time: Annotated[
         float | None,
-        typer.Option("--sample-time", help="Seconds between values: a multiple or whole part of the model's (default)."),
+        typer.Option("--sample-time", help="Seconds between values: the model's (default), a multiple or part of it."),
     ] = None,
     controller: Annotated[
         Path | None,
@@ -121,7 +121,7 @@ def design(
 
     if wrapper is None and (demand or start):
         raise UsageError("--demand and --start are of --wrapper FILE; leave them out, or name the file")
-    wanted = Wanted(None if signal == "auto" else signal, clock, _band(band), lines, phases)
+    wanted = Wanted(None if signal == "auto" else signal, clock, _band(band), lines, phases, wrapper is not None)
     pairs = {o: read_pairs(f"--{o}", given or []) for o, given in
              (("bound", bound), ("rate", rate), ("limit", limit), ("demand", demand))}  # fmt: skip
     request = DesignRequest(

@@ -20,13 +20,14 @@ HALF_POWER = 0.443  # of the clock rate: where the spectrum of a sequence has lo
 
 @dataclass(frozen=True)
 class Wanted:
-    """Hold what is asked of the signals; None: not said."""
+    """Hold what is asked of the signals; None: not said. playable: by the wrapper for controllers."""
 
     signal: str | None = None
     clock_s: float | None = None
     band_hz: tuple[float, float] | None = None
     lines: int | None = None
     phases: str | None = None
+    playable: bool = False
 
     def check(self) -> None:
         """Refuse what cannot be or does not go together; raises UsageError."""
@@ -81,7 +82,7 @@ def candidates(setup: Setup, goals: Sequence[Mode], wanted: Wanted, rows: int) -
     if wanted.signal == "multisine" or (wanted.signal is None and wanted.clock_s is None):
         out += [_multisine(band, wanted, len(setup.bounds), rows * setup.step_s) for band in bands]
     if wanted.signal == "filtered" or (
-        wanted.signal is None and wanted.clock_s is None and not (wanted.lines or wanted.phases)
+        wanted.signal is None and wanted.clock_s is None and not (wanted.lines or wanted.phases or wanted.playable)
     ):
         out += [Shape("filtered", low_hz=low, high_hz=high) for low, high in bands]
     return list(dict.fromkeys(out))

@@ -21,6 +21,7 @@ from aeolid.models.state_space import StateSpace
 
 QUANTITIES = ("frequency", "damping", "both")
 TRIES = 12  # of a smaller amplitude, where outputs are limited; of another duration
+Trial = tuple[Signals, Forecast]
 FIRST_PERIODS = 100  # of the slowest mode: the duration a search begins with
 
 
@@ -41,7 +42,7 @@ class DesignRequest:
     duration_s: float | None = None
     deviation: float | None = None
     sample_time_s: float | None = None
-    wanted: Wanted = Wanted()
+    wanted: Wanted = field(default_factory=Wanted)
     goal: float | str | None = None
     quantity: str = "both"
     on_top: bool = False
@@ -108,8 +109,8 @@ def _slowest(
 def _require_long(duration_s: float, period_s: float) -> None:
     if duration_s < period_s:
         raise UsageError(
-            f"--duration {duration_s:g}: shorter than a period of the slowest mode, {period_s:.3g} s; hundreds of periods "
-            "tell a damping"
+            f"--duration {duration_s:g}: shorter than a period of the slowest mode, {period_s:.3g} s; hundreds of "
+            "periods tell a damping"
         )
 
 
@@ -166,15 +167,13 @@ class _Search:
 
     def best(self) -> Design:
         """Return the design of the best candidate."""
-        shapes = candidates(self.setup, self.goals, self.request.wanted, self.rows)
-        tried = [(s, self.forecaster.forecast(s)) for s in map(self._within_limits, shapes)]
-        signals, _ = min(tried, key=lambda t: self._score(t[1]))
+        signals, tried = self._tried({})
         forecast = self.forecaster.forecast(signals, bound=True)
-        self._leave_out_unreached(forecast)
-        again, _ = min(tried, key=lambda t: self._score(t[1]))
-        if again is not signals:
-            signals, forecast = again, self.forecaster.forecast(again, bound=True)
-        told = sorted((Candidate.of(s, self._score(f)) for s, f in tried), key=lambda c: c.score)
+        if self._leave_out_unreached(forecast):
+            again, tried = self._tried(tried)
+            if again is not signals:
+                signals, forecast = again, self.forecaster.forecast(again, bound=True)
+        told = sorted((Candidate.of(s, self._score(f)) for s, f in tried.values()), key=lambda c: c.score)
         return Design(
             signals, forecast, tuple(told), told[0].score, tuple(self.goals),
             self.request.quantity, self.request.seed, self.setup.bounds,
@@ -182,6 +181,15 @@ class _Search:
              if math.isfinite(v)},
             self.request.on_top, self.setup.method, self.setup.controller is not None, self.setup.notes, self.source,
         )  # fmt: skip
+
+    def _tried(self, before: Mapping[Shape, Trial]) -> tuple[Signals, dict[Shape, Trial]]:
+        """Try the candidates for the goals, beside those that were tried before; returns the best signals, and all."""
+        tried = dict(before)
+        for shape in candidates(self.setup, self.goals, self.request.wanted, self.rows):
+            if shape not in tried:
+                signals = self._within_limits(shape)
+                tried[shape] = signals, self.forecaster.forecast(signals)
+        return min(tried.values(), key=lambda t: self._score(t[1]))[0], tried
 
     def _of_goal(self, forecast: Forecast) -> list[ModeForecast]:
         chosen = {m.eigenvalue for m in self.goals}
@@ -228,8 +236,8 @@ class _Search:
                 f"{2 * needed} for deviations to mean anything: record longer, or identify with a shorter --past"
             )
 
-    def _leave_out_unreached(self, forecast: Forecast) -> None:
-        """Take modes that the inputs do not reach from the goals; raises NotIdentifiable where none is left."""
+    def _leave_out_unreached(self, forecast: Forecast) -> bool:
+        """Take modes out of reach from the goals, if there are any; raises NotIdentifiable where none is left."""
         lost = {m.mode.eigenvalue for m in self._of_goal(forecast) if m.reached is False}
         kept = tuple(m for m in self.goals if m.eigenvalue not in lost)
         if not kept:
@@ -240,3 +248,4 @@ class _Search:
                 "plant's own noise, with or without excitation. Excite another input, or allow more"
             )
         self.goals = kept
+        return bool(lost)

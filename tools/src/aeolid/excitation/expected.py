@@ -1,8 +1,8 @@
 """Predict the deviations of an identification before there is a recording.
 
 The windows v_k = [z_{k-p} … z_k] of VARX and PBSIDopt enter an identification by their Gram matrix Σ v vᵀ alone. Its
-expectation under a design is known,
-    E Σ v vᵀ = N Toeplitz(R_{i−j}),   R_τ = Σ z_{k+τ} z_kᵀ / N of the signal's answer + E z_{k+τ} z_kᵀ of the noise,
+expectation under a design is known: that of what the signal causes, about its mean, and (N − p) Toeplitz(R_{i−j}) of
+the noise, R_τ = E z_{k+τ} z_kᵀ,
 and a factor of it goes through the very regressions, decompositions and first-order analysis that a recording goes
 through (`markov`, `subspace`, `pole_spread`). What comes out are the deviations that `identify` will state, up to the
 chance in the Gram matrix, including the cost of a finite past window and of directions that a signal leaves unexcited.
@@ -46,30 +46,51 @@ class PoleSpread:
         return np.asarray(self.covariance[int(np.argmin(abs(self.values - pole)))], dtype=np.float64)
 
 
-def expected_factor(covariances: Array, samples: int, inputs: int) -> WindowFactor:
-    """Return the factor of the expected windows of p + 1 samples; covariances R_τ (p + 1, m, m), z = [u; y].
+def window_gram(z: Array, past: int) -> Array:
+    """Return Σ (v_k − v̄)(v_k − v̄)ᵀ (q, q) of the windows of p + 1 samples of z (N, m), q = (p + 1) m.
 
-    Cost: O(q³), q = (p + 1) m.
+    Blocks along a diagonal differ by a sample at either end, so that the cost is N q m and q² operations. Windows that
+    hang over the ends, as in an estimate of covariances, would be other data: their errors are as large as signals.
     """
+    windows, m = len(z) - past, z.shape[1]
+    G = np.empty((past + 1, m, past + 1, m))
+    for j in range(past + 1):
+        G[0, :, j] = z[:windows].T @ z[j : j + windows]
+        G[j, :, 0] = G[0, :, j].T
+    for i in range(past):
+        ends = np.einsum("a,jb->ajb", z[windows + i], z[windows : windows + past])
+        G[i + 1, :, 1:] = G[i, :, :-1] + ends - np.einsum("a,jb->ajb", z[i], z[:past])
+    mean = np.array([z[i : i + windows].mean(axis=0) for i in range(past + 1)]).ravel()
+    out: Array = G.reshape(len(mean), len(mean)) - windows * np.outer(mean, mean)
+    return out
+
+
+def noise_gram(covariances: Array, windows: int) -> Array:
+    """Return the expectation (q, q) of Σ v vᵀ of a stationary noise with R_τ (p + 1, m, m)."""
     past, m = len(covariances) - 1, covariances.shape[1]
     lags = np.arange(past + 1)[:, None] - np.arange(past + 1)  # row block − column block
     blocks = np.where((lags >= 0)[..., None, None], covariances[abs(lags)], covariances[abs(lags)].swapaxes(-1, -2))
-    gram = blocks.transpose(0, 2, 1, 3).reshape((past + 1) * m, (past + 1) * m)
+    return windows * np.asarray(blocks.transpose(0, 2, 1, 3).reshape((past + 1) * m, (past + 1) * m))
+
+
+def expected_factor(gram: Array, past: int, windows: int, inputs: int) -> WindowFactor:
+    """Return the factor of windows with this Gram matrix (q, q); cost O(q³)."""
+    m = len(gram) // (past + 1)
     values, vectors = np.linalg.eigh((gram + gram.T) / 2)
-    windows = samples - past
     full = np.zeros((len(gram) + 1, len(gram) + 1))
     full[0, 0] = np.sqrt(windows)
-    full[1:, 1:] = triangularise(np.sqrt(np.maximum(values, 0.0) * windows)[:, None] * vectors.T)
+    full[1:, 1:] = triangularise(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
     return WindowFactor(full, past, inputs, m - inputs, windows, 0)
 
 
-def predicted_poles(covariances: Array, samples: int, method: Method) -> PoleSpread:
-    """Return the poles that PBSIDopt finds of the expected windows, and their covariance.
+def predicted_poles(gram: Array, windows: int, method: Method) -> PoleSpread:
+    """Return the poles that PBSIDopt finds of windows with the expected Gram matrix (q, q), and their covariance.
 
-    covariances (p + 1, m, m) of [u; y], each channel in units of its deviation. An order beyond the singular values
-    above rounding is lowered to them.
+    gram: of [u; y], each channel in units of its deviation. An order beyond the singular values above rounding is
+    lowered to them. The penalty is that of cross-validation, the default of an identification: on signals of a narrow
+    band, which leave directions of the windows almost unexcited, deviations without it are many times as large.
     """
-    factor = expected_factor(covariances, samples, len(method.feedthrough))
+    factor = expected_factor(gram, method.past, windows, len(method.feedthrough))
     markov = estimate_markov(factor, method.feedthrough, "gcv")
     basis = find_states(factor, markov.theta, method.future)
     order = min(method.order, largest_useful_order(basis))

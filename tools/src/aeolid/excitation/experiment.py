@@ -99,11 +99,6 @@ def experiment_on(plant: StateSpace, controller: StateSpace | None = None) -> Ex
     return Experiment(F, G, L, H, J, M, plant.innovation_covariance, n, r)
 
 
-def sample_covariances(z: Array, lags: int) -> Array:
-    """Return Σ z_{k+τ} z_kᵀ / N (lags + 1, m, m) of samples (N, m), zero before and after them."""
-    return np.array([z[lag:].T @ z[: len(z) - lag] for lag in range(min(lags, len(z) - 1) + 1)]) / len(z)
-
-
 def scaled_plant(plant: StateSpace, scale: Array) -> ScaledModel:
     """Return the plant's matrices with [u; y] in units of scale (r + l,)."""
     assert plant.K is not None and plant.innovation_covariance is not None

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
-from aeolid.excitation.expected import PoleSpread, predicted_poles
-from aeolid.excitation.experiment import Experiment, experiment_on, sample_covariances, scaled_plant
+from aeolid.excitation.expected import PoleSpread, noise_gram, predicted_poles, window_gram
+from aeolid.excitation.experiment import Experiment, experiment_on, scaled_plant
 from aeolid.excitation.information import information, least_covariance
 from aeolid.excitation.setup import Setup
 from aeolid.excitation.signals import Signals
@@ -112,11 +112,11 @@ class Forecaster:
         u = setup.samples_of(signals.values)
         answer = setup.experiment.answer(u)
         z = answer[:, setup.experiment.states :]
-        past = setup.method.past
-        covariances = self.noise + sample_covariances(z, past)
-        size = np.sqrt(np.maximum(covariances[0].diagonal(), 0.0))
+        past, windows = setup.method.past, len(z) - setup.method.past
+        size = np.sqrt(np.maximum(self.noise[0].diagonal(), 0.0) + (z**2).mean(axis=0))
         scale = np.where(size > 0, size, 1.0)
-        poles = predicted_poles(covariances / scale[:, None] / scale, len(u), setup.method)
+        gram = window_gram(z / scale, past) + noise_gram(self.noise / scale[:, None] / scale, windows)
+        poles = predicted_poles(gram, windows, setup.method)
         modes = [_with_spread(m, poles, setup.plant.sample_time_s) for m in setup.modes]
         if bound and setup.plant.order <= MOST_BOUND:
             modes = self._bounded(modes, answer, scale)

@@ -49,8 +49,8 @@ def information(plant: ScaledModel, experiment: Experiment, answer: Array, feedt
         gain = _gain(plant, z)
         left = (spectrum.conj() * weight[first : first + CHUNK, None, None]).reshape(len(z), -1)
         total += (left.T @ gain.reshape(len(z), -1)).real
-    M = total.reshape(size, size, n + outputs, n + outputs).transpose(0, 2, 1, 3)  # θ: column of Θ, then row
-    M = M.reshape(size * (n + outputs), -1)
+    parts = total.reshape(size, size, n + outputs, n + outputs).transpose(0, 2, 1, 3)  # θ: column of Θ, then row
+    M: Array = parts.reshape(size * (n + outputs), size * (n + outputs))
     free = _free(n, r, outputs, feedthrough)
     M[~free], M[:, ~free] = 0.0, 0.0
     return M
@@ -70,7 +70,8 @@ def _gain(plant: ScaledModel, z: ComplexArray) -> ComplexArray:
     """Return Pᴴ Λ⁻¹ P (points, n + l, n + l)."""
     n, outputs = len(plant.A), len(plant.C)
     closed = plant.A - plant.K @ plant.C
-    turned = np.linalg.solve((z[:, None, None] * np.eye(n) - closed).transpose(0, 2, 1), plant.C.T[None].astype(complex))
+    shifted = (z[:, None, None] * np.eye(n) - closed).transpose(0, 2, 1)
+    turned = np.linalg.solve(shifted, plant.C.T[None].astype(complex))
     C = turned.transpose(0, 2, 1)  # C (zI − A + K C)⁻¹ (points, l, n)
     P = np.concatenate([C, np.eye(outputs) - C @ plant.K], axis=2)
     out: ComplexArray = P.conj().transpose(0, 2, 1) @ np.linalg.solve(plant.covariance, P)

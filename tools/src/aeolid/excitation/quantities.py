@@ -81,7 +81,9 @@ def read_amount(option: str, name: str, given: float | str, unit: str) -> float:
         return value
     ratio = factor(rightly(stated) or stated, unit)
     if ratio is None:
-        raise UsageError(f"{option} {name}: {stated!r} is no unit of {name}, which the model has in {unit or 'no unit'}")
+        raise UsageError(
+            f"{option} {name}: {stated!r} is no unit of {name}, which the model has in {unit or 'no unit'}"
+        )
     return value * ratio
 
 

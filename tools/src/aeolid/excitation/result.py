@@ -100,7 +100,8 @@ class Design:
             "identification": {"past": self.method.past, "order": self.method.order},
             "modes": [m.to_json() for m in self.forecast.modes],
             "channels": [dict(c.__dict__) for c in self.forecast.channels],
-            "candidates": [c.to_json() for c in self.candidates], "wrapper_plays": unplayable(signals, self.bounds) == "",
+            "candidates": [c.to_json() for c in self.candidates],
+            "wrapper_plays": unplayable(signals, self.bounds) == "",
             "notes": [*self.notes, *self.remarks()],
         }  # fmt: skip
 
@@ -124,7 +125,9 @@ class Design:
         rough = [m for m in swings if m.relative("both") > ROUGH]
         if rough:
             told = ", ".join(f"{m.mode.frequency_hz:.4g}" for m in rough)
-            out.append(f"deviations beyond {ROUGH:.0%} of the value ({told} Hz) are a rough guide: they are first-order")
+            out.append(
+                f"deviations beyond {ROUGH:.0%} of the value ({told} Hz) are a rough guide: they are first-order"
+            )
         return tuple(out)
 
     def summary(self) -> str:
@@ -158,7 +161,9 @@ class Design:
         width = max(len(c.name) for c in self.forecast.channels)
         lines = [f"  {'rms':{width}s}  by noise    with excitation"]
         for c in self.forecast.channels:
-            limit = f"  (limit {self.limits[c.name]:g}{' on top' if self.on_top else ''})" if c.name in self.limits else ""
+            limit = (
+                f"  (limit {self.limits[c.name]:g}{' on top' if self.on_top else ''})" if c.name in self.limits else ""
+            )
             lines.append(f"  {c.name:{width}s}  {c.noise:<10.4g}  {c.total:<10.4g} {c.unit}{limit}".rstrip())
         return lines
 

@@ -8,6 +8,7 @@ section 13.3): all its power is its amplitude squared, most of it within the ban
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -86,7 +87,8 @@ def schroeder_lines(frequency_hz: Array, seed: int, span_s: float) -> Lines:
     span, fine = span_s + 1.0 / low, 1.0 / (16.0 * high)
     step = span / PEAK_POINTS if span / fine > PEAK_POINTS else fine
     unscaled = Lines(frequency_hz, phase, float(count))
-    peak = float(abs(unscaled.at(np.arange(int(span / step) + 1) * step)).max()) * count
+    instants: Array = np.arange(int(span / step) + 1, dtype=np.float64) * step
+    peak = float(abs(unscaled.at(instants)).max()) * count
     return Lines(frequency_hz, phase, max(peak, 1.0))
 
 
@@ -116,7 +118,7 @@ def _long_peak(frequency_hz: Array, phase: Array, *, slope: bool = False) -> flo
         most = float(abs(analytic.real).max())
     else:
         most = float(abs(analytic).max())  # whatever the turn
-    return most / np.cos(np.pi / FINE)
+    return most / math.cos(math.pi / FINE)
 
 
 def filtered_signs(low_hz: float, high_hz: float, step_s: float, count: int, seed: int) -> Array:

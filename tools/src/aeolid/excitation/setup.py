@@ -164,8 +164,8 @@ def hold_integrators(plant: StateSpace, duration_s: float) -> tuple[StateSpace, 
     constant = duration_s / HELD
     count = "a real pole" if len(slow) == 1 else f"{len(slow)} real poles"
     return held, (
-        f"{count} slower than {constant:.3g} s (an integrator, such as a rotor's speed) is taken as held by a loop with "
-        f"that time constant; --controller says what the loop really is"
+        f"{count} slower than {constant:.3g} s (an integrator, such as a rotor's speed) is taken as held by a loop "
+        "with that time constant; --controller says what the loop really is"
     )
 
 
@@ -206,7 +206,7 @@ def _modes(model: StateSpace, stated: Sequence[Mode]) -> tuple[Mode, ...]:
     for mode in modes_of(model):
         if abs(mode.eigenvalue) < 1e-6 or mode.is_beyond(model.sample_time_s):
             continue
-        near = min(stated, key=lambda m: abs(m.eigenvalue - mode.eigenvalue), default=mode)  # noqa: B023
+        near = min(stated, key=lambda m: abs(m.eigenvalue - mode.eigenvalue), default=mode)
         same = abs(near.eigenvalue - mode.eigenvalue) < 1e-6
         out.append(replace(mode, name=near.name, rotor_order=near.rotor_order, tone=near.tone) if same else mode)
     return tuple(out)
@@ -239,5 +239,7 @@ def _method(
         period = 1 / (slowest * plant.sample_time_s) if slowest > 0 else 20.0
         past = int(min(max(math.ceil(period), 10, plant.order), max(400 // channels, 10)))
     if not 1 <= past <= 1000 or (past + 1) * channels > MOST_WINDOW:
-        raise UsageError(f"--past {past}: with {channels} channels 1 to {MOST_WINDOW // channels - 1} samples are taken")
+        raise UsageError(
+            f"--past {past}: with {channels} channels 1 to {MOST_WINDOW // channels - 1} samples are taken"
+        )
     return Method(past, past, plant.order, through)

@@ -29,7 +29,7 @@ from aeolid.excitation.sequences import (
 Array = NDArray[np.float64]
 KINDS = ("prbs", "multisine", "filtered")
 PHASES = ("schroeder", "random")
-INSIDE = 1 - 1e-9  # of a rate: sums of steps are rounded
+INSIDE = 1 - 1e-12  # of a rate: sums of steps are rounded
 DIGITS = 6  # of amplitudes that are not the bound itself
 
 
@@ -89,7 +89,9 @@ class Signals:
     def crest(self) -> tuple[float, ...]:
         """Return peak over rms of each input."""
         rms = np.sqrt((self.values**2).mean(axis=0))
-        return tuple(float(p / r) if r > 0 else math.inf for p, r in zip(abs(self.values).max(axis=0), rms, strict=True))
+        return tuple(
+            float(p / r) if r > 0 else math.inf for p, r in zip(abs(self.values).max(axis=0), rms, strict=True)
+        )
 
 
 def make_signals(
@@ -122,9 +124,7 @@ def register_order(rows: int, clock_rows: int) -> int:
     return max((n for n in TAPS if ((1 << n) - 1) * clock_rows <= rows), default=min(TAPS))
 
 
-def _unit_signal(
-    shape: Shape, told: Played, which: int, inputs: int, rows: int, step_s: float
-) -> tuple[Array, Played]:
+def _unit_signal(shape: Shape, told: Played, which: int, inputs: int, rows: int, step_s: float) -> tuple[Array, Played]:
     """Return a signal of size 1 (rows,), and what makes it; the amplitude is lowered where a sum is too steep."""
     if shape.kind == "prbs":
         order = register_order(rows, shape.clock_rows)

@@ -48,7 +48,8 @@ def wrapper_text(signals: Signals, bounds: Sequence[Bound], start_s: float) -> s
     if not 0 <= start_s < LONGEST_S:
         raise UsageError(f"--start {start_s:g}: seconds of 0 or more are needed")
     parts = [_section(signals, bound, played, start_s) for bound, played in zip(bounds, signals.played, strict=True)]
-    return "\n".join(parts)
+    head = f"# {signals.shape.text(signals.step_s)}; put this behind the other lines of libaeolid_discon.cfg\n"
+    return head + "\n".join(parts)
 
 
 def _section(signals: Signals, bound: Bound, played: Played, start_s: float) -> str:
