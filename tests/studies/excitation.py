@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are
-from scipy.signal import tf2ss
 
 from aeolid.excitation.candidates import Wanted
 from aeolid.excitation.design import DesignRequest, design_excitation
@@ -65,9 +64,16 @@ def with_wind(model: StateSpace) -> StateSpace:
     return model.with_noise(np.linalg.solve(covariance, (model.A @ P @ model.C.T + B @ D.T).T).T, covariance)
 
 
+def realised(b: np.ndarray, a: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return A, B, C, D of b(z)/a(z), a[0] = 1, in the controllable form."""
+    n = len(a) - 1
+    A = np.vstack([-a[1:], np.eye(n)[:-1]])
+    return A, np.eye(n)[:, :1], (b[1:] - b[0] * a[1:])[None], b[:1, None]
+
+
 def loop_controller(model: StateSpace) -> StateSpace:
     """Return the turbine's controllers as one linear model from its outputs to its inputs."""
-    parts = [tf2ss(*c()) for c in (pitch_controller, torque_controller)]
+    parts = [realised(*c()) for c in (pitch_controller, torque_controller)]
     A = block_diag(*(p[0] for p in parts))
     B, D = np.zeros((len(A), 3)), np.zeros((2, 3))
     B[:, 0] = np.concatenate([p[1][:, 0] for p in parts])

@@ -22,6 +22,7 @@ from aeolid.identify.subspace import ScaledModel
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 CHUNK = 2048  # frequencies at a time
+LONGEST = 32768  # samples of one transform; longer signals are cut, which what the predictor remembers does not notice
 RANK = 1e-12  # of the largest eigenvalue of the information, each parameter in units of its own: below, nothing is told
 
 
@@ -32,20 +33,21 @@ def information(plant: ScaledModel, experiment: Experiment, answer: Array, feedt
     inputs whose column of D is free. Cost: O(N (n + l)² (n + r + l)²) over chunks of frequencies.
     """
     n, outputs, r = len(plant.A), len(plant.C), plant.B.shape[1]
-    samples, size = len(answer), n + r + outputs
-    s = np.zeros((samples, size))
-    s[:, : n + r] = answer[:, : n + r]  # the errors of the true model hold nothing of the signal
-    lines = np.fft.rfft(s, axis=0) / np.sqrt(samples)
-    weight = np.full(len(lines), 2.0)
+    size, count = n + r + outputs, -(-len(answer) // LONGEST)
+    length = len(answer) // count
+    s = np.zeros((count, length, size))  # the errors of the true model hold nothing of the signal
+    s[..., : n + r] = answer[: count * length, : n + r].reshape(count, length, n + r)
+    lines = np.fft.rfft(s, axis=1) / np.sqrt(length)  # (count, lines, size)
+    weight = np.full(lines.shape[1], 2.0)
     weight[0] = 1.0
-    if samples % 2 == 0:
+    if length % 2 == 0:
         weight[-1] = 1.0
     total = np.zeros((size * size, (n + outputs) ** 2))
-    for first in range(0, len(lines), CHUNK):
-        z = np.exp(2j * np.pi * np.arange(first, min(first + CHUNK, len(lines))) / samples)
-        spectrum = _noise_spectrum(experiment, z, n + r)
-        here = lines[first : first + CHUNK]
-        spectrum += here[:, :, None] * here[:, None, :].conj()
+    for first in range(0, len(weight), CHUNK):
+        z = np.exp(2j * np.pi * np.arange(first, min(first + CHUNK, len(weight))) / length)
+        here = lines[:, first : first + CHUNK]
+        spectrum = count * _noise_spectrum(experiment, z, n + r)
+        spectrum += np.einsum("bka,bkc->kac", here, here.conj())
         gain = _gain(plant, z)
         left = (spectrum.conj() * weight[first : first + CHUNK, None, None]).reshape(len(z), -1)
         total += (left.T @ gain.reshape(len(z), -1)).real
