@@ -154,7 +154,7 @@ def test_what_the_wrapper_cannot_play_is_said():
     prbs = make_signals(SHAPES[0], yaw, ROWS, STEP, 1)
     assert "is neither" in unplayable(prbs, yaw)
     open_ended = (Bound("pitch", "deg", 1.0),)
-    with pytest.raises(UsageError, match="--demand pitch=LOW..HIGH"):
+    with pytest.raises(UsageError, match=r"--demand pitch=LOW\.\.HIGH"):
         wrapper_text(make_signals(SHAPES[0], open_ended, ROWS, STEP, 1), open_ended, 0.0)
 
 

@@ -107,7 +107,7 @@ def plants() -> dict[str, Plant]:
     """Return the plants of the study."""
     fourth = replace(fourth_order(), innovation_covariance=0.49 * np.eye(2))
     turbine = with_wind(build_turbine().model())
-    held, _ = hold_integrators(turbine, 200.0)
+    held, _ = hold_integrators(turbine, 10.0)
     bounds = {"pitch": "1deg", "generator_torque": "5kN m"}
     return {
         "fourth": Plant(

@@ -152,8 +152,8 @@ class Design:
         width = max([len("mode"), *(len(m.mode.name) for m in modes)])
         past = f"identify --past {self.method.past} --order {self.method.order}"
         lines = [
-            f"one standard deviation of {past}; beside it what no method can fall below, and noise alone",
-            f"  {'mode':{width}s}  frequency Hz       least      noise       damping           least      noise",
+            f"one standard deviation of {past}; beside it the Cramér-Rao bound, and that bound by noise alone",
+            f"  {'mode':{width}s}  frequency Hz       bound      noise       damping           bound      noise",
         ]
         return lines + [_mode_line(m, width) for m in modes]
 

@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 MOST_STATES = 120
 MOST_WINDOW = 1200  # numbers in a window of p + 1 samples: some seconds a signal
 MOST_ROWS = 1_000_000
-HELD = 20.0  # a real pole slower than the duration over this is taken as held at that time constant
+HELD = 20.0  # a real pole slower than the duration over this is taken as held at that time constant,
+PERIODS = 5.0  # not one that is faster than so many periods of the slowest mode that swings
 FAST = 0.45  # of the sample rate: modes above are not designed for
 
 
@@ -121,7 +122,8 @@ def set_up(
     if still:
         notes.append(f"inputs without a bound are taken as held still: {', '.join(still)}")
     if controller is None:
-        plant, held = hold_integrators(plant, duration_s)
+        slow = min((m.frequency_hz for m in swinging(_modes(model, stated), model.sample_time_s)), default=np.inf)
+        plant, held = hold_integrators(plant, max(duration_s / HELD, PERIODS / slow))
         notes += [held] if held else []
     else:
         controller = replace(controller, C=controller.C[keep], D=controller.D[keep])
@@ -143,13 +145,13 @@ def set_up(
                  tuple(notes))  # fmt: skip
 
 
-def hold_integrators(plant: StateSpace, duration_s: float) -> tuple[StateSpace, str]:
-    """Return the plant with real poles slower than the duration over HELD at that time constant, and what is said.
+def hold_integrators(plant: StateSpace, constant_s: float) -> tuple[StateSpace, str]:
+    """Return the plant with real poles slower than a time constant moved to it, and what is said.
 
     Such a pole, a rotor's speed above all, is held by a controller; in open loop it would drift, and its outputs with
     it. The poles that swing stay where they are (on the diagonal of the real Schur form).
     """
-    most = math.exp(-plant.sample_time_s * HELD / duration_s)
+    most = math.exp(-plant.sample_time_s / constant_s)
     T, Q = schur(plant.A, output="real")
     alone = [i for i in range(len(T)) if (i == 0 or T[i, i - 1] == 0) and (i == len(T) - 1 or T[i + 1, i] == 0)]
     slow = [i for i in alone if T[i, i] > most]
@@ -161,10 +163,9 @@ def hold_integrators(plant: StateSpace, duration_s: float) -> tuple[StateSpace, 
     assert held.K is not None
     if spectral_radius(A - held.K @ held.C) >= 1:
         raise NotIdentifiable("a pole on the unit circle is in the way; identify with --stable, or give --controller")
-    constant = duration_s / HELD
     count = "a real pole" if len(slow) == 1 else f"{len(slow)} real poles"
     return held, (
-        f"{count} slower than {constant:.3g} s (an integrator, such as a rotor's speed) is taken as held by a loop "
+        f"{count} slower than {constant_s:.3g} s (an integrator, such as a rotor's speed) is taken as held by a loop "
         "with that time constant; --controller says what the loop really is"
     )
 
