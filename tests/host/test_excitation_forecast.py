@@ -196,7 +196,8 @@ def test_spreads_of_fifty_identifications_are_as_foretold(tmp_path, capsys):
     The largest of 48 chances is 2.5 deviations, so single ones may reach 1.45; their mean leaves 3 %.
     """
     study = load_study("excitation")
-    assert study.main(["--runs", "50", "--out", str(tmp_path)]) == 0
+    only = ["fourth", "turbine", "rotor"]
+    assert study.main(["--runs", "50", "--only", *only, "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out == (tmp_path / "excitation.txt").read_text()
     rows = json.loads((tmp_path / "excitation.json").read_text())["rows"]
     ratios = np.array([[m[q]["foretold"] for q in ("frequency", "damping")] for row in rows for m in row["modes"]])
@@ -233,12 +234,22 @@ def test_a_mode_that_no_input_reaches_is_said():
 def test_the_best_candidate_is_the_one_with_the_least_deviation_of_the_goal():
     for goal, place in ((0.05, 0), (0.2, 1)):
         found = design_excitation(pair(), replace(REQUEST, goal=goal))
-        assert found.score == min(c.score for c in found.candidates) == found.candidates[0].score
+        assert found.score == min(c.score for c in found.candidates if c.firm) == found.candidates[0].score
         told = found.forecast.modes[place]
         assert found.score == pytest.approx(max(told.frequency_std_hz / told.mode.frequency_hz,
                                                 told.damping_std / told.mode.damping))  # fmt: skip
     by_frequency = design_excitation(pair(), replace(REQUEST, goal="0.05 Hz", quantity="frequency"))
     assert by_frequency.score < 0.2 * design_excitation(pair(), replace(REQUEST, goal=0.05)).score
+
+
+def test_a_band_too_narrow_for_the_windows_is_said_and_never_preferred():
+    """Without the penalty deviations are ten times as large; the study shows a spread of seven times what is stated."""
+    m = replace(fourth_order(), innovation_covariance=0.49 * np.eye(2))
+    request = DesignRequest({"u1": 1.0, "u2": 1.0}, duration_s=3000.0, past=15, goal=0.125)
+    narrow = design_excitation(m, replace(request, wanted=Wanted("multisine", band_hz=(0.1, 0.15))))
+    assert not narrow.candidates[0].firm and any("not firm" in n for n in narrow.remarks())
+    both = design_excitation(m, replace(request, wanted=Wanted(band_hz=(0.1, 0.15))))
+    assert [c.firm for c in both.candidates] == [True, False] and both.signals.shape.kind == "filtered"
 
 
 def test_outputs_stay_within_their_limits():

@@ -173,7 +173,8 @@ class _Search:
             again, tried = self._tried(tried)
             if again is not signals:
                 signals, forecast = again, self.forecaster.forecast(again, bound=True)
-        told = sorted((Candidate.of(s, self._score(f)) for s, f in tried.values()), key=lambda c: c.score)
+        ranked = sorted(tried.values(), key=self._rank)
+        told = [Candidate.of(s, self._score(f), self._rank((s, f))[0] == 0) for s, f in ranked]
         return Design(
             signals, forecast, tuple(told), told[0].score, tuple(self.goals),
             self.request.quantity, self.request.seed, self.setup.bounds,
@@ -189,7 +190,7 @@ class _Search:
             if shape not in tried:
                 signals = self._within_limits(shape)
                 tried[shape] = signals, self.forecaster.forecast(signals)
-        return min(tried.values(), key=lambda t: self._score(t[1]))[0], tried
+        return min(tried.values(), key=self._rank)[0], tried
 
     def _of_goal(self, forecast: Forecast) -> list[ModeForecast]:
         chosen = {m.eigenvalue for m in self.goals}
@@ -197,6 +198,10 @@ class _Search:
 
     def _score(self, forecast: Forecast) -> float:
         return max(m.relative(self.request.quantity) for m in self._of_goal(forecast))
+
+    def _rank(self, trial: Trial) -> tuple[int, float]:
+        """Return what trials are sorted by: those whose deviations are firm come first."""
+        return int(not all(m.firm for m in self._of_goal(trial[1]))), self._score(trial[1])
 
     def _within_limits(self, shape: Shape) -> Signals:
         """Return the signals with the largest common part of the amplitudes that keeps all outputs within limits."""

@@ -83,15 +83,13 @@ def expected_factor(gram: Array, past: int, windows: int, inputs: int) -> Window
     return WindowFactor(full, past, inputs, m - inputs, windows, 0)
 
 
-def predicted_poles(gram: Array, windows: int, method: Method) -> PoleSpread:
-    """Return the poles that PBSIDopt finds of windows with the expected Gram matrix (q, q), and their covariance.
+def predicted_poles(factor: WindowFactor, method: Method, regularization: str = "gcv") -> PoleSpread:
+    """Return the poles that PBSIDopt finds of expected windows, and their covariance.
 
-    gram: of [u; y], each channel in units of its deviation. An order beyond the singular values above rounding is
-    lowered to them. The penalty is that of cross-validation, the default of an identification: on signals of a narrow
-    band, which leave directions of the windows almost unexcited, deviations without it are many times as large.
+    factor: of [u; y], each channel in units of its deviation. regularization: cross-validation, the default of an
+    identification, or "none". An order beyond the singular values above rounding is lowered to them.
     """
-    factor = expected_factor(gram, method.past, windows, len(method.feedthrough))
-    markov = estimate_markov(factor, method.feedthrough, "gcv")
+    markov = estimate_markov(factor, method.feedthrough, regularization)
     basis = find_states(factor, markov.theta, method.future)
     order = min(method.order, largest_useful_order(basis))
     model = system_matrices(factor, basis.state_map(order), method.feedthrough)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import NotIdentifiable
-from aeolid.excitation.expected import PoleSpread, noise_gram, predicted_poles, window_gram
+from aeolid.excitation.expected import PoleSpread, expected_factor, noise_gram, predicted_poles, window_gram
 from aeolid.excitation.experiment import Experiment, experiment_on, scaled_plant
 from aeolid.excitation.information import information, least_covariance
 from aeolid.excitation.setup import Setup
@@ -21,6 +21,7 @@ from aeolid.models.state_space import StateSpace
 
 Array = NDArray[np.float64]
 MOST_BOUND = 24  # states up to which the Cramér–Rao bound is computed: its equations grow with the sixth power
+LEANS = 1.5  # times by which a deviation may be larger without the penalty
 NOTHING = 0.98  # of the deviation by noise alone: a signal that leaves more of it does not reach the mode
 
 
@@ -28,7 +29,9 @@ NOTHING = 0.98  # of the deviation by noise alone: a signal that leaves more of 
 class ModeForecast:
     """Hold a mode with the deviations that an identification will have.
 
-    frequency_std_hz, damping_std: of PBSIDopt with the window of the method; least_*: Cramér–Rao bound of any method;
+    frequency_std_hz, damping_std: of PBSIDopt with the window of the method; firm: whether they are nearly the same
+    without the penalty of its regression: where they are not, the signal leaves directions of the windows to that
+    penalty, and the spread may be several times as large. least_*: Cramér–Rao bound of any method;
     noise_*: the same bound where nothing is excited and the plant's own noise alone tells the mode. None: not computed,
     inf: told by nothing.
     """
@@ -36,6 +39,7 @@ class ModeForecast:
     mode: Mode
     frequency_std_hz: float
     damping_std: float
+    firm: bool
     least_frequency_std_hz: float | None = None
     least_damping_std: float | None = None
     noise_frequency_std_hz: float | None = None
@@ -59,10 +63,10 @@ class ModeForecast:
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON facts; what is infinite or not known as null."""
-        numbers = {k: v for k, v in self.__dict__.items() if k != "mode"}
+        numbers = {k: v for k, v in self.__dict__.items() if k not in ("mode", "firm")}
         told = {k: v if v is not None and math.isfinite(v) else None for k, v in numbers.items()}
         mode = {"name": self.mode.name, "frequency_hz": self.mode.frequency_hz, "damping": self.mode.damping}
-        return mode | told | {"reached": self.reached}
+        return mode | told | {"reached": self.reached, "firm": self.firm}
 
 
 @dataclass(frozen=True)
@@ -116,8 +120,9 @@ class Forecaster:
         size = np.sqrt(np.maximum(self.noise[0].diagonal(), 0.0) + (z**2).mean(axis=0))
         scale = np.where(size > 0, size, 1.0)
         gram = window_gram(z / scale, past) + noise_gram(self.noise / scale[:, None] / scale, windows)
-        poles = predicted_poles(gram, windows, setup.method)
-        modes = [_with_spread(m, poles, setup.plant.sample_time_s) for m in setup.modes]
+        factor = expected_factor(gram, past, windows, setup.experiment.inputs)
+        poles, bare = (predicted_poles(factor, setup.method, way) for way in ("gcv", "none"))
+        modes = [_with_spread(m, poles, bare, setup.plant.sample_time_s) for m in setup.modes]
         if bound and setup.plant.order <= MOST_BOUND:
             modes = self._bounded(modes, answer, scale)
         signals_in = [(s.name, s.unit) for s in (*setup.plant.inputs, *setup.plant.outputs)]
@@ -154,9 +159,12 @@ def _scaled(setup: Setup, scale: Array) -> Experiment:
     return experiment_on(in_units, c)
 
 
-def _with_spread(mode: Mode, poles: PoleSpread, step_s: float) -> ModeForecast:
+def _with_spread(mode: Mode, poles: PoleSpread, bare: PoleSpread, step_s: float) -> ModeForecast:
+    """Return the forecast by poles found with a penalty; bare: without one."""
     frequency, damping = _pushed(mode, poles, step_s)
-    return ModeForecast(mode, frequency, damping)
+    plain = _pushed(mode, bare, step_s)
+    firm = plain[0] <= LEANS * frequency and plain[1] <= LEANS * max(damping, 1e-300)
+    return ModeForecast(mode, frequency, damping, firm or mode.is_real)
 
 
 def _pushed(mode: Mode, poles: PoleSpread, step_s: float) -> tuple[float, float]:

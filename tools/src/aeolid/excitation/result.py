@@ -25,24 +25,26 @@ ROUGH = 0.3  # relative deviation beyond which first-order deviations are a roug
 
 @dataclass(frozen=True)
 class Candidate:
-    """Hold one signal that was tried: its kind, score (relative deviation of the goal), crest and amplitudes."""
+    """Hold one signal that was tried: its kind, score (relative deviation of the goal), crest, amplitudes and
+    whether the deviations of the goal are firm (see `ModeForecast`)."""
 
     text: str
     score: float
     crest: tuple[float, ...]
     amplitude: tuple[float, ...]
+    firm: bool
 
     @classmethod
-    def of(cls, signals: Signals, score: float) -> Candidate:
+    def of(cls, signals: Signals, score: float, firm: bool) -> Candidate:
         """Return what is told of a trial."""
         text = signals.shape.text(signals.step_s)
-        return cls(text, score, signals.crest, tuple(p.amplitude for p in signals.played))
+        return cls(text, score, signals.crest, tuple(p.amplitude for p in signals.played), firm)
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON facts; a score of infinity as null."""
         score = self.score if math.isfinite(self.score) else None
         return {"signal": self.text, "relative_deviation": score, "crest": list(self.crest),
-                "amplitude": list(self.amplitude)}  # fmt: skip
+                "amplitude": list(self.amplitude), "firm": self.firm}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +124,11 @@ class Design:
             if m.reached is False:
                 names = ", ".join(b.name for b in self.bounds)
                 out.append(f"{where} is not reached by {names}: the plant's own noise tells as much of it")
+        if not self.candidates[0].firm:
+            out.append(
+                "not firm: the signal leaves so much of the windows unexcited that the penalty of the regression "
+                "decides, and the spread may be several times the deviations; widen the band, or take prbs"
+            )
         rough = [m for m in swings if m.relative("both") > ROUGH]
         if rough:
             told = ", ".join(f"{m.mode.frequency_hz:.4g}" for m in rough)
@@ -173,7 +180,7 @@ class Design:
         lines = [f"relative deviation of {what}, worst of {modes} Hz"]
         for c in self.candidates:
             crest = ", ".join(f"{v:.2f}" for v in c.crest)
-            lines.append(f"  {c.score:8.2%}  crest {crest}  {c.text}")
+            lines.append(f"  {c.score:8.2%}  crest {crest}  {c.text}{'' if c.firm else '; not firm'}")
         return lines
 
 
