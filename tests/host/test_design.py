@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import aeolid as ae
+from aeolid.cli.design import design as command
 from aeolid.cli.main import main
 from aeolid.models.state_space import StateSpace
 from aeolid.plants.examples import turbine_model, write_examples
@@ -103,6 +105,21 @@ def test_wrong_commands_end_with_a_sentence_and_no_file(model, tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert main(["design", str(model), *words, "--out", "e.csv"]) == code
     assert said in " ".join(capsys.readouterr().err.split()) and list(tmp_path.iterdir()) == []
+
+
+def test_settings_are_those_of_the_command():
+    own = set(inspect.signature(ae.design).parameters) - {"model"}
+    assert own == set(inspect.signature(command).parameters) - {
+        "model_file", "out", "wrapper", "start", "json_target", "force",  # Excitation.save, .wrapper
+    }  # fmt: skip
+
+
+def test_arguments_of_other_types_are_refused(model):
+    with pytest.raises(ae.UsageError, match="bound is a list"):
+        ae.design(model, bound=["pitch"], duration=300)
+    for wrong in ({"duration": "300"}, {"duration": 300, "seed": True}, {"duration": 300, "past": "20"}):
+        with pytest.raises(ae.UsageError, match="a number is needed"):
+            ae.design(model, bound={"pitch": 1}, **wrong)
 
 
 def test_models_without_noise_or_of_another_kind_are_refused(tmp_path):

@@ -339,6 +339,7 @@ def test_a_controller_that_does_not_fit_is_refused():
         ({}, {"wanted": Wanted(clock_s=1.5)}, "whole multiples"),
         ({}, {"wanted": Wanted(clock_s=100.0)}, "fewer than 31 bits"),
         ({}, {"wanted": Wanted(lines=10**9)}, "--lines"),
+        ({}, {"wanted": Wanted("multisine", lines=20_000), "duration_s": 5e5}, "at 500000 instants are too many"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_designed_is_refused(change, more, said):

@@ -255,6 +255,11 @@ def design(
     holder = None if controller is None else linear_model(controller).state_space
     pair = None if band is None else (float(band[0]), float(band[1]))
     wanted = Wanted(None if signal == "auto" else signal, clock, pair, lines, phases)
+    for name, pairs in (("bound", bound), ("rate", rate), ("limit", limit), ("demand", demand)):
+        if pairs is not None and not isinstance(pairs, Mapping):
+            raise UsageError(
+                f"{name} is a {type(pairs).__name__}; a mapping of channels is needed, such as {{'pitch': 1}}"
+            )
     request = DesignRequest(
         dict(bound), dict(rate or {}), dict(limit or {}), dict(demand or {}), duration, deviation, sample_time, wanted,
         goal, quantity, on_top, past, seed,

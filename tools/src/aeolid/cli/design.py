@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of
+from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, waiting
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -146,9 +146,10 @@ def _run(
     model = linear_model(model_file)
     stated, facts = known_of(model)
     holder = None if controller is None else linear_model(controller).state_space
-    result = design_excitation(
-        model.state_space, request, controller=holder, stated=stated, facts=facts, source=str(model_file)
-    )
+    with waiting("designing"):
+        result = design_excitation(
+            model.state_space, request, controller=holder, stated=stated, facts=facts, source=str(model_file)
+        )
     target, start = wrapper
     settings = result.wrapper(start) if target is not None else None
     result.write(out)

@@ -13,6 +13,7 @@ from aeolid.models.modes import Mode
 
 LINES = 64  # of an input, as many as the wrapper for controllers plays
 MOST_LINES = 20_000
+MOST_COSINES = 300_000_000  # rows by lines of an input: some ten seconds
 WIDTHS = (1.5, 3.0, 6.0)  # over the fastest mode: where the spectrum of a sequence has lost 3 dB
 MARGINS = (1.4, 2.5, 6.0)  # by which a band is wider than from the slowest to the fastest mode, at either end
 HALF_POWER = 0.443  # of the clock rate: where the spectrum of a sequence has lost 3 dB
@@ -80,7 +81,7 @@ def candidates(setup: Setup, goals: Sequence[Mode], wanted: Wanted, rows: int) -
     if wanted.signal == "prbs" or (wanted.signal is None and not (of_band and wanted.clock_s is None)):
         out += [Shape("prbs", c) for c in _clocks(setup, fast, wanted.clock_s, rows)]
     if wanted.signal == "multisine" or (wanted.signal is None and wanted.clock_s is None):
-        out += [_multisine(band, wanted, len(setup.bounds), rows * setup.step_s) for band in bands]
+        out += [_multisine(band, wanted, len(setup.bounds), rows, setup.step_s) for band in bands]
     if wanted.signal == "filtered" or (
         wanted.signal is None and wanted.clock_s is None and not (wanted.lines or wanted.phases or wanted.playable)
     ):
@@ -115,14 +116,17 @@ def _checked_band(band: tuple[float, float], step_s: float) -> tuple[float, floa
     return low, high
 
 
-def _multisine(band: tuple[float, float], wanted: Wanted, inputs: int, duration_s: float) -> Shape:
+def _multisine(band: tuple[float, float], wanted: Wanted, inputs: int, rows: int, step_s: float) -> Shape:
     """Return a multisine whose lines lie on multiples of a whole part of the duration, LINES an input at the most."""
-    low, high = band
+    (low, high), duration_s = band, rows * step_s
     most = (wanted.lines or LINES) * inputs
     spacing = max(math.ceil((high - low) * duration_s / most - 1e-9), 1) / duration_s
     shape = Shape("multisine", 0, low, high, spacing, wanted.phases or "schroeder")
-    if any(len(lines_of(shape, i, inputs)) < 2 for i in range(inputs)):
+    counts = [len(lines_of(shape, i, inputs)) for i in range(inputs)]
+    if min(counts) < 2:
         raise UsageError(
             f"--band {low:.4g},{high:.4g}: {duration_s:g} s hold no two lines an input in it; widen it or record longer"
         )
+    if max(counts) * rows > MOST_COSINES:
+        raise UsageError(f"--lines: {max(counts)} cosines at {rows} instants are too many; ask for fewer")
     return shape

@@ -52,6 +52,10 @@ class DesignRequest:
     def check(self) -> None:
         """Refuse what cannot be; raises UsageError that names the option."""
         self.wanted.check()
+        for name, value in (("duration", self.duration_s), ("deviation", self.deviation), ("seed", self.seed),
+                            ("past", self.past)):  # fmt: skip
+            if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
+                raise UsageError(f"--{name} {value!r}: a number is needed")
         if (self.duration_s is None) == (self.deviation is None):
             raise UsageError("either --duration or --deviation is needed: how long the recording is, or how good")
         if self.duration_s is not None and not 0 < self.duration_s < 1e9:

@@ -25,8 +25,11 @@ ROUGH = 0.3  # relative deviation beyond which first-order deviations are a roug
 
 @dataclass(frozen=True)
 class Candidate:
-    """Hold one signal that was tried: its kind, score (relative deviation of the goal), crest, amplitudes and
-    whether the deviations of the goal are firm (see `ModeForecast`)."""
+    """Hold one signal that was tried.
+
+    text: its kind; score: relative deviation of the goal; firm: whether that is so without a penalty, too (see
+    `ModeForecast`).
+    """
 
     text: str
     score: float
@@ -109,7 +112,7 @@ class Design:
 
     def _input(self, i: int) -> dict[str, Any]:
         bound, played, values = self.bounds[i], self.signals.played[i], self.signals.values[:, i]
-        told = {k: v for k, v in played.__dict__.items() if k not in ("rate", "rows") and v}
+        told = {k: v for k, v in played.__dict__.items() if k not in ("rate", "rows") and (v or k == "seed")}
         return told | {
             "bound": bound.amplitude, "rate_bound": bound.rate if math.isfinite(bound.rate) else None,
             "rms": float(np.sqrt((values**2).mean())), "crest": self.signals.crest[i],

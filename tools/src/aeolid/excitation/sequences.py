@@ -23,6 +23,7 @@ PEAK_POINTS = 65536  # instants at which the wrapper looks for the peak of a mul
 FINE = 16  # instants a period of the highest line at which the peak of a long sum is looked for
 DRAWS = 20  # sets of random phases, of which the one with the lowest crest is taken
 FILTER_ORDER = 4
+CHUNK = 1_000_000  # cosines at a time: 8 MB
 
 
 def register_bits(order: int, seed: int) -> NDArray[np.bool_]:
@@ -64,9 +65,10 @@ class Lines:
     def at(self, time_s: Array) -> Array:
         """Return the sum over its peak at instants (N,), −1 … 1."""
         out = np.empty(len(time_s))
-        for first in range(0, len(out), 4096):
-            part = time_s[first : first + 4096]
-            out[first : first + 4096] = np.cos(2 * np.pi * np.outer(part, self.frequency_hz) + self.phase).sum(axis=1)
+        step = max(1, CHUNK // len(self.frequency_hz))
+        for first in range(0, len(out), step):
+            part = time_s[first : first + step]
+            out[first : first + step] = np.cos(2 * np.pi * np.outer(part, self.frequency_hz) + self.phase).sum(axis=1)
         return np.clip(out / self.peak, -1.0, 1.0)
 
     def steepest(self) -> float:
