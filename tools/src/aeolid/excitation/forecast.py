@@ -22,6 +22,7 @@ from aeolid.models.state_space import StateSpace
 Array = NDArray[np.float64]
 MOST_BOUND = 24  # states up to which the Cramér–Rao bound is computed: its equations grow with the sixth power
 LEANS = 1.5  # times by which a deviation may be larger without the penalty
+LOST = 0.05  # of |log z|: an expected model whose pole is farther off does not show the mode
 NOTHING = 0.98  # of the deviation by noise alone: a signal that leaves more of it does not reach the mode
 
 
@@ -31,7 +32,8 @@ class ModeForecast:
 
     frequency_std_hz, damping_std: of PBSIDopt with the window of the method; firm: whether they are nearly the same
     without the penalty of its regression: where they are not, the signal leaves directions of the windows to that
-    penalty, and the spread may be several times as large. least_*: Cramér–Rao bound of any method;
+    penalty, and the spread may be several times as large. Infinite and not firm where the model of the expected windows
+    has no such pole. least_*: Cramér–Rao bound of any method;
     noise_*: the same bound where nothing is excited and the plant's own noise alone tells the mode. None: not computed,
     inf: told by nothing.
     """
@@ -162,6 +164,10 @@ def _scaled(setup: Setup, scale: Array) -> Experiment:
 def _with_spread(mode: Mode, poles: PoleSpread, bare: PoleSpread, step_s: float) -> ModeForecast:
     """Return the forecast by poles found with a penalty; bare: without one."""
     frequency, damping = _pushed(mode, poles, step_s)
+    z = mode.eigenvalue
+    off, spread = float(abs(poles.values - z).min()), float(np.sqrt(np.trace(poles.near(z))))
+    if not mode.is_real and not off <= max(LOST * abs(np.log(z)), 3 * spread):
+        return ModeForecast(mode, math.inf, math.inf, False)
     plain = _pushed(mode, bare, step_s)
     firm = plain[0] <= LEANS * frequency and plain[1] <= LEANS * max(damping, 1e-300)
     return ModeForecast(mode, frequency, damping, firm or mode.is_real)
