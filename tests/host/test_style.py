@@ -12,8 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "tools" / "src" / "aeolid"
 MODULES = sorted(PACKAGE.rglob("*.py"))
-LEVEL = {"errors": 0, "record": 1, "models": 2, "identify": 3, "diagnose": 4, "fleet": 4, "report": 5, "monitor": 5,
-         "begin": 5, "challenge": 5, "api": 5, "cli": 6, "demo": 7}  # fmt: skip
+LEVEL = {"errors": 0, "record": 1, "models": 2, "identify": 3, "diagnose": 4, "fleet": 4, "excitation": 4,
+         "report": 5, "monitor": 5, "begin": 5, "challenge": 5, "api": 5, "cli": 6, "demo": 7}  # fmt: skip
 MOST_LINES, MOST_BODY = 350, 40
 SIDE = {"can", "formats", "filters", "native", "plants"}  # hang off record; models are below them
 TOP = {"CMakeLists.txt", "src", "include", "port", "tests", "tools", "docs", "examples", "packaging", "zephyr",

@@ -16,6 +16,8 @@ from aeolid import arithmetic
 if TYPE_CHECKING:
     from aeolid.api.campbell import CampbellDiagram as CampbellDiagram
     from aeolid.api.campbell import campbell as campbell
+    from aeolid.api.designing import Excitation as Excitation
+    from aeolid.api.designing import design as design
     from aeolid.api.diagnosing import diagnose as diagnose
     from aeolid.api.diagnosis import Diagnosis as Diagnosis
     from aeolid.api.diagnosis import Effect as Effect
@@ -49,11 +51,12 @@ _CALLED = ("diagnose", "fleet", "identify")
 _PLACES = {
     "AeolidError": "errors", "DataError": "errors", "NotIdentifiable": "errors", "UsageError": "errors",
     "Diagnosis": "api.diagnosis", "Effect": "api.diagnosis", "Equations": "api.equations",
-    "EquationsFit": "api.fitted", "Fleet": "api.following",
+    "EquationsFit": "api.fitted", "Excitation": "api.designing", "Fleet": "api.following",
     "LinearModel": "api.linear", "ModalAnalysis": "api.modal", "Record": "api.record",
     "ScheduledModel": "api.scheduled", "CampbellDiagram": "api.campbell", "campbell": "api.campbell",
     "Simulation": "api.simulation", "Table": "api.table", "Validation": "api.validation", "load_model": "api.models",
     "modes": "api.modal", "read": "api.reading", "simulate": "api.simulation", "validate": "api.validation",
+    "design": "api.designing",
 }  # fmt: skip
 
 __all__ = ["__version__", *_CALLED, *_PLACES]

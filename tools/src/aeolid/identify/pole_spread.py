@@ -64,6 +64,10 @@ class Spreader:
         covariance = np.array([self._pole(int(i)) for i in up]).reshape(-1, 2, 2)
         return Poles(self.values[up], covariance, scaled_to(raw, at), at)
 
+    def covariances(self) -> Array:
+        """Return the covariance (n, 2, 2) of every pole, real ones too, in the order of `values`."""
+        return np.array([self._pole(i) for i in range(len(self.values))]).reshape(-1, 2, 2)
+
     def shape_covariance(self, value: complex, reference: int) -> Array:
         """Return the covariance (l, 2, 2) of the shape of the pole nearest to a value, scaled to an output."""
         i = int(np.argmin(abs(self.values - value)))
