@@ -163,3 +163,21 @@ def test_nulls_of_a_case_are_judged_by_their_names():
     row = study.row_of("a", "recorded", 1, said)
     assert row["effects"] == ["sensor_bias at output:y"]
     assert study.line_of(row) == "| a | recorded 1 | named | sensor_bias at output:y | 7 [3, 12] |"
+
+
+def test_textbook_cases_are_written_as_the_diagnosis_reads_them(tmp_path):
+    """One plant with and without its effect: the same seed makes the same bytes, and a null of it has no ids."""
+    from aeolid.diagnose.data.case import load_case
+
+    study = load_study("textbook")
+    for folder in ("one", "two"):
+        assert study.main(["--seed", "3", "--only", "crack", "--write-only", "--out", str(tmp_path / folder)]) == 0
+    cases = sorted((tmp_path / "one" / "cases").iterdir())
+    assert [c.name for c in cases] == ["crack", "crack_null"]
+    for case in cases:
+        loaded = load_case(case)
+        assert loaded.records[0].values.shape == (3000, 2) and np.all(np.isfinite(loaded.records[0].values))
+        for file in case.iterdir():
+            assert file.read_bytes() == (tmp_path / "two" / "cases" / case.name / file.name).read_bytes()
+    truths = [json.loads((c / "truth.json").read_text()) for c in cases]
+    assert [t["ids"] for t in truths] == [["stiffness_change"], []]

@@ -30,6 +30,7 @@ def judge(truth: Facts, said: Facts) -> Facts:
     named = all(i in found for i in asked) or bool(stand_ins & set(found))
     right = next((e for e in said["effects"] if e["id"] in {*asked, *stand_ins}), None)
     place = truth.get("location", {}).get("entry")
+    stray = [i for i in found if i != "parameter_error" or "parameter" not in truth["verdict"]]
     values = {}
     for name, wanted in truth.get("parameters", {}).items():
         told = (right or {"parameters": {}})["parameters"].get(name, {}).get("value")
@@ -40,7 +41,7 @@ def judge(truth: Facts, said: Facts) -> Facts:
         }  # fmt: skip
     return {
         "verdict": said["verdict"], "verdict_ok": said["verdict"] in truth["verdict"], "ids": found, "asked": asked,
-        "ids_ok": named if asked else not found,
+        "ids_ok": named if asked else not stray,
         "place_ok": None if place is None or not asked else right is not None and right["location"]["entry"] == place,
         "values": values,
     }  # fmt: skip

@@ -37,7 +37,7 @@ machine = "rig"
 def truth_of(case: Case) -> dict[str, object]:
     """Return what known.py judges by: of a null any verdict without an effect but a wrong value."""
     if not case.hidden:
-        return {"verdict": ["no_mismatch", "parameter", "immaterial"], "ids": ["parameter_error"] * 0}
+        return {"verdict": ["no_mismatch", "parameter", "immaterial"], "ids": []}
     return {
         "verdict": ["multiple" if len(case.hidden) > 1 else "named", "named", "multiple"], "ids": list(case.hidden),
         "also_accepted": list(case.accepted),
@@ -70,7 +70,10 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("textbook"), help="folder of cases and answers")
     parser.add_argument("--write-only", action="store_true", help="write the cases and diagnose nothing")
     args = parser.parse_args(arguments)
-    for number, plant in enumerate(PLANTS):
+    for number, plant in enumerate(PLANTS):  # cases are called after their plants
+        own = plant.__name__
+        if args.only and not any(word.startswith(own) or own.startswith(word) for word in args.only):
+            continue
         for case in plant(np.random.default_rng([args.seed, number])):
             if not args.only or any(case.name.startswith(word) for word in args.only):
                 write(case, args.out / "cases" / case.name)

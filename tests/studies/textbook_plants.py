@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +40,7 @@ def march(slope: Slope, x: Sequence[float], u: Array, step: float, fine: int = 2
     def f(x: Array, at: Array) -> Array:
         return np.array(slope(x, at))
 
-    for now, after in zip(u[:-1], u[1:], strict=True):
+    for now, after in pairwise(u):
         for k in range(fine):
             a, b, c = (now if held else now + (after - now) * (k + part) / fine for part in (0.0, 0.5, 1.0))
             k1 = f(state, a)
@@ -90,7 +91,8 @@ def model(name: str, values: Mapping[str, float], states: Mapping[str, tuple[str
         low, high = min(low, high), max(low, high)
         lines.append(f"{key} = {{ value = {start}, min = {low}, max = {high}, free = {str(free).lower()} }}\n")
     for key, (slope, first) in states.items():
-        lines.append(f'[[state]]\nname = "{key}"\nderivative = "{slope}"\ninitial = {{ value = {first}, free = true }}\n')
+        lines.append(f'[[state]]\nname = "{key}"\nderivative = "{slope}"\n')
+        lines.append(f"initial = {{ value = {first}, free = true }}\n")
     lines += [f'[[output]]\nname = "{key}"\nequation = "{form}"\n' for key, form in outputs.items()]
     return "".join(lines)
 
@@ -104,7 +106,8 @@ def bouc_wen(rng: np.random.Generator) -> list[Case]:
         return v, (u[0] - 10 * v - 5e4 * q - z) / 2, 5e4 * v - 1e3 * (0.8 * abs(v) * z - 1.1 * v * abs(z))
 
     y = noisy(rng, march(slope, [0, 0, 0], u, step, held=False)[:, 0], 0.003)
-    text = model("oscillator", {"M": 2, "c": 12, "k": 7e4}, {"x": ("v", 0), "v": ("(force - c*v - k*x)/M", 0)}, {"y": "x"})
+    text = model("oscillator", {"M": 2, "c": 12, "k": 7e4}, {"x": ("v", 0), "v": ("(force - c*v - k*x)/M", 0)},
+                 {"y": "x"})  # fmt: skip
     return [Case("bouc_wen", step, ("force",), ("y",), {"force": u[:, 0], "y": y}, text, ("bouc_wen_hysteresis",),
                  ("play_hysteresis",))]  # fmt: skip
 
@@ -153,7 +156,8 @@ def two_bodies(rng: np.random.Generator) -> list[Case]:
                                  (1.4 * (x[0] - x[1]) - 0.3 * (x[1] - u[1])) / 160), [20, 20], u, 2.0)  # fmt: skip
     late = march(lambda x, u: ((u[0] - x[0]) / 25,), [20], bodies[:, 1:], 2.0, held=False)[:, 0]
     text = model("two bodies", {"g": 1.4, "ha": 0.5, "hb": 0.3, "ca": 90, "cb": 160},
-                 {"a": ("(power - g*(a - b) - ha*(a - ambient))/ca", 20), "b": ("(g*(a - b) - hb*(b - ambient))/cb", 20)},
+                 {"a": ("(power - g*(a - b) - ha*(a - ambient))/ca", 20),
+                  "b": ("(g*(a - b) - hb*(b - ambient))/cb", 20)},
                  {"t_a": "a", "t_b": "b"}, 1.1)  # fmt: skip
     found = []
     for name, second, hidden in (("two_bodies", late, ("sensor_lag",)), ("two_bodies_null", bodies[:, 1], ())):
@@ -262,7 +266,7 @@ def ship(rng: np.random.Generator) -> list[Case]:
 def loop(rng: np.random.Generator) -> list[Case]:
     """A process under PI control: a dead time of 3 s, a pump that saturates (Åström and Hägglund 2006)."""
     found = []
-    for name, late in (("process", 6), ("process_null", 0)):
+    for name, late in (("loop_delay", 6), ("loop_null", 0)):
         wanted, push = levels(rng, 3000, 100, -1, 1)[:, 0], wander(rng, 3000, 40, 0.15)[:, 0]
         y, total, u, read = 0.0, 0.0, np.zeros(3000), np.zeros(3000)
         for k in range(3000):
@@ -281,7 +285,7 @@ def loop(rng: np.random.Generator) -> list[Case]:
         u[k] = 1.5 * (wanted[k] - read[k]) + total + 0.5
         y += 0.1 * (min(max(u[k], -0.2), 1.1) - 0.25 * y - 0.1)
     text = model("pump", {"kp": 1, "ko": 0.25, "q0": 0.1}, {"h": ("(kp*drive - ko*h - q0)/2", 1)}, {"level": "h"})
-    found.append(Case("pump", 0.2, ("drive",), ("level",), {"drive": u, "level": read}, text, ("input_saturation",)))
+    found.append(Case("loop_pump", 0.2, ("drive",), ("level",), {"drive": u, "level": read}, text, ("input_saturation",)))
     return found
 
 
@@ -305,8 +309,10 @@ def twin_rotor(rng: np.random.Generator) -> list[Case]:
     found = []
     for across in (0.25, 0.0):
         x = march(lambda x, u, k=across: (x[1], -2.2 * x[0] - 0.5 * x[1] + 1.3 * u[0], x[3],
-                                          -0.4 * x[2] - 0.6 * x[3] + 0.9 * u[1] + k * u[0]), [0, 0, 0, 0], u, 0.05)  # fmt: skip
-        columns = {"main": u[:, 0], "tail": u[:, 1], "pitch": noisy(rng, x[:, 0], 0.02), "yaw": noisy(rng, x[:, 2], 0.02)}
+                                          -0.4 * x[2] - 0.6 * x[3] + 0.9 * u[1] + k * u[0]),
+                  [0, 0, 0, 0], u, 0.05)  # fmt: skip
+        read = [noisy(rng, x[:, k], 0.02) for k in (0, 2)]
+        columns = {"main": u[:, 0], "tail": u[:, 1], "pitch": read[0], "yaw": read[1]}
         found.append(Case(f"twin_rotor{'' if across else '_null'}", 0.05, ("main", "tail"), ("pitch", "yaw"), columns,
                           text, ("missing_coupling",) if across else ()))  # fmt: skip
     return found
@@ -325,14 +331,15 @@ def joint(rng: np.random.Generator) -> list[Case]:
     x = march(slope, [0, 0, 0, 0], u, 0.005, 50)
     text = model("joint", {"JA": 0.02, "JB": 0.05, "k": 60, "c": 0.25, "ba": 0.05, "bb": 0.3, "kb": 2},
                  {"a": ("va", 0), "va": ("(torque - ba*va - k*(a - b) - c*(va - vb))/JA", 0), "b": ("vb", 0),
-                  "vb": ("(k*(a - b) + c*(va - vb) - bb*vb - kb*b)/JB", 0)}, {"motor": "a", "load": "b"}, 0.9)  # fmt: skip
+                  "vb": ("(k*(a - b) + c*(va - vb) - bb*vb - kb*b)/JB", 0)},
+                 {"motor": "a", "load": "b"}, 0.9)  # fmt: skip
     columns = {"torque": u[:, 0], "motor": noisy(rng, x[:, 0], 0.003), "load": noisy(rng, x[:, 2], 0.003)}
     return [Case("joint", 0.005, ("torque",), ("motor", "load"), columns, text, ("clearance",), ("backlash",),
                  {"half_gap": 0.03})]  # fmt: skip
 
 
 def wing(rng: np.random.Generator) -> list[Case]:
-    """A wing section that plunges and pitches on a hardening spring (Lee, Price and Wong 1999, Prog. Aerosp. Sci. 35)."""
+    """A wing section that plunges and pitches on a hardening spring (Lee, Price, Wong 1999, Prog. Aerosp. Sci. 35)."""
     u, found = wander(rng, 3000, 6, 1.0), []
     for cubic in (900.0, 0.0):
 
@@ -359,7 +366,8 @@ def crack(rng: np.random.Generator) -> list[Case]:
         time = 0.01 * np.arange(3000)[:, None]
         x = march(lambda x, u, loss=loss: (x[1], 2 * u[0] - 400 * (1 - loss * (u[1] > 13.0)) * x[0] - 1.2 * x[1]),
                   [0, 0], np.hstack([u, time]), 0.01)  # fmt: skip
-        text = model("beam", {"k": 400, "c": 1.2, "g": 2}, {"x": ("v", 0), "v": ("g*force - k*x - c*v", 0)}, {"bend": "x"}, 1.1)
+        text = model("beam", {"k": 400, "c": 1.2, "g": 2}, {"x": ("v", 0), "v": ("g*force - k*x - c*v", 0)},
+                     {"bend": "x"}, 1.1)  # fmt: skip
         columns = {"force": u[:, 0], "bend": noisy(rng, x[:, 0], 0.02)}
         found.append(Case(f"crack{'' if loss else '_null'}", 0.01, ("force",), ("bend",), columns, text,
                           ("stiffness_change",) if loss else (), (), {"time_s": 13.0} if loss else {}))  # fmt: skip
@@ -373,8 +381,8 @@ def tachometer(rng: np.random.Generator) -> list[Case]:
     text = model("motor", {"J": 0.5, "kt": 2, "b": 0.6}, {"w": ("(kt*current - b*w)/J", 0)}, {"speed": "w"})
     most = float(np.quantile(abs(w), 0.9))
     kinds = (
-        ("tachometer", abs(w), ("sensor_rectified",)), ("tachometer_range", np.clip(w, -most, most), ("sensor_saturation",)),
-        ("tachometer_null", w, ()),
+        ("tachometer", abs(w), ("sensor_rectified",)),
+        ("tachometer_range", np.clip(w, -most, most), ("sensor_saturation",)), ("tachometer_null", w, ()),
     )  # fmt: skip
     return [
         Case(name, 0.02, ("current",), ("speed",),
