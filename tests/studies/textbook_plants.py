@@ -285,7 +285,9 @@ def loop(rng: np.random.Generator) -> list[Case]:
         u[k] = 1.5 * (wanted[k] - read[k]) + total + 0.5
         y += 0.1 * (min(max(u[k], -0.2), 1.1) - 0.25 * y - 0.1)
     text = model("pump", {"kp": 1, "ko": 0.25, "q0": 0.1}, {"h": ("(kp*drive - ko*h - q0)/2", 1)}, {"level": "h"})
-    found.append(Case("loop_pump", 0.2, ("drive",), ("level",), {"drive": u, "level": read}, text, ("input_saturation",)))
+    found.append(
+        Case("loop_pump", 0.2, ("drive",), ("level",), {"drive": u, "level": read}, text, ("input_saturation",))
+    )
     return found
 
 
