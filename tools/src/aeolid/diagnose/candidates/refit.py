@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _FAMILIES = 10  # of which one is fitted, where so many speak
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
-_ZONES, _LOOPS = 2, 1  # dead zones and hysteretic forces beside these
+_ZONES, _LOOPS, _SENSORS = 2, 1, 2  # dead zones, hysteretic forces and lags of sensors beside these
 _LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
@@ -61,9 +61,10 @@ def finalists(bank: Bank) -> list[Row]:
     stepped.sort(
         key=lambda r: entry(r.attachment.entry).family != "input_lag"
     )  # inputs are what free parameters absorb
-    apart = [[r for r in rows if r in stepped] for rows in (zones_of(bank), loops_of(bank))]
-    others = [r for r in stepped if not any(r in rows for rows in apart)]
-    return chosen + others[:_STEPPED] + apart[0][:_ZONES] + apart[1][:_LOOPS]
+    groups = ((zones_of(bank), _ZONES), (loops_of(bank), _LOOPS), (sensors_of(bank), _SENSORS))
+    apart = [([r for r in rows if r in stepped], count) for rows, count in groups]
+    others = [r for r in stepped if not any(r in rows for rows, _ in apart)]
+    return chosen + others[:_STEPPED] + [r for rows, count in apart for r in rows[:count]]
 
 
 def zones_of(bank: Bank) -> list[Row]:
@@ -74,6 +75,11 @@ def zones_of(bank: Bank) -> list[Row]:
 def loops_of(bank: Bank) -> list[Row]:
     """List the hysteretic forces tried from finite steps: of a slim loop free springs and dampers absorb the slope."""
     return [r for r in bank.rows if r.attachment.stepped and entry(r.attachment.entry).family == "hysteresis"]
+
+
+def sensors_of(bank: Bank) -> list[Row]:
+    """List the lags of sensors tried from finite steps: seven lags, delays and clocks of two inputs left none room."""
+    return [r for r in bank.rows if r.attachment.stepped and r.attachment.entry == "sensor_lag"]
 
 
 def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared) -> Free:

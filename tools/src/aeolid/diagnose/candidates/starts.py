@@ -22,7 +22,9 @@ from aeolid.models.integrate import output_jacobian
 from aeolid.models.state_space import StateSpace
 
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
-_LOUD_FORCE = 10.0  # the same of a force with a memory, in sizes of what it acts against
+# The same of a force with a memory, in sizes of what it acts against; the place of a filter it takes from _LOUD on (0.39
+# and 0.62: a thermocouple's lag gained 0.3 nats under them, 180 from a quiet start).
+_LOUD_FORCE = 10.0
 _QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
 
 
@@ -99,7 +101,8 @@ def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -
         noise = base.point.noise.copy()
         loud = [i for i in noisy_states(prepared.declared) if noise[i] > _LOUD]
         forces = [i for i, s in enumerate(prepared.extended.states) if s.name.startswith(FORCE)]
-        if not loud and not np.any(noise[forces] > _LOUD_FORCE):
+        most = _LOUD if any(turns(a) for a in attachments) else _LOUD_FORCE
+        if not loud and not np.any(noise[forces] > most):
             return [[base.point, declared]]
         noise[loud], noise[forces] = _QUIET, np.minimum(noise[forces], _SILENT)
         return [[base.point, declared], [replace(declared, noise=noise)]]

@@ -71,7 +71,7 @@ def _on(site: Site, j: int, longest: float) -> Attachment:
         "sensor_lag", f"sensor_lag output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (Slot(tau, "tau_s", "s", 0.0, _SHORTEST * step, longest, 0.3 * step),),
         start_states=tuple(s.name for s in states), stepped=True, beside={tau: _AVERAGED * step},
-        starts=({}, {tau: step}, {tau: 5 * step}),
+        starts=({}, {tau: step}, {tau: 5 * step}, {tau: 20 * step}),
         equation=_EQUATION.format(name=name),
         statement=partial(_statement, name), credible=later_than_a_reading(step),
     )  # fmt: skip
