@@ -22,8 +22,8 @@ from aeolid.models.integrate import output_jacobian
 from aeolid.models.state_space import StateSpace
 
 _LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
-# The same of a force with a memory, in sizes of what it acts against; the place of a filter it takes from _LOUD on (0.39
-# and 0.62: a thermocouple's lag gained 0.3 nats under them, 180 from a quiet start).
+# The same of a force with a memory, in sizes of what it acts against; the place of a filter it takes from _LOUD on
+# (0.39 and 0.62: a thermocouple's lag gained 0.3 nats under them, 180 from a quiet start).
 _LOUD_FORCE = 10.0
 _QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
 
