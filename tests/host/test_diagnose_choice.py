@@ -289,6 +289,12 @@ def test_kin_of_what_leads_are_fitted_too(monkeypatch: pytest.MonkeyPatch) -> No
     assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [over])]
     plain = fitted("sensor_second_order", "moment", 148.0, plausible=False, is_plainer=True)  # it does not ring at all
     assert "sensor_lag moment" in [r.attachment.key for r in kin(bank, [plain])]
+    joint: Any = Bank((row("coulomb_friction", "joint", 1.0),), 5.0)  # of a slider that slips at once hardly a score
+    slid = {"plausible": False, "at_end": True}
+    assert [r.attachment.key for r in kin(joint, [fitted("play_hysteresis", "joint", 131.0, **slid)])] == [
+        "coulomb_friction joint"
+    ]
+    assert kin(joint, [fitted("play_hysteresis", "joint", 131.0, plausible=False)]) == []
     better = [fitted("backlash", f"u{i}", 200.0 + i) for i in range(3)]
     assert kin(bank, [*better, fitted("sensor_lag", "moment", 148.0)]) == []
     unsteady = fitted("sensor_lag", "moment", 148.0, fit=210.0)  # fits better than two of the best, and fails elsewhere

@@ -274,6 +274,10 @@ def test_what_free_parameters_absorb_is_always_among_the_finalists(world: tuple[
     assert {"transport_delay", "actuator_lag", "actuator_second_order", "data_time_offset"} <= entries
     zones = [r.attachment.key for r in bank.rows if r.attachment.key.endswith("around zero") and r.testable]
     assert len({r.attachment.key for r in finalists(found)} & set(zones)) == min(2, len(zones)) > 0
+    loops = [r.attachment.key for r in bank.rows if r.attachment.key.startswith("bouc_wen_hysteresis with shape")]
+    lags = [r.attachment.key for r in bank.rows if r.attachment.key.startswith("sensor_lag") and r.attachment.stepped]
+    for keys, places in ((loops, 1), (lags, 2)):
+        assert len({r.attachment.key for r in finalists(found)} & set(keys)) >= min(places, len(keys)) > 0
     assert not [r for r in finalists(replace(bank, threshold=np.inf)) if r.attachment.stepped]
 
 
