@@ -87,10 +87,13 @@ def apart(site: Site, j: int, *names: str) -> tuple[State, ...]:
     """Return states that stand still, by whose free starts a filter of output j begins apart from what it measures.
 
     A recording starts in motion. A body of minutes behind a sensor of 25 s, without process noise, began so far off on
-    other data that a right lag (225 nats) lost 330 there. None where no states can be added.
+    other data that a right lag (225 nats) lost 330 there. None where no states can be added, nor to a law without any,
+    in which nothing goes on long.
     """
+    if not (is_possible(site) and site.model.states):
+        return ()
     unit = unit_of_output(site, site.output_names[j])
-    return tuple(State(n, unit, ex.parse("0", n), 0.0, True) for n in names) if is_possible(site) else ()
+    return tuple(State(n, unit, ex.parse("0", n), 0.0, True) for n in names)
 
 
 def memories_of(
