@@ -102,8 +102,9 @@ void aeo_triangle_rotate(aeo_real_t *factor, const aeo_real_t *projection, aeo_r
         const turn_t first = find_turn(projection[--j], scale, &alpha, &root);
         column -= n - j;
         rotate_first(column, gain + j, first);
-        if (j % 2u == 0u) {                      /* n is odd: its last column is alone */
-            for (size_t i = 1; i < n - j; i++) { /* the pivot is still 0 in every row */
+        if (j % 2u == 0u) { /* n is odd: its last column is alone, and of one entry */
+            /* so this loop never runs; without it gcc 12 makes an update on a Cortex-M4F 30 instructions dearer */
+            for (size_t i = 1; i < n - j; i++) {
                 rotate_first(column + i, gain + j + i, first);
             }
             continue;
