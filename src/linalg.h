@@ -5,6 +5,7 @@
 #define AEOLID_LINALG_H
 
 #include "aeolid/config.h"
+#include "aeolid/count.h"
 #include "aeolid/status.h"
 
 #include "lanes.h"
@@ -60,14 +61,6 @@ void aeo_linalg_move_rows(aeo_real_t *rows, const aeo_real_t *a, const aeo_real_
 
 /* y = a x over count terms. */
 void aeo_linalg_scale(aeo_real_t a, const aeo_real_t *x, aeo_real_t *y, size_t count);
-
-/* One up, staying at the top: counters never decrease. */
-static inline void aeo_count_up(uint32_t *counter)
-{
-    if (*counter < UINT32_MAX) {
-        *counter += 1u;
-    }
-}
 
 #endif
 /* SPDX-License-Identifier: MIT */

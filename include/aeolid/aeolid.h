@@ -11,6 +11,7 @@
 
 #include "aeolid/channel.h"
 #include "aeolid/config.h"
+#include "aeolid/count.h"
 #include "aeolid/els.h"
 #include "aeolid/estimator.h"
 #include "aeolid/fast_rls.h"

@@ -1,5 +1,7 @@
 #include "bus.h"
 
+#include <aeolid/count.h>
+
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -116,7 +118,7 @@ static int send_frame(void *context, const aeo_can_frame_t *frame)
         posix_bus_port(self->text, &port);
         taken = port.send(port.context, frame);
     }
-    self->refused += taken ? 0u : 1u;
+    aeo_count_add(&self->refused, taken ? 0u : 1u);
     return taken;
 }
 

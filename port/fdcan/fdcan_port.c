@@ -1,6 +1,8 @@
 /* fdcan_port.c: frames into the TX FIFO and out of the RX FIFO, and what the interrupt does; see fdcan_port.h. */
 #include "fdcan_registers.h"
 
+#include <aeolid/count.h>
+
 #include <stddef.h>
 
 /* Bytes by length code. */
@@ -18,13 +20,6 @@ static uint32_t find_code(const aeo_fdcan_t *self, const aeo_can_frame_t *frame)
         code++;
     }
     return code < (fd ? 16u : 9u) ? code : 16u;
-}
-
-static void count_up(uint32_t *counter)
-{
-    if (*counter < UINT32_MAX) {
-        *counter += 1u;
-    }
 }
 
 /* ---- transmission ------------------------------------------------------------------------------------------------ */
@@ -178,17 +173,17 @@ static void heed_errors(aeo_fdcan_t *self, uint32_t flags)
     const fdcan_layout_t *layout = fdcan_layout(self);
     const aeo_fdcan_state_t state = aeo_fdcan_state(self);
     if ((flags & layout->memory) != 0u) {
-        count_up(&self->counters.memory);
+        aeo_count_up(&self->counters.memory);
         fdcan_write(self, FDCAN_CCCR, fdcan_read(self, FDCAN_CCCR) & ~CCCR_ASM);
     }
     if ((flags & layout->bus_off) != 0u && state == AEO_FDCAN_BUS_OFF) {
-        count_up(&self->counters.bus_off);
+        aeo_count_up(&self->counters.bus_off);
         if (self->config.recover != 0u) {
             (void)aeo_fdcan_recover(self);
         }
     }
     if ((flags & layout->passive) != 0u && state == AEO_FDCAN_PASSIVE) {
-        count_up(&self->counters.passive);
+        aeo_count_up(&self->counters.passive);
     }
 }
 
@@ -198,7 +193,7 @@ void aeo_fdcan_serve(aeo_fdcan_t *self)
     const uint32_t flags = fdcan_read(self, FDCAN_IR);
     fdcan_write(self, FDCAN_IR, flags); /* before the state is read: what happens in between raises them again */
     if ((flags & layout->lost) != 0u) {
-        count_up(&self->counters.lost);
+        aeo_count_up(&self->counters.lost);
     }
     if ((flags & (layout->bus_off | layout->passive | layout->memory)) != 0u) {
         heed_errors(self, flags);

@@ -1,5 +1,6 @@
 #include "claim.h"
 
+#include <aeolid/count.h>
 #include <aeolid/status.h>
 
 #include <string.h>
@@ -49,7 +50,7 @@ static void yield(aeo_claim_t *self, uint32_t now_us)
     const unsigned from =
         self->address >= lowest && self->address <= self->config.highest ? self->address - lowest : 0u;
     unsigned i;
-    self->lost++;
+    aeo_count_up(&self->lost);
     for (i = 0; (self->config.name >> 63) != 0u && i < count; i++) {
         const unsigned next = lowest + (from + i) % count;
         if (!is_taken(self, next)) {

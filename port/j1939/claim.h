@@ -62,7 +62,7 @@ typedef struct {
     aeo_port_t port;   /* that the streamer's frames go to */
     uint32_t since_us; /* the claim under way */
     uint32_t taken[8]; /* bit for each address that another device has claimed */
-    uint32_t lost;     /* addresses yielded; wraps */
+    uint32_t lost;     /* addresses yielded */
     uint8_t address;   /* held or wanted */
     uint8_t state;     /* aeo_claim_state_t */
     uint8_t owes;      /* 1: a claim, or that none can be made, is to be sent */

@@ -2,6 +2,8 @@
 
 #include "slcan.h"
 
+#include <aeolid/count.h>
+
 #include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -167,7 +169,7 @@ static int send_frame(void *context, const aeo_can_frame_t *frame)
         taken += self->listener[i].open && free_characters(&self->listener[i]) >= length;
     }
     if (taken == 0u) {
-        self->refused++;
+        aeo_count_up(&self->refused);
         return 0;
     }
     for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
@@ -175,7 +177,7 @@ static int send_frame(void *context, const aeo_can_frame_t *frame)
         if (listener->open && free_characters(listener) >= length) {
             append(listener, line, length);
         } else if (listener->open) {
-            listener->dropped++;
+            aeo_count_up(&listener->dropped);
         }
     }
     return 1;
@@ -197,7 +199,7 @@ static void shut_channel(posix_bus_t *self, posix_listener_t *listener)
     listener->open = 0;
     listener->tail = listener->head;
     listener->command_length = 0;
-    self->dropped += listener->dropped;
+    aeo_count_add(&self->dropped, listener->dropped);
     listener->dropped = 0;
     if (self->terminal) {
         (void)tcflush(listener->fd, TCIOFLUSH);
@@ -403,7 +405,7 @@ uint32_t posix_bus_dropped(const posix_bus_t *self)
     uint32_t sum = self->dropped;
     unsigned i;
     for (i = 0; i < POSIX_BUS_LISTENERS; i++) {
-        sum += self->listener[i].fd >= 0 ? self->listener[i].dropped : 0u;
+        aeo_count_add(&sum, self->listener[i].fd >= 0 ? self->listener[i].dropped : 0u);
     }
     return sum;
 }

@@ -1,5 +1,7 @@
 #include "socketcan.h"
 
+#include <aeolid/count.h>
+
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/can.h>
@@ -174,19 +176,19 @@ static int send_frame(void *context, const aeo_can_frame_t *frame)
 {
     socketcan_t *self = (socketcan_t *)context;
     if (self->off) { /* the kernel takes frames in bus-off and throws them away */
-        self->counters.down++;
+        aeo_count_up(&self->counters.down);
         return 0;
     }
     if (write_frame(self, frame) >= 0) {
-        self->counters.sent++;
+        aeo_count_up(&self->counters.sent);
         return 1;
     }
     if (errno == ENOBUFS || errno == EAGAIN || errno == EINTR) {
-        self->counters.full++;
+        aeo_count_up(&self->counters.full);
     } else if (errno == ENETDOWN || errno == ENXIO || errno == ENODEV) {
-        self->counters.down++;
+        aeo_count_up(&self->counters.down);
     } else {
-        self->counters.failed++;
+        aeo_count_up(&self->counters.failed);
         self->last_error = errno;
     }
     return 0;
@@ -249,8 +251,8 @@ static int take_over(socketcan_t *self, heard_t heard, int up, uint32_t now_us)
 {
     const int before = self->up && !self->off;
     int usable;
-    self->counters.errors += heard.errors;
-    self->counters.bus_off += heard.bus_off;
+    aeo_count_add(&self->counters.errors, heard.errors);
+    aeo_count_add(&self->counters.bus_off, heard.bus_off);
     if (heard.last > 0) {
         self->off = 1;
         self->off_us = now_us;
@@ -259,8 +261,8 @@ static int take_over(socketcan_t *self, heard_t heard, int up, uint32_t now_us)
     }
     self->up = up;
     usable = self->up && !self->off;
-    self->counters.lost += before && !usable;
-    self->counters.returned += !before && usable;
+    aeo_count_add(&self->counters.lost, before && !usable);
+    aeo_count_add(&self->counters.returned, !before && usable);
     return usable;
 }
 

@@ -19,12 +19,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import known
+from textbook_machines import MACHINES
 from textbook_plants import PLANTS, Case
 
 _CASE = """[case]
 title = "{name}"
 [recordings]
-files = ["recording.csv"]
+files = {files}
 roles = "roles.toml"
 [baseline]
 kind = "equations"
@@ -37,7 +38,7 @@ machine = "rig"
 def truth_of(case: Case) -> dict[str, object]:
     """Return what known.py judges by: of a null any verdict without an effect but a wrong value."""
     if not case.hidden:
-        return {"verdict": ["no_mismatch", "parameter", "immaterial"], "ids": []}
+        return {"verdict": list(case.verdicts or ("no_mismatch", "parameter", "immaterial")), "ids": []}
     alike = ["ambiguous"] if case.accepted else []  # with one input a dead time and an offset of clocks are one
     return {
         "verdict": ["named", "multiple", *alike], "ids": list(case.hidden),
@@ -50,16 +51,18 @@ def write(case: Case, folder: Path) -> None:
     """Write recording, roles, model, case and truth."""
     folder.mkdir(parents=True, exist_ok=True)
     names = [*case.inputs, *case.outputs]
-    table = np.column_stack([case.step * np.arange(len(next(iter(case.columns.values())))), *case.columns.values()])
-    header = ",".join(["time_s", *case.columns])
-    np.savetxt(folder / "recording.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    files = ["recording.csv"] if case.parts == 1 else [f"recording_{k + 1}.csv" for k in range(case.parts)]
+    for name, rows in zip(files, np.array_split(np.column_stack([*case.columns.values()]), case.parts), strict=True):
+        table = np.column_stack([case.step * np.arange(len(rows)), rows])
+        header = ",".join(["time_s", *case.columns])
+        np.savetxt(folder / name, table, delimiter=",", header=header, comments="", fmt="%.9g")
     roles = [f'[recording]\nsample_time_s = {case.step!r}\ntime = "time_s"\n']
     for name in names:
         role = "input" if name in case.inputs else "output"
         roles.append(f'[[channel]]\nname = "{name}"\nunit = "1"\nrole = "{role}"\n')
     (folder / "roles.toml").write_text("".join(roles), encoding="utf-8")
     (folder / "model.toml").write_text(case.model, encoding="utf-8")
-    (folder / "case.toml").write_text(_CASE.format(name=case.name), encoding="utf-8")
+    (folder / "case.toml").write_text(_CASE.format(name=case.name, files=json.dumps(files)), encoding="utf-8")
     (folder / "truth.json").write_text(json.dumps(truth_of(case), indent=1) + "\n", encoding="utf-8")
 
 
@@ -71,7 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("textbook"), help="folder of cases and answers")
     parser.add_argument("--write-only", action="store_true", help="write the cases and diagnose nothing")
     args = parser.parse_args(arguments)
-    for number, plant in enumerate(PLANTS):  # cases are called after their plants
+    for number, plant in enumerate(PLANTS + MACHINES):  # cases are called after their plants
         own = plant.__name__
         if args.only and not any(word.startswith(own) or own.startswith(word) for word in args.only):
             continue

@@ -31,6 +31,8 @@ class Case:
     hidden: tuple[str, ...] = ()
     accepted: tuple[str, ...] = ()
     values: Mapping[str, float] = field(default_factory=dict)
+    parts: int = 1  # recordings that it is cut into, a pause behind each
+    verdicts: tuple[str, ...] = ()  # accepted, where others than named, multiple or those of a null are
 
 
 def march(slope: Slope, x: Sequence[float], u: Array, step: float, fine: int = 20, *, held: bool = True) -> Array:

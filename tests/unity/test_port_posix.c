@@ -198,6 +198,9 @@ static void a_full_ring_refuses(void)
     TEST_ASSERT_UINT_WITHIN(2, POSIX_BUS_RING / 27u, taken);
     TEST_ASSERT_EQUAL_UINT32(20000u - taken, bus.refused);
     TEST_ASSERT_EQUAL_size_t(0, posix_bus_room(&bus));
+    bus.refused = UINT32_MAX; /* after years: it stays there */
+    TEST_ASSERT_EQUAL_INT(0, port.send(port.context, &frame));
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, bus.refused);
     eager = connect_to_bus();
     (void)posix_bus_poll(&bus, -1, 100);
     bus.listener[0].tail = bus.listener[0].head - (POSIX_BUS_RING - 10u); /* full but for ten characters */
@@ -208,6 +211,9 @@ static void a_full_ring_refuses(void)
     posix_bus_abandon(&bus, POSIX_BUS_RING / 2u);
     TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
     TEST_ASSERT_EQUAL_UINT32(1, posix_bus_dropped(&bus));
+    bus.dropped = UINT32_MAX;
+    bus.listener[1].dropped = 5;
+    TEST_ASSERT_EQUAL_UINT32(UINT32_MAX, posix_bus_dropped(&bus));
     close(lazy);
     close(eager);
     posix_bus_close(&bus);
@@ -439,6 +445,9 @@ static void what_cannot_be_opened_is_closed_and_explained(void)
         TEST_ASSERT_NOT_NULL(strstr(text, names[i]));
         socketcan_port(&can, &port, NULL); /* a controller that goes on all the same is refused, not harmed */
         TEST_ASSERT_EQUAL_INT(0, port.send(port.context, &frame));
+        can.counters.failed = can.counters.down = can.counters.full = UINT32_MAX;
+        TEST_ASSERT_EQUAL_INT(0, port.send(port.context, &frame));
+        TEST_ASSERT_TRUE((can.counters.failed & can.counters.down & can.counters.full) == UINT32_MAX);
         TEST_ASSERT_EQUAL_INT(0, socketcan_poll(&can));
         socketcan_close(&can);
     }
