@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -100,6 +101,20 @@ def test_outputs_behind_an_anti_alias_filter_are_read_so(tmp_path: Path) -> None
     assert found.filter_s == pytest.approx(delay * STEP, abs=0.05 * STEP)
     assert found.late_s == pytest.approx((delay + 0.2) * STEP, abs=0.02 * STEP)
     assert {n.check for n in sampling_findings(prepared.records, found, STEP)} == {"intersample", "filter", "offset"}
+
+
+def test_a_filter_and_an_offset_are_fitted_further_before_one_is_chosen() -> None:
+    """After four iterations both gain alike; the filter's fit goes the longer way, and is 18 nats ahead at its end."""
+    held, short = (("push", "zoh"),), SimpleNamespace(y=np.zeros((1000, 2)))
+    offset = Sampling(held, 0.01, 0.0, free=True, gain=966.0)
+    behind = Sampling((("push", "filtered"),), 0.0, 0.01, free=True, gain=967.0)
+    ends = {offset: 994.0, behind: 1012.0}
+    stage = SimpleNamespace(
+        predictor=SimpleNamespace(segments=[short]), tried=lambda s, n: replace(s, gain=ends[s] if n > 4 else s.gain)
+    )
+    assert settle_sampling._likeliest(stage, [offset, behind]) == replace(behind, gain=1012.0)
+    assert settle_sampling._likeliest(stage, [offset]) == offset
+    assert settle_sampling._likeliest(stage, []) is None
 
 
 def test_a_command_late_by_more_is_physics(tmp_path: Path) -> None:

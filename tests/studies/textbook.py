@@ -41,7 +41,7 @@ def truth_of(case: Case) -> dict[str, object]:
         return {"verdict": list(case.verdicts or ("no_mismatch", "parameter", "immaterial")), "ids": []}
     alike = ["ambiguous"] if case.accepted else []  # with one input a dead time and an offset of clocks are one
     return {
-        "verdict": ["named", "multiple", *alike], "ids": list(case.hidden),
+        "verdict": ["named", "multiple", *alike, *case.verdicts], "ids": list(case.hidden),
         "also_accepted": list(case.accepted),
         "parameters": {k: {"value": v, "tolerance": 0.1} for k, v in case.values.items()},
     }  # fmt: skip

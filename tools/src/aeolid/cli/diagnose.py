@@ -230,12 +230,18 @@ def _print_verdict(diagnosis: dict[str, Any]) -> None:
 def _print_values(effect: dict[str, Any]) -> None:
     """Say the values of an effect, each by what it means, and what to set in which simulator."""
     from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
+    from aeolid.report.numbers import OPEN, is_loose
 
     called = name_of(effect["id"])
     for name, value in effect["parameters"].items():
         told = "beyond what these data resolve" if value["value"] is None else f"{value['value']:.4g}"
-        spread = "" if value["std"] is None else f" ± {value['std']:.2g}"
         unit = "" if value["unit"] in ("", "1") else f" {value['unit']}"
+        if value["std"] is None or value["value"] is None:
+            spread = ""
+        elif is_loose(value["value"], value["std"]):
+            spread, unit = f"{unit} ({OPEN})", ""
+        else:
+            spread = f" ± {value['std']:.2g}"
         meaning = meaning_of(effect["id"], name)
         label = f"{meaning} ({name})" if meaning else name
         console.print(f"  {called}: {label} = {told}{spread}{unit}", soft_wrap=True, markup=False)

@@ -191,11 +191,13 @@ def show(rows: Sequence[Mapping[str, Any]], out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from aeolid.report.numbers import is_loose
+
     table = Table(box=None, padding=(0, 1))
     for heading in ("case", "verdict", "effect", "value"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        spread = "" if row["std"] is None else f" ± {row['std']:.2g}"
+        spread = "" if row["std"] is None or is_loose(row["value"] or 0.0, row["std"]) else f" ± {row['std']:.2g}"
         value = "" if row["value"] is None else f"{row['value']:.4g}{spread} {row['unit'] or ''}".rstrip()
         effect = " ".join(
             part for part in (str(row["effect"] or "").replace("_", " "), place(str(row["where"] or ""))) if part

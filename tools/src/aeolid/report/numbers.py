@@ -28,13 +28,18 @@ def number(value: Any, digits: int = 3) -> str:
     return _grouped(f"{round(value, digits - 1 - exponent):.{max(0, digits - 1 - exponent)}f}")
 
 
+def is_loose(value: float, std: float) -> bool:
+    """Tell whether a deviation is so large that the value says nothing."""
+    return not math.isfinite(std) or std > _LOOSE * abs(value) > 0
+
+
 def with_std(value: Any, std: Any, digits: int = 3) -> str:
     """Return value ± standard deviation, the value cut where the uncertainty begins (two of its digits)."""
     if not (isinstance(std, int | float) and isinstance(value, int | float)):
         return number(value, digits)
     if not (math.isfinite(std) and math.isfinite(value) and std > 0):
         return number(value, digits)
-    if std > _LOOSE * abs(value) > 0:
+    if is_loose(value, std):
         return f"{number(value, digits)} ({OPEN})"
     last = math.floor(math.log10(std)) - 1
     if not -6 <= last <= 4 or std >= abs(value):  # an uncertainty beyond the value must not hide the value

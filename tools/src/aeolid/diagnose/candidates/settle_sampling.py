@@ -201,15 +201,27 @@ def _as_plain(stage: _Stage, choice: Choice, gain: float) -> Sampling | None:
 def _best(stage: _Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen, fitted further, which may have carried it beyond that."""
     trials = [stage.tried(s) for s in choice.trials(stage.sampling, stage.step)]
-    half = 0.5 * _price(stage)  # a filter has one parameter more
-    allowed = (s for s in trials if choice.allows(s, stage.step))
-    best = max(allowed, key=lambda s: s.gain - half * s.is_filtered, default=None)
+    best = _likeliest(stage, [s for s in trials if choice.allows(s, stage.step)])
     late = _later(stage, choice, trials, best)
     if late is not None:
         return late
     if best is None or not np.isfinite(best.gain):
         return None
     return _finished(stage, choice, best)
+
+
+def _likeliest(stage: _Stage, trials: list[Sampling]) -> Sampling | None:
+    """Return the best trial; where one with a filter of the outputs gains, too, both kinds are fitted further first.
+
+    A filter has one parameter more, and its fit goes a longer way: after four iterations 967 nats for 966 of an offset
+    alone, after twelve 1,012 for 994, and what the offset left over was named a drive.
+    """
+    half = 0.5 * _price(stage)
+    kinds = [[s for s in trials if s.is_filtered is kind] for kind in (False, True)]
+    leading = [max(kind, key=lambda s: s.gain) for kind in kinds if kind]
+    if len(leading) > 1 and leading[1].gain > half:
+        leading = [stage.tried(s, _THOROUGH) if s.free else s for s in leading]
+    return max(leading, key=lambda s: s.gain - half * s.is_filtered, default=None)
 
 
 def _later(stage: _Stage, choice: Choice, trials: list[Sampling], best: Sampling | None) -> Sampling | None:
