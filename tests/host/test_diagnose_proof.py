@@ -12,7 +12,7 @@ import pytest
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.validation.proof import is_material, prove
+from aeolid.diagnose.validation.proof import _errs_more, is_material, prove
 from aeolid.models import equations_file
 from aeolid.models.integrate import compile_equations
 
@@ -96,3 +96,13 @@ def test_a_law_without_states_is_judged_far_ahead(after: float, static: bool, ma
     profile = {"torque": {"steps": [1.0], "before": [0.09], "after": [0.02]}}
     proof: Any = SimpleNamespace(nrmse_before={"torque": 0.19}, nrmse_after={"torque": after}, profile=profile)
     assert is_material(proof, static) is material
+
+
+@pytest.mark.parametrize(("factor", "more"), [(1.0, False), (0.8, False), (1.05, False), (1.5, True)])
+def test_errors_are_larger_where_blocks_of_rows_agree(factor: float, more: bool) -> None:
+    """Errors of a half larger in every block are; of other noise, or a twentieth larger in 400 rows, nobody knows."""
+    rng = np.random.default_rng(7)
+    measured, before = rng.standard_normal((400, 1)), 0.3 * rng.standard_normal((400, 1))
+    after = factor * 0.3 * rng.standard_normal((400, 1))
+    after[5] = before[7] = np.nan
+    assert _errs_more(measured, [[measured - before], [measured - after]], 1) is more

@@ -112,6 +112,8 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
             return *_named(study, study.winner), study.proof
         return "unnamed", [], None
     if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
+        if study.proof is not None and study.proof.worse:  # over the settling time: the sealed part is not silent
+            return "unnamed", [], None
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
     if (
