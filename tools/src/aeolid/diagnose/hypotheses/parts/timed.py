@@ -10,6 +10,7 @@ from aeolid.diagnose.structure.anatomy import Motion
 
 _WIDTH = 0.02  # of the span: a step is a ramp this short, so that its time has a slope to follow
 _TIMES = (0.5, 0.65, 0.35, 0.8, 0.2, 0.9, 0.1)  # of the span
+_NEAREST = 0.08  # of the span, from either end: what changes there is how a recording starts (a mode that swings on)
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,8 @@ def changes(site: Site, motion: Motion, number: int, what: Coefficient) -> list[
     half = 0.5 * _WIDTH * span
     size = Slot(step, what.label, what.unit, 0.0, -what.most, what.most, 1e-4 * what.most)
     change = step, site.row_step
-    when = Slot(at, "time_s", "s", first + span / 2, first, last, 0.1 * span, local=False, change=change)
+    low, high = first + _NEAREST * span, last - _NEAREST * span
+    when = Slot(at, "time_s", "s", first + span / 2, low, high, 0.1 * span, local=False, change=change)
     stepped = force_on(
         motion, number, what.entry, (size, when),
         f"-{step}*0.5*(1 + tanh(({channel.symbol} - {at})/{half!r}))*{what.term}",
