@@ -268,7 +268,7 @@ def hold_terminal(node: Node) -> int:
 
 def slcan() -> dict[str, Any]:
     """Stream as text to the kernel's slcan driver, which makes frames of it."""
-    node = Node("slcan", "pty", "--speed", "40", feed=False)
+    node = Node("slcan", "pty", "--speed", "20", feed=False)
     terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
     master = hold_terminal(node)
     attach_terminal(terminal)
@@ -420,6 +420,8 @@ def import_all() -> None:
     importlib.import_module("aeolid.can.library").import_without_mdf4()  # as a listener does
     for name in NEEDED:
         importlib.import_module(f"aeolid.{name}")
+    importlib.import_module("aeolid.can.wire").health_names()  # the DBC is read once
+    importlib.import_module("aeolid.cli.main").main(["listen", "--bus", "socketcan:vcan7"])  # no such interface: 3
 
 
 def main() -> None:
