@@ -1,7 +1,8 @@
 """Gate: no bytes given as saved state, configuration, sample or frame make filters, regressor or streamer misbehave.
 
-python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, mostly the same;
-with it so many seconds for each fuzzer and precision, from a seed of its own, on inputs kept in the folder CORPUS.
+python fuzz.py ROOT [SECONDS [CORPUS]]: without SECONDS a fixed number of inputs from a fixed seed, mostly the same, in
+float (the tests have the sanitizers in double); with it so many seconds for each fuzzer and precision, from a seed of
+its own, on inputs kept in the folder CORPUS.
 libFuzzer with AddressSanitizer and UndefinedBehaviorSanitizer; exit code 77 where clang has none. An input that fails
 is left in the present folder; the program named in the message replays it.
 """
@@ -56,7 +57,7 @@ def main() -> None:
     findings, figures = [], []
     seconds = sys.argv[2] if len(sys.argv) > 2 else None
     corpus = Path(sys.argv[3]).resolve() if len(sys.argv) > 3 else gate.scratch()
-    for name, precision in product(FUZZERS, gate.PRECISIONS):
+    for name, precision in product(FUZZERS, gate.PRECISIONS if seconds else ["float"]):
         path = gate.scratch() / f"fuzz-{name}-{precision}"
         messages = build(FUZZERS[name], precision, path)
         if messages:

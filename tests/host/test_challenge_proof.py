@@ -1,6 +1,7 @@
-"""Cases made, diagnosed blind and scored: two by day, end to end; by night sixty, and the claims that they show.
+"""Cases made, diagnosed blind and scored, by night: two from end to end, and sixty with the claims that they show.
 
-By day recall and false names are those of the diagnosis tests of single effects and of recordings without any.
+By day test_challenge_seal.py runs and scores one case, and recall and false names are those of the diagnosis tests of
+single effects and of recordings without any.
 """
 
 from __future__ import annotations

@@ -34,16 +34,28 @@ def run(*words: object, folder: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Build archive and wheel, the wheel from the archive alone; returns both files."""
-    out = tmp_path_factory.mktemp("dist")
-    run(sys.executable, "-m", "build", "--no-isolation", "--outdir", out, ROOT / "tools", folder=out)
-    (archive,), (wheel,) = out.glob("*.tar.gz"), out.glob("*.whl")
-    return archive, wheel
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the source archive."""
+    out = tmp_path_factory.mktemp("archive")
+    run(sys.executable, "-m", "build", "--no-isolation", "--sdist", "--outdir", out, ROOT / "tools", folder=out)
+    (built,) = out.glob("*.tar.gz")
+    return built
 
 
 @pytest.fixture(scope="module")
-def clean(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def wheel(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Build the wheel from the archive alone."""
+    out = tmp_path_factory.mktemp("dist")
+    with tarfile.open(archive) as packed:
+        packed.extractall(out / "source", filter="data")
+    (source,) = (out / "source").iterdir()
+    run(sys.executable, "-m", "build", "--no-isolation", "--wheel", "--outdir", out, source, folder=out)
+    (built,) = out.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def clean(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install the wheel into an environment of its own; returns its folder of commands."""
     place = tmp_path_factory.mktemp("clean")
     venv.create(place / "venv", with_pip=False)
@@ -51,13 +63,13 @@ def clean(built: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) ->
     (site,) = (place / "venv/lib").glob("python*/site-packages")
     (site / "dependencies.pth").write_text(sysconfig.get_path("purelib") + "\n")
     command = (sys.executable, "-m", "pip", "--python", python, "install", "--no-deps", "--no-index", "--quiet")
-    run(*command, built[1], folder=place)
+    run(*command, wheel, folder=place)
     return python.parent
 
 
-def test_the_archive_holds_the_library_and_nothing_else(built: tuple[Path, Path]) -> None:
-    with tarfile.open(built[0]) as archive:
-        names = {name.partition("/")[2] for name in archive.getnames()}
+def test_the_archive_holds_the_library_and_nothing_else(archive: Path) -> None:
+    with tarfile.open(archive) as packed:
+        names = {name.partition("/")[2] for name in packed.getnames()}
     for wanted in ("PKG-INFO", "LICENSE", "pyproject.toml", "src/aeolid/cli/main.py",
                    "src/aeolid/py.typed", "library/CMakeLists.txt",
                    "src/aeolid/monitor/page/index.html", "library/include/aeolid/rls.h",

@@ -11,7 +11,6 @@ import fcntl
 import importlib
 import json
 import os
-import pkgutil
 import select
 import signal
 import socket
@@ -35,6 +34,8 @@ FINIT_MODULE, PIDFD_GETFD = 313, 438  # x86-64; a machine without kmod has no in
 TIOCSETD, N_SLCAN, SIOCGIFNAME = 0x5423, 17, 0x8910  # set the line discipline of a terminal; ask its interface
 REFUSED, BACK = "refused until it is back", "the interface is back"
 SO_RCVBUFFORCE = 33
+NEEDED = ("can.reception", "can.recorder", "can.runs", "can.socketcan", "can.software_node", "cli.listen_view",
+          "cli.listen_facts")  # fmt: skip
 ERROR_FLAG, BUS_OFF, RESTARTED = 0x20000000, 0x40, 0x100
 
 started: list[int] = []  # processes of the step, for its end
@@ -186,11 +187,11 @@ class Command:
 
 
 class Listener(Command):
-    """Own one `aeolid listen` that records all it can."""
+    """Own one `aeolid listen` that records all it can; modes would bring scipy, which takes a minute to import here."""
 
     def __init__(self, name: str, bus: str, *options: str) -> None:
         files = ["--record", f"{out}/{name}.csv", "--markov", f"{out}/{name}.npz", "--json", f"{out}/{name}.json"]
-        super().__init__(name, "listen", "--bus", bus, *files, *options)
+        super().__init__(name, "listen", "--bus", bus, "--no-modes", *files, *options)
 
     def wait_until_open(self, interface: str) -> None:
         """Wait until its socket takes everything from the interface."""
@@ -267,7 +268,7 @@ def hold_terminal(node: Node) -> int:
 
 def slcan() -> dict[str, Any]:
     """Stream as text to the kernel's slcan driver, which makes frames of it."""
-    node = Node("slcan", "pty", "--speed", "40", feed=False)
+    node = Node("slcan", "pty", "--speed", "20", feed=False)
     terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
     master = hold_terminal(node)
     attach_terminal(terminal)
@@ -388,10 +389,11 @@ def refusals() -> dict[str, Any]:
 
 def command_line() -> dict[str, Any]:
     """Run `aeolid node` itself, on an interface and without one."""
-    turbine = ("node", "--turbine", "--samples", "50", "--past", "3", "--speed", "max", "--bus")
+    played = ("--recording", f"{out}/classic.csv", "--roles", f"{out}/classic.roles.toml", "--samples", "50")
+    node = ("node", *played, "--past", "3", "--speed", "max", "--bus")
     before = count_sent("vcan1")
-    facts = {"done": Command("turbine", *turbine, "can:vcan1").finish(), "frames": count_sent("vcan1") - before}
-    return facts | {"refused": Command("refused", *turbine, "can:vcan7").finish()}
+    facts = {"done": Command("played", *node, "can:vcan1").finish(), "frames": count_sent("vcan1") - before}
+    return facts | {"refused": Command("refused", *node, "can:vcan7").finish()}
 
 
 def wiring() -> dict[str, Any]:
@@ -413,12 +415,13 @@ def program() -> dict[str, Any]:
 
 
 def import_all() -> None:
-    """Import what the commands need, which takes seconds here: the forks inherit it."""
+    """Import what `listen` and `node` need, which takes seconds here: the forks inherit it."""
     importlib.import_module("aeolid.cli.main").build_app()
-    for name in ("aeolid.can", "aeolid.identify", "aeolid.cli"):
-        for found in pkgutil.iter_modules(importlib.import_module(name).__path__):
-            with suppress(ImportError):  # an extra that is not installed
-                importlib.import_module(f"{name}.{found.name}")
+    importlib.import_module("aeolid.can.library").import_without_mdf4()  # as a listener does
+    for name in NEEDED:
+        importlib.import_module(f"aeolid.{name}")
+    importlib.import_module("aeolid.can.wire").health_names()  # the DBC is read once
+    importlib.import_module("aeolid.cli.main").main(["listen", "--bus", "socketcan:vcan7"])  # no such interface: 3
 
 
 def main() -> None:
