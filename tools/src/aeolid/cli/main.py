@@ -21,7 +21,7 @@ from aeolid.cli import guard
 
 PLUMBING = {
     "main", "common", "diagnose_many", "diagnose_piece", "guard", "identify_structure", "pools", "publishing",
-    "listen_facts", "listen_modes", "listen_rules", "listen_view", "pictures", "receiving", "reference",
+    "listen_facts", "listen_modes", "listen_rules", "listen_view", "merged_modes", "pictures", "receiving", "reference",
 }  # fmt: skip
 HELP = """Identify and diagnose wind-turbine models from controller recordings.
 
