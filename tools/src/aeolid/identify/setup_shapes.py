@@ -106,7 +106,9 @@ def joined(parts: Sequence[PartShape], reference: int | None) -> tuple[ComplexAr
         both = np.stack([J.real, J.imag], axis=1)
         covariance += both @ part.covariance @ both.transpose(0, 2, 1)
         start += count
-    return shape(given), covariance, at
+    values = shape(given)
+    values[at], covariance[at] = 1.0, 0.0  # but for rounding
+    return values, covariance, at
 
 
 def _whole(parts: Sequence[ComplexArray], shared: int, weights: Array) -> ComplexArray:

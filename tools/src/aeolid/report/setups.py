@@ -9,7 +9,7 @@ from aeolid.report.identification import mode_table
 from aeolid.report.markup import Html, folded, section, table, tag, write_page
 from aeolid.report.numbers import number, with_std
 from aeolid.report.shapes import shapes_part
-from aeolid.report.stabilisation import criteria_part, diagram_part
+from aeolid.report.stabilisation import criteria_table, diagram_part
 
 Facts = dict[str, Any]
 
@@ -62,5 +62,5 @@ def _setup(i: int, setup: Facts, references: list[str]) -> Html:
     told = f"Sensors: {others}. The references move {number(setup['level'], 3)} times as much as in set-up 1."
     return section(
         f"Set-up {i + 1}: {source}", tag("p", told), diagram_part(setup, f"u{i}s"),
-        folded("Criteria", criteria_part(setup)),
+        folded("Criteria", criteria_table(setup)),
     )  # fmt: skip

@@ -40,7 +40,7 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
         section("On the blades", _whirls(modes)), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
-        criteria_part(facts),
+        section("Criteria", criteria_table(facts)),
     )  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def _range(ends: list[float], factor: float) -> str:
     return f"{number(factor * ends[0], 4)} … {number(factor * ends[1], 4)}"
 
 
-def criteria_part(facts: Facts) -> Html:
+def criteria_table(facts: Facts) -> Html:
     """Build the table of what decided, and of the recordings."""
     c = facts["criteria"]
     told = [
@@ -85,7 +85,7 @@ def criteria_part(facts: Facts) -> Html:
     if facts.get("rotor_hz"):
         told.insert(0, ("rotor (Hz)", with_std(facts["rotor_hz"], facts["rotor_deviation_hz"])))
     told += [("recording", f"{d['source']}, {number(d['samples'])} samples") for d in facts["data"]]
-    return section("Criteria", table(["", ""], told))
+    return table(["", ""], told)
 
 
 def diagram_part(facts: Facts, prefix: str = "s") -> Html:
