@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, progress_console
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -80,7 +81,10 @@ def challenge(
         ),
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option("--timeout", min=1.0, help="run: seconds until a case has failed; default 900.")
+        float | None,
+        typer.Option(
+            "--timeout", parser=seconds_of, metavar="TIME", help="run: until a case has failed; default 900 s."
+        ),
     ] = None,
     keep: Annotated[
         bool, typer.Option("--keep", help="run: keep the report and the model of every diagnosis.")
