@@ -136,7 +136,7 @@ name = "cascaded tanks, the upper one runs over into the lower one, which is ful
 [parameters]
 top = { value = 10.0, unit = "V" }
 spill = { value = 1.0, unit = "1/s" }
-full = { value = 9.0, min = 3.0, max = 20.0, unit = "V", free = true }
+full = { value = 10.0, unit = "V" }
 k1 = { value = 0.054, min = 0.005, max = 0.5, unit = "V^0.5/s", free = true }
 k2 = { value = 0.054, min = 0.005, max = 0.5, unit = "V^0.5/s", free = true }
 k3 = { value = 0.054, min = 0.005, max = 0.5, unit = "V^0.5/s", free = true }

@@ -31,21 +31,21 @@ _ITERATIONS, _TOLERANCE = 40, 1e-3
 _EVEN = 1.64  # deviations of the sum of N^(1/2) blocks: one-sided 5 %
 
 
-def fitted_run(predictor: Predictor, start: Fit, declared: Equations) -> tuple[Predictor, Fit] | None:
-    """Return the fit of the free run to a predictor's data, from a fit of predictions and from the declared values.
+def fitted_run(predictor: Predictor, start: Fit, declared: Equations | None = None) -> tuple[Predictor, Fit] | None:
+    """Return the fit of the free run to a predictor's data, from a fit and, where given, from the declared values too.
 
-    The better of both; None where neither runs to the end. Cost: 80 iterations of as many filter passes as there are
-    free values, at most.
+    The better of both; None where neither runs to the end. Cost: at most 40 iterations from each, of as many filter
+    passes as there are free values.
     """
-    alone, model = predictor.with_order(0), predictor.compiled.model
-    free = physical(predictor, start.free)
-    theta = start.point.theta.copy()
-    for p in declared.parameters:
-        if p.free and model.index(p.name) in free.theta:
-            theta[model.index(p.name)] = p.value
-    found = [
-        fit_quietly(alone, running(start.point, t), free, _ITERATIONS, _TOLERANCE) for t in (start.point.theta, theta)
-    ]
+    alone, free = predictor.with_order(0), physical(predictor, start.free)
+    starts = [start.point.theta]
+    if declared is not None:
+        model, theta = predictor.compiled.model, start.point.theta.copy()
+        for p in declared.parameters:
+            if p.free and model.index(p.name) in free.theta:
+                theta[model.index(p.name)] = p.value
+        starts.append(theta)
+    found = [fit_quietly(alone, running(start.point, t), free, _ITERATIONS, _TOLERANCE) for t in starts]
     fits = [f for f in found if f is not None and np.isfinite(f.log_likelihood)]
     return (alone, max(fits, key=lambda f: f.log_posterior)) if fits else None
 

@@ -53,7 +53,7 @@ def told_values(
     run = fitted_run(*whole, prepared.declared)
     if run is None:
         return plain
-    found, uneven = widened(prepared.declared, run_moved(prepared.declared, *run), _parts(prepared, whole))
+    found, uneven = widened(prepared.declared, run_moved(prepared.declared, *run), _parts(prepared, run))
     against = {m.parameter.name: m for m in found}
     off = [m.parameter.name for m in values if m.parameter.name in against and _excluded(m, against[m.parameter.name])]
     if not off:
@@ -77,17 +77,17 @@ def _excluded(one: Moved, other: Moved) -> bool:
     return bool(apart or (one.at_end and not other.at_end))
 
 
-def _parts(prepared: Prepared, whole: tuple[Predictor, Fit]) -> tuple[list[Moved], list[Moved]] | None:
-    """Return the values of the run on the first part and on the rest, None where either does not run."""
-    predictor, fit = whole
+def _parts(prepared: Prepared, run: tuple[Predictor, Fit]) -> tuple[list[Moved], list[Moved]] | None:
+    """Return the values of a run on the first part and on the rest, None where either does not run."""
+    predictor, fit = run
     count, found = len(prepared.split.fit), []
     segments = predictor.segments
     for part, x0 in ((segments[:count], fit.point.x0[:count]), (segments[count:], fit.point.x0[count:])):
         start = replace(fit, point=replace(fit.point, x0=x0))
-        run = fitted_run(predictor.on(part), start, prepared.declared)
-        if run is None:
+        of_part = fitted_run(predictor.on(part), start)
+        if of_part is None:
             return None
-        found.append(run_moved(prepared.declared, *run))
+        found.append(run_moved(prepared.declared, *of_part))
     return found[0], found[1]
 
 
