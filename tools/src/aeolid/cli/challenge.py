@@ -120,7 +120,15 @@ def challenge(
             json_target,
         )
     elif step == "run":
-        _run(folder, target, workers or len(os.sched_getaffinity(0)), sham or 0, timeout or 900.0, keep, json_target)
+        _run(
+            folder,
+            target,
+            workers or len(os.sched_getaffinity(0)),
+            sham or 0,
+            900.0 if timeout is None else timeout,
+            keep,
+            json_target,
+        )
     else:
         _score(folder, target, page, fail_below, json_target)
 
@@ -180,6 +188,8 @@ def _make(
 def _run(
     folder: Path, target: Path, workers: int, sham: int, timeout: float, keep: bool, json_target: str | None
 ) -> None:
+    if timeout < 1:
+        raise UsageError(f"--timeout {timeout:g} is no time of a second or more")
     from aeolid.challenge.run import run
     from aeolid.fleet.workers import open_pool
 
