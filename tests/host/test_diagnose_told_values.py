@@ -108,3 +108,12 @@ def test_a_run_that_diverges_is_never_the_better() -> None:
     rng = np.random.default_rng(0)
     worse = 2 * rng.standard_normal((400, 1))
     assert runs_clearly_better(worse, 0.5 * worse, np.ones(1))
+
+
+def test_where_the_two_exclude_each_other_and_neither_is_proven_the_band_reaches_between(monkeypatch) -> None:
+    monkeypatch.setattr("aeolid.diagnose.validation.told_values.runs_clearly_better", lambda *given: False)
+    e = found(lagging(1, 1.0))
+    (value,), (other,) = e.values, e.others
+    assert not e.by_run and e.to_json()["values_of"] == "predictions"
+    assert value.std == pytest.approx(0.5 * abs(other.value - value.value))
+    assert "a fit of the free run gives K" in e.summary()

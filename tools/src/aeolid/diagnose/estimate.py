@@ -104,8 +104,8 @@ class Estimate:
                 "what was left out, so something fast is missing in the equations (how friction turns over, a lag)"
             ]
         return [
-            f"  note: a fit of the free run gives {told}, outside these deviations; something is missing in the "
-            "equations"
+            f"  note: a fit of the free run gives {told}, which these exclude; something is missing in the equations, "
+            "and their deviations are half of that"
         ]
 
     def to_json(self) -> dict[str, Any]:

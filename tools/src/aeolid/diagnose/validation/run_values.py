@@ -11,6 +11,7 @@ whatever the noise is, under feedback only as far as noise does not reach the in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.candidates.moved import Moved
+from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
@@ -48,6 +50,20 @@ def fitted_run(predictor: Predictor, start: Fit, declared: Equations | None = No
     found = [fit_quietly(alone, running(start.point, t), free, _ITERATIONS, _TOLERANCE) for t in starts]
     fits = [f for f in found if f is not None and np.isfinite(f.log_likelihood)]
     return (alone, max(fits, key=lambda f: f.log_posterior)) if fits else None
+
+
+def extended_run(run: tuple[Predictor, Fit], segments: Sequence[Segment]) -> tuple[Predictor, Fit] | None:
+    """Return a fitted run fitted to further stretches as well, those of the run first; None where it diverges.
+
+    From the values of the first stretches, and starts fitted to the first rows of the others: a run over a long stretch
+    from the start that predictions gave is far off where nothing in the model forgets it.
+    """
+    alone, fit = run
+    others = alone.score_elsewhere(fit, segments[len(alone.segments) :])[2].x0
+    both = alone.on(segments)
+    start = replace(fit.point, x0=(*fit.point.x0, *others))
+    found = fit_quietly(both, start, fit.free, _ITERATIONS, _TOLERANCE)
+    return None if found is None else (both, found)
 
 
 def physical(predictor: Predictor, free: Free) -> Free:

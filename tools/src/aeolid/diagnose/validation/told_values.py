@@ -2,8 +2,8 @@
 
 Predictions are the sharper where the equations are right, the free run the sounder where they are nearly right. Where
 the two exclude each other (Hausman 1978) and a first fit's run is clearly better with the run's values on the data left
-out, the run's are told. Either has the deviation of half of what two parts of the data differ by, where that is more
-than three deviations.
+out, the run's are told; where it is not, predictions' with half of the distance to the run's as their deviation. So it
+is half of what two parts of the data differ by, where that is more than three deviations.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.validation.run_values import fitted_run, run_moved, runs_clearly_better
+from aeolid.diagnose.validation.run_values import extended_run, fitted_run, run_moved, runs_clearly_better
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -50,24 +50,35 @@ def told_values(
     """Return the values to tell; most, whole: fits of predictions without and with what is left out; known: theirs."""
     values, apart = known
     plain = Told(values, False, (), apart, whole[1], most[1].point.theta)
-    run = fitted_run(*whole, prepared.declared)
-    if run is None:
+    split, declared = prepared.split, prepared.declared
+    first = fitted_run(prepared.predictor, prepared.fit, declared)
+    run = None if first is None else extended_run(first, whole[0].segments)
+    if first is None or run is None:
         return plain
-    found, uneven = widened(prepared.declared, run_moved(prepared.declared, *run), _parts(prepared, run))
+    found, uneven = widened(declared, run_moved(declared, *run), _parts(prepared, first, run))
     against = {m.parameter.name: m for m in found}
     off = [m.parameter.name for m in values if m.parameter.name in against and _excluded(m, against[m.parameter.name])]
     if not off:
         return plain
-    first = fitted_run(*most, prepared.declared)
-    if first is None or not _is_borne_out(prepared, most, first[1]):
-        return replace(plain, others=tuple(against[n] for n in off))
+    without = extended_run(first, (*split.fit, *split.select))
+    if without is None or not _is_borne_out(prepared, most, without[1]):
+        return replace(plain, values=_between(values, against, off), others=tuple(against[n] for n in off))
     held = most[1].point.theta.copy()
-    held[list(first[1].free.theta)] = first[1].point.theta[list(first[1].free.theta)]
+    held[list(run[1].free.theta)] = without[1].point.theta[list(run[1].free.theta)]
     theta = whole[1].point.theta.copy()
     theta[list(run[1].free.theta)] = run[1].point.theta[list(run[1].free.theta)]
     fit = replace(whole[1], point=replace(whole[1].point, theta=theta))
     others = tuple(m for m in values if m.parameter.name in off)
     return Told(found, True, others, uneven, fit, held)
+
+
+def _between(values: Sequence[Moved], against: dict[str, Moved], off: Sequence[str]) -> tuple[Moved, ...]:
+    """Return values with a deviation of half the distance, at least, to what contradicts them."""
+    return tuple(
+        replace(m, std=max(m.std, 0.5 * abs(m.value - against[m.parameter.name].value)))
+        if m.parameter.name in off and np.isfinite(against[m.parameter.name].std) else m
+        for m in values
+    )  # fmt: skip
 
 
 def _excluded(one: Moved, other: Moved) -> bool:
@@ -77,18 +88,14 @@ def _excluded(one: Moved, other: Moved) -> bool:
     return bool(apart or (one.at_end and not other.at_end))
 
 
-def _parts(prepared: Prepared, run: tuple[Predictor, Fit]) -> tuple[list[Moved], list[Moved]] | None:
-    """Return the values of a run on the first part and on the rest, None where either does not run."""
-    predictor, fit = run
-    count, found = len(prepared.split.fit), []
-    segments = predictor.segments
-    for part, x0 in ((segments[:count], fit.point.x0[:count]), (segments[count:], fit.point.x0[count:])):
-        start = replace(fit, point=replace(fit.point, x0=x0))
-        of_part = fitted_run(predictor.on(part), start)
-        if of_part is None:
-            return None
-        found.append(run_moved(prepared.declared, *of_part))
-    return found[0], found[1]
+def _parts(
+    prepared: Prepared, first: tuple[Predictor, Fit], run: tuple[Predictor, Fit]
+) -> tuple[list[Moved], list[Moved]] | None:
+    """Return the values of a run on the first part and on the rest, None where that does not run."""
+    (predictor, fit), count = run, len(first[0].segments)
+    start = replace(fit, point=replace(fit.point, x0=fit.point.x0[count:]))
+    rest = fitted_run(predictor.on(predictor.segments[count:]), start)
+    return None if rest is None else (run_moved(prepared.declared, *first), run_moved(prepared.declared, *rest))
 
 
 def _is_borne_out(prepared: Prepared, most: tuple[Predictor, Fit], run: Fit) -> bool:
