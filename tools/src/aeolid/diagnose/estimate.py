@@ -22,7 +22,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.selection.first_effect import settled_stage
 from aeolid.diagnose.stats.numbers import finite
-from aeolid.diagnose.validation.told_values import rms, run_errors, told_values, widened
+from aeolid.diagnose.validation.told_values import free_errors, rms, run_errors, told_values, widened
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.models.equations import Equations
 
@@ -225,9 +225,9 @@ def _checks(prepared: Prepared, predictor: Predictor, fit: Fit, held: Array) -> 
         if p.free:
             theta[model.index(p.name)] = p.value
     errors = []
-    for point in (replace(fit.point, theta=theta), replace(fit.point, theta=held)):
-        still = replace(point, noise=np.zeros_like(point.noise), K=np.zeros_like(predictor.scales.gain))
-        errors += [rms(run_errors(prepared, predictor, fit, p)) for p in (point, still)]
+    for values in (theta, held):
+        errors.append(rms(run_errors(prepared, predictor, fit, replace(fit.point, theta=values))))
+        errors.append(rms(free_errors(prepared, predictor, fit, values)))
     return tuple(
         Check(o.name, o.unit, *(float(errors[k][j]) for k in (0, 2, 1, 3))) for j, o in enumerate(model.outputs)
     )
