@@ -52,18 +52,35 @@ def fitted_run(predictor: Predictor, start: Fit, declared: Equations | None = No
     return (alone, max(fits, key=lambda f: f.log_posterior)) if fits else None
 
 
-def extended_run(run: tuple[Predictor, Fit], segments: Sequence[Segment]) -> tuple[Predictor, Fit] | None:
+def extended_run(
+    run: tuple[Predictor, Fit], segments: Sequence[Segment], known: Sequence[Array]
+) -> tuple[Predictor, Fit] | None:
     """Return a fitted run fitted to further stretches as well, those of the run first; None where it diverges.
 
-    From the values of the first stretches, and starts fitted to the first rows of the others: a run over a long stretch
-    from the start that predictions gave is far off where nothing in the model forgets it.
+    From the values of the first stretches, and for each other the best of three starts: that of its first rows, that of
+    a fit of predictions (known, a start (n,) of each stretch), the declared one. A run over a long stretch from the
+    wrong start is far off where nothing in the model forgets it, or where the first rows do not show a state.
     """
     alone, fit = run
-    others = alone.score_elsewhere(fit, segments[len(alone.segments) :])[2].x0
+    count = len(alone.segments)
+    early = alone.score_elsewhere(fit, segments[count:])[2].x0
+    declared = alone.compiled.model.x0[: len(alone.scales.x0)]
+    x0 = list(fit.point.x0)
+    for segment, settled, told in zip(segments[count:], early, known[count:], strict=True):
+        part = alone.on([segment])
+        starts = [settled, told, declared]
+        x0.append(starts[int(np.argmin([_power(part, replace(fit.point, x0=(s.copy(),))) for s in starts]))].copy())
     both = alone.on(segments)
-    start = replace(fit.point, x0=(*fit.point.x0, *others))
-    found = fit_quietly(both, start, fit.free, _ITERATIONS, _TOLERANCE)
+    found = fit_quietly(both, replace(fit.point, x0=tuple(x0)), fit.free, _ITERATIONS, _TOLERANCE)
     return None if found is None else (both, found)
+
+
+def _power(predictor: Predictor, point: Point) -> float:
+    """Return the mean square error of a free run, in spreads of the outputs; infinite where it is no number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        errors = np.vstack(predictor.innovations(point)) / predictor.scales.spread
+        power = float(np.nanmean(errors**2)) if np.isfinite(errors).any() else np.inf
+    return power if np.isfinite(power) else np.inf
 
 
 def physical(predictor: Predictor, free: Free) -> Free:

@@ -58,7 +58,7 @@ def told_values(
     plain = Told(values, False, (), apart, whole[1], most[1].point.theta)
     split, declared = prepared.split, prepared.declared
     first = fitted_run(prepared.predictor, prepared.fit, declared)
-    run = None if first is None else extended_run(first, whole[0].segments)
+    run = None if first is None else extended_run(first, whole[0].segments, whole[1].point.x0)
     if first is None or run is None:
         return plain
     found, uneven = widened(declared, run_moved(declared, *run), _parts(prepared, first, run))
@@ -66,7 +66,7 @@ def told_values(
     off = [m.parameter.name for m in values if m.parameter.name in against and _excluded(m, against[m.parameter.name])]
     if not off:
         return plain
-    without = extended_run(first, (*split.fit, *split.select))
+    without = extended_run(first, (*split.fit, *split.select), most[1].point.x0)
     if without is None or not _is_borne_out(prepared, most, without[1]):
         return replace(plain, values=_between(values, against, off), others=tuple(against[n] for n in off))
     held = most[1].point.theta.copy()
