@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from aeolid.api.reading import read as read
     from aeolid.api.record import Record as Record
     from aeolid.api.scheduled import ScheduledModel as ScheduledModel
+    from aeolid.api.setups import MergedModes as MergedModes
+    from aeolid.api.setups import merge_setups as merge_setups
     from aeolid.api.simulation import Simulation as Simulation
     from aeolid.api.simulation import simulate as simulate
     from aeolid.api.table import Table as Table
@@ -56,7 +58,7 @@ _PLACES = {
     "ScheduledModel": "api.scheduled", "CampbellDiagram": "api.campbell", "campbell": "api.campbell",
     "Simulation": "api.simulation", "Table": "api.table", "Validation": "api.validation", "load_model": "api.models",
     "modes": "api.modal", "read": "api.reading", "simulate": "api.simulation", "validate": "api.validation",
-    "design": "api.designing",
+    "design": "api.designing", "MergedModes": "api.setups", "merge_setups": "api.setups",
 }  # fmt: skip
 
 __all__ = ["__version__", *_CALLED, *_PLACES]

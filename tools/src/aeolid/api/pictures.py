@@ -127,3 +127,16 @@ def draw_stabilisation(facts: Any, axes: Any) -> Any:
     place.set_ylabel("order")
     place.legend(loc="upper right", fontsize="small")
     return place
+
+
+def draw_setups(facts: Any, axes: Any) -> Any:
+    """Draw the diagram of each set-up of merged ones, on a common axis of frequency."""
+    setups = facts["setups"]
+    found = places.grid(axes, len(setups), 1, size=(9.0, 3.2)).ravel()
+    for i, (setup, place) in enumerate(zip(setups, found, strict=True)):
+        draw_stabilisation(setup, place)
+        place.set_title(f"set-up {i + 1}", fontsize="small")
+    right = max(place.get_xlim()[1] for place in found)
+    for place in found:
+        place.set_xlim(0.0, right)
+    return found

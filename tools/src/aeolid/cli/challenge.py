@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, progress_console
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -80,7 +81,10 @@ def challenge(
         ),
     ] = None,
     timeout: Annotated[
-        float | None, typer.Option("--timeout", min=1.0, help="run: seconds until a case has failed; default 900.")
+        float | None,
+        typer.Option(
+            "--timeout", parser=seconds_of, metavar="TIME", help="run: until a case has failed; default 900 s."
+        ),
     ] = None,
     keep: Annotated[
         bool, typer.Option("--keep", help="run: keep the report and the model of every diagnosis.")
@@ -116,7 +120,15 @@ def challenge(
             json_target,
         )
     elif step == "run":
-        _run(folder, target, workers or len(os.sched_getaffinity(0)), sham or 0, timeout or 900.0, keep, json_target)
+        _run(
+            folder,
+            target,
+            workers or len(os.sched_getaffinity(0)),
+            sham or 0,
+            900.0 if timeout is None else timeout,
+            keep,
+            json_target,
+        )
     else:
         _score(folder, target, page, fail_below, json_target)
 
@@ -176,6 +188,8 @@ def _make(
 def _run(
     folder: Path, target: Path, workers: int, sham: int, timeout: float, keep: bool, json_target: str | None
 ) -> None:
+    if timeout < 1:
+        raise UsageError(f"--timeout {timeout:g} is no time of a second or more")
     from aeolid.challenge.run import run
     from aeolid.fleet.workers import open_pool
 

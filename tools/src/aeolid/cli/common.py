@@ -18,6 +18,7 @@ from rich.segment import Segment
 
 from aeolid import output
 from aeolid.display import visible_lines
+from aeolid.durations import read_duration
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -139,12 +140,9 @@ def read_resample(text: str | None) -> float | str | None:
     """Read what --resample says: auto, or seconds above 0. Raises UsageError."""
     if text in (None, "auto"):
         return text
-    try:
-        seconds = float(text.removesuffix("s")) if text else 0.0
-    except ValueError:
-        seconds = 0.0
-    if not 0 < seconds < 1e6:
-        raise UsageError(f"--resample {text}: neither auto nor a sample time in seconds such as 0.05")
+    seconds = read_duration(text or "")
+    if seconds is None or not 0 < seconds < 1e6:
+        raise UsageError(f"--resample {text}: neither auto nor a sample time in seconds such as 0.05, or 50ms")
     return seconds
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, waiting
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from aeolid.excitation.design import DesignRequest
 
 EXAMPLES = (
-    "aeolid design model.json --bound pitch=1deg --rate pitch=5deg/s --duration 600 --out excitation.csv",
+    "aeolid design model.json --bound pitch=1deg --rate pitch=5deg/s --duration 10min --out excitation.csv",
     "aeolid design model.json --bound pitch=1deg --limit tower_fore_aft=0.2 --deviation 10% --goal 0.44 --out e.csv",
     "aeolid design model.json --bound pitch=1deg --demand pitch=0..90deg --signal prbs --duration 600 --start 60 "
     "--out e.csv --wrapper excitation.cfg",
@@ -45,7 +46,10 @@ def design(
     on_top: Annotated[
         bool, typer.Option("--on-top", help="Limits are on what the excitation adds, not on the whole with noise.")
     ] = False,
-    duration: Annotated[float | None, typer.Option("--duration", help="Length of the experiment in seconds.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", parser=seconds_of, metavar="TIME", help="Length of the experiment: 600, 10min, 1h."),
+    ] = None,
     deviation: Annotated[
         str | None,
         typer.Option("--deviation", help="Find the shortest duration with this relative deviation, such as 5%."),
@@ -70,9 +74,12 @@ def design(
             autocompletion=one_of("auto", "prbs", "multisine", "filtered"),
         ),
     ] = "auto",
-    clock: Annotated[float | None, typer.Option("--clock", help="prbs: seconds a bit; default several are tried.")] = (
-        None
-    ),
+    clock: Annotated[
+        float | None,
+        typer.Option(
+            "--clock", parser=seconds_of, metavar="TIME", help="prbs: seconds a bit; default several are tried."
+        ),
+    ] = (None),
     band: Annotated[
         str | None, typer.Option("--band", metavar="LOW,HIGH", help="multisine, filtered: Hz; default several.")
     ] = None,
@@ -87,7 +94,12 @@ def design(
     ] = None,
     sample_time: Annotated[
         float | None,
-        typer.Option("--sample-time", help="Seconds between values: the model's (default), a multiple or part of it."),
+        typer.Option(
+            "--sample-time",
+            parser=seconds_of,
+            metavar="TIME",
+            help="Seconds between values: the model's (default), a multiple or part of it.",
+        ),
     ] = None,
     controller: Annotated[
         Path | None,
@@ -105,7 +117,12 @@ def design(
         list[str] | None,
         typer.Option("--demand", metavar="INPUT=LOW..HIGH", help="Range of the whole demand, for --wrapper."),
     ] = None,
-    start: Annotated[float, typer.Option("--start", help="For --wrapper: when it begins, in simulated seconds.")] = 0.0,
+    start: Annotated[
+        float,
+        typer.Option(
+            "--start", parser=seconds_of, metavar="TIME", help="For --wrapper: when it begins, in simulated seconds."
+        ),
+    ] = 0.0,
     json_target: JsonOption = None,
     force: ForceOption = False,
 ) -> None:

@@ -19,6 +19,7 @@ from aeolid.cli.common import (
     read_resample,
 )
 from aeolid.cli.diagnose_piece import FILES, Asked, require_case
+from aeolid.cli.durations import seconds_of
 from aeolid.cli.pools import (
     InsecureOption,
     SchedulerOption,
@@ -70,7 +71,10 @@ def run(
         bool, typer.Option("--allow-fmu", help="Run the native library of a unit, confined; without it, say its hash.")
     ] = False,
     time_limit: Annotated[
-        float, typer.Option("--time-limit", metavar="SECONDS", help="Then the best answer so far, and what is left.")
+        float,
+        typer.Option(
+            "--time-limit", parser=seconds_of, metavar="TIME", help="Then the best answer so far, and what is left."
+        ),
     ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
     resample: ResampleOption = None,
     workers: WorkersOption = None,

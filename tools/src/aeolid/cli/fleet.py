@@ -173,12 +173,13 @@ def _plan(
 
 def _samples(past: str, roles: Roles, paths: list[Path]) -> int:
     """Return the window in samples; of one in seconds by the sample time of the first recording that can be read."""
+    from aeolid.durations import read_duration
     from aeolid.errors import AeolidError
     from aeolid.formats import read_record
-    from aeolid.identify.choose_past import SECONDS, read_past
+    from aeolid.identify.choose_past import read_past
 
     step = roles.sample_time_s
-    if SECONDS.fullmatch(past.strip()) is None:
+    if read_duration(past, bare=False) is None:
         found = read_past(past, 1.0)
         if found is None:
             raise UsageError("--past auto is for identify; give the fleet one window, in samples (30) or seconds (12s)")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aeolid.cli.common import DEFAULT_BASE, BaseOption, ForceOption, JsonOption
+from aeolid.cli.durations import seconds_of
 from aeolid.cli.publishing import PublishEveryOption, PublishOption, check_every, publishing, targets_of
 from aeolid.cli.receiving import (
     BitRateOption,
@@ -55,7 +56,12 @@ def run(
     poles: PolesOption = None,
     poles_every: PolesEveryOption = 1.0,
     order: OrderOption = None,
-    seconds: Annotated[float | None, typer.Option("--for", "--seconds", help="Stop after so many seconds.")] = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(
+            "--for", "--seconds", parser=seconds_of, metavar="TIME", help="Stop after this time: 600, 10min, 1h."
+        ),
+    ] = None,
     until_end: UntilEndOption = False,
     reconnect: ReconnectOption = None,
     node_id: Annotated[int | None, typer.Option("--node-id", help="Write this node only.")] = None,

@@ -12,7 +12,6 @@ from aeolid.cli.common import (
     ForceOption,
     JsonOption,
     ResampleOption,
-    RolesOption,
     console,
     emit_json,
     extent,
@@ -20,6 +19,7 @@ from aeolid.cli.common import (
     one_of,
     waiting,
 )
+from aeolid.cli.merged_modes import read_merged, show_merged
 from aeolid.cli.pictures import PICTURES, write_picture
 from aeolid.errors import UsageError
 from aeolid.output import declare
@@ -28,6 +28,7 @@ EXAMPLES = (
     "aeolid modes monday.csv --roles roles.toml",
     "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
     "aeolid modes turbine.csv --roles roles.toml --blades flap_moment_1..3 --blades edge_moment_1..3",
+    "aeolid modes low.csv middle.csv high.csv --roles sensors.toml --references top_x,top_y --report tower.html",
 )
 
 
@@ -37,8 +38,25 @@ def register(app: typer.Typer) -> None:
 
 
 def modes(
-    recordings: Annotated[list[Path], typer.Argument(metavar="REC...", help="Recordings of one experiment set.")],
-    roles: RolesOption,
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(metavar="REC...", help="Recordings of one experiment set; with --references one a set-up."),
+    ],
+    roles: Annotated[
+        list[Path],
+        typer.Option(
+            "--roles",
+            help="TOML file that names each channel, its unit and role; with --references one of all, or one a set-up.",
+        ),
+    ],
+    references: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--references",
+            metavar="CH1,CH2",
+            help="Sensors that every recording has while the others roam: each is a set-up; modes are merged.",
+        ),
+    ] = None,
     outputs: Annotated[
         list[str] | None,
         typer.Option("--outputs", help="Channel to use; repeatable. Default: those of the role output."),
@@ -70,17 +88,27 @@ def modes(
     """Find modes, shapes and harmonics by outputs alone: operational modal analysis with a stabilisation diagram.
 
     Inputs of the roles file are left out: modes are those of everything that moves, the loop of a controller included.
+    With --references each recording is a set-up, identified by itself; shapes are joined by the sensors that stay.
     """
     if picture is not None and picture.suffix.lower() not in PICTURES:
         raise UsageError(f"--picture {picture}: a picture is written as {', '.join(PICTURES)}")
     files = {"--report": report, "--picture": picture, "--json": json_target}
-    declare("modes", force=force, inputs=[*recordings, roles], files=files)
+    declare("modes", force=force, inputs=[*recordings, *roles], files=files)
+    if references:
+        merged = read_merged(
+            recordings, roles, references, resample, blades, outputs=outputs, past=past, largest=largest_order,
+            decimate=decimate, reference=reference, quiet=json_target == "-",
+        )  # fmt: skip
+        show_merged(merged, report, picture, json_target)
+        return
+    if len(roles) > 1:
+        raise UsageError("several --roles are of set-ups with sensors of their own; name what they share, --references")
     from aeolid.api.modal import modes as find
     from aeolid.api.pictures import draw_stabilisation as draw
     from aeolid.formats import read_record
 
     with waiting("reading"):
-        layout = load_roles(roles, resample)
+        layout = load_roles(roles[0], resample)
         records = [read_record(path, layout) for path in recordings]
     with waiting("finding poles over orders and windows"):
         found = find(

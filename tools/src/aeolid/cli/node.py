@@ -21,6 +21,7 @@ from aeolid.cli.common import (
     one_of,
     progress_console,
 )
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare, private_path
 
@@ -69,7 +70,10 @@ def run(
         bool,
         typer.Option("--force-base", help="Send at a --base that CANopen or J1939 use: none of their devices is here."),
     ] = False,
-    snapshot_every: Annotated[float, typer.Option("--snapshot-every", help="Seconds between two snapshots.")] = 10.0,
+    snapshot_every: Annotated[
+        float,
+        typer.Option("--snapshot-every", parser=seconds_of, metavar="TIME", help="Seconds between two snapshots."),
+    ] = 10.0,
     sample_every: Annotated[int, typer.Option("--sample-every", help="Send every k-th sample, 0: none.")] = 1,
     share: Annotated[float, typer.Option("--share", help="Of the bit rate, in percent; 0: no limit.")] = 5.0,
     bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus in bit/s.")] = 500_000,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from aeolid.cli.common import progress_console
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -24,7 +25,10 @@ PublishOption = Annotated[
     ),
 ]
 PublishEveryOption = Annotated[
-    float, typer.Option("--publish-every", metavar="SECONDS", help="Between two messages of --publish.")
+    float,
+    typer.Option(
+        "--publish-every", parser=seconds_of, metavar="TIME", help="Between two messages of --publish: 10, 1min."
+    ),
 ]
 
 

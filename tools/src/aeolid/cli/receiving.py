@@ -13,6 +13,7 @@ import typer
 
 from aeolid import output
 from aeolid.cli.common import check_address, console, emit_json, progress_console, read_base
+from aeolid.cli.durations import seconds_of
 from aeolid.errors import DataError, UsageError
 
 if TYPE_CHECKING:
@@ -45,7 +46,13 @@ PolesOption = Annotated[
     Path | None, typer.Option("--poles", help="Write the modes over time (.csv, .csv.gz, .parquet, .mf4).")
 ]
 PolesEveryOption = Annotated[
-    float, typer.Option("--poles-every", help="Seconds of the controller between two rows of --poles.")
+    float,
+    typer.Option(
+        "--poles-every",
+        parser=seconds_of,
+        metavar="TIME",
+        help="Seconds of the controller between two rows of --poles.",
+    ),
 ]
 OrderOption = Annotated[
     int | None,

@@ -19,15 +19,14 @@ from aeolid.diagnose.data.forensics import Finding, examine
 from aeolid.diagnose.data.intersample import sampling_findings
 from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.predictor.fitted import Fit
-from aeolid.diagnose.predictor.point import Free
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.selection.first_effect import settled_stage
 from aeolid.diagnose.stats.numbers import finite
+from aeolid.diagnose.validation.told_values import free_errors, rms, run_errors, told_values, widened
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-_APART = 3.0  # deviations by which two parts of the data may differ before the bands are said not to hold
 _ALIKE = 0.99  # correlation of two estimates from which the data hardly tell them apart
 
 Step = Callable[[str], None]
@@ -64,14 +63,18 @@ class Check:
 class Estimate:
     """Hold equations with fitted values.
 
-    model: with the values that all data give; values: these with their deviations, in the model's order. apart: names
-    of values that differ between two parts of the data by more than their deviations say; those are then half of the
-    difference. alike: pairs of values that the data hardly tell apart, with the correlation of their estimates.
+    model: with the values that all data give; values: these with their deviations, in the model's order. by_run: they
+    are those of the free run, since those of one-step predictions exclude them and run worse on what was left out;
+    others: those of predictions then, else those of the run that are excluded. apart: names of values that differ
+    between two parts of the data by more than their deviations say; those are then half of the difference. alike: pairs
+    of values that the data hardly tell apart, with the correlation of their estimates.
     held_out: what was left out of the fit that `checks` are of.
     """
 
     model: Equations
     values: tuple[Moved, ...]
+    by_run: bool
+    others: tuple[Moved, ...]
     apart: tuple[str, ...]
     alike: tuple[tuple[str, str, float], ...]
     checks: tuple[Check, ...]
@@ -81,6 +84,7 @@ class Estimate:
     def summary(self) -> str:
         """Return values and checks as text."""
         lines = ["fitted values (declared):", *_told(self.values)]
+        lines += self._contradiction()
         for name in self.apart:
             lines.append(f"  note: {name} differs between two parts of the data; its deviation is half of that")
         for one, other, correlation in self.alike[:3]:
@@ -88,6 +92,21 @@ class Estimate:
         lines.append(f"held against what a first fit did not have, {self.held_out}:")
         lines += [f"  {c.text()}" for c in self.checks]
         return "\n".join([*lines, *(f"note: {f.channel}: {f.finding}" for f in self.findings)])
+
+    def _contradiction(self) -> list[str]:
+        """Return a note where the free run and one-step predictions give values that exclude each other."""
+        if not self.others:
+            return []
+        told = ", ".join(f"{m.parameter.name} {m.value:.5g}" for m in self.others)
+        if self.by_run:
+            return [
+                f"  note: these values are those of the free run; one-step predictions give {told} and run worse on "
+                "what was left out, so something fast is missing in the equations (how friction turns over, a lag)"
+            ]
+        return [
+            f"  note: a fit of the free run gives {told}, which these exclude; something is missing in the equations, "
+            "and their deviations are half of that"
+        ]
 
     def to_json(self) -> dict[str, Any]:
         """Return all of it but the model, numbers that are not finite as None."""
@@ -97,6 +116,10 @@ class Estimate:
                  "declared": m.parameter.value, "at_end_of_range": m.at_end,
                  "parts_differ": m.parameter.name in self.apart}
                 for m in self.values
+            ],
+            "values_of": "free run" if self.by_run else "predictions",
+            "contradicted_by": [
+                {"name": m.parameter.name, "value": m.value, "std": finite(m.std)} for m in self.others
             ],
             "alike": [{"parameters": [a, b], "correlation": c} for a, b, c in self.alike],
             "held_out": self.held_out,
@@ -139,14 +162,17 @@ def estimate(case: Case, step: Step = lambda text: None) -> Estimate:
     prepared = settled_stage(case)
     split, predictor = prepared.split, prepared.predictor
     most = _fit(prepared, predictor, prepared.fit, (*split.fit, *split.select))
-    step("holding against the part left out")
-    checks = _checks(prepared, *most)
     step("fitting all data")
     whole = _fit(prepared, *most, (*split.fit, *split.select, *split.sealed))
     values, apart = _values(prepared, whole, _other_part(prepared, most))
+    step("fitting the free run")
+    told = told_values(prepared, most, whole, (values, apart))
+    checks = _checks(prepared, *most, told.held)
     notes = (*findings, *left, *sampling_findings(prepared.records, prepared.sampling, case.records[0].sample_time_s))
-    model = replace(corrected_model(prepared, whole[1], None), name=f"{declared.name} (fitted)")
-    return Estimate(model, values, apart, _alike(*whole), checks, split.sealed_text, notes)
+    model = replace(corrected_model(prepared, told.fit, None), name=f"{declared.name} (fitted)")
+    return Estimate(
+        model, told.values, told.by_run, told.others, told.apart, _alike(*whole), checks, split.sealed_text, notes
+    )  # fmt: skip
 
 
 def _fit(prepared: Prepared, predictor: Predictor, fit: Fit, segments: tuple[Any, ...]) -> tuple[Predictor, Fit]:
@@ -171,18 +197,8 @@ def _values(
     prepared: Prepared, whole: tuple[Predictor, Fit], other: tuple[Predictor, Fit] | None
 ) -> tuple[tuple[Moved, ...], tuple[str, ...]]:
     """Return the values of all data, and which of them differ between the first part and the rest."""
-    order = [p.name for p in prepared.declared.parameters]
-    known = {m.parameter.name: m for m in _moved(prepared, *whole)}
-    first, rest = ({m.parameter.name: m for m in _moved(prepared, *part)} for part in (
-        (prepared.predictor, prepared.fit), other or whole))  # fmt: skip
-    apart = []
-    for name, m in known.items():
-        a, b = first[name], rest[name]
-        between, spread = abs(a.value - b.value), float(np.hypot(a.std, b.std))
-        if other is not None and np.isfinite(spread) and between > _APART * spread:
-            apart.append(name)
-            known[name] = replace(m, std=max(m.std, 0.5 * between))
-    return tuple(known[n] for n in order if n in known), tuple(n for n in order if n in apart)
+    parts = None if other is None else (_moved(prepared, prepared.predictor, prepared.fit), _moved(prepared, *other))
+    return widened(prepared.declared, _moved(prepared, *whole), parts)
 
 
 def _moved(prepared: Prepared, predictor: Predictor, fit: Fit) -> list[Moved]:
@@ -201,30 +217,17 @@ def _alike(predictor: Predictor, fit: Fit) -> tuple[tuple[str, str, float], ...]
     return tuple(sorted(found, key=lambda pair: -abs(pair[2])))
 
 
-def _checks(prepared: Prepared, predictor: Predictor, fit: Fit) -> tuple[Check, ...]:
-    """Return how declared and fitted values meet the part left out, first states fitted to its first rows."""
+def _checks(prepared: Prepared, predictor: Predictor, fit: Fit, held: Array) -> tuple[Check, ...]:
+    """Return how declared values and those of a first fit, held (np,), meet the part left out, starts fitted to it."""
     model = predictor.compiled.model
     theta = fit.point.theta.copy()
     for p in prepared.declared.parameters:
         if p.free:
             theta[model.index(p.name)] = p.value
     errors = []
-    for point in (replace(fit.point, theta=theta), fit.point):
-        still = replace(point, noise=np.zeros_like(point.noise), K=np.zeros_like(predictor.scales.gain))
-        errors += [_missed(prepared, predictor, fit, p) for p in (point, still)]
+    for values in (theta, held):
+        errors.append(rms(run_errors(prepared, predictor, fit, replace(fit.point, theta=values))))
+        errors.append(rms(free_errors(prepared, predictor, fit, values)))
     return tuple(
         Check(o.name, o.unit, *(float(errors[k][j]) for k in (0, 2, 1, 3))) for j, o in enumerate(model.outputs)
     )
-
-
-def _missed(prepared: Prepared, predictor: Predictor, fit: Fit, point: Any) -> Array:
-    """Return the root mean square innovations (l,) of the part left out; NaN where they are not finite."""
-    segments, alone = prepared.split.sealed, predictor.with_order(0)
-    if alone.noise_of(alone.innovations(point)) is None:
-        return np.full(len(predictor.scales.spread), np.nan)
-    held = alone.at(point, Free((), (), (), fit.free.x0))
-    _, other, settled = alone.score_elsewhere(held, segments)
-    parts = [e[s.burn :] for e, s in zip(other.innovations(settled), segments, strict=True)]
-    with np.errstate(over="ignore", invalid="ignore"):
-        found: Array = np.sqrt(np.nanmean(np.vstack(parts) ** 2, axis=0))
-    return np.where(np.isfinite(found), found, np.nan)

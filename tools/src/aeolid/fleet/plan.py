@@ -13,13 +13,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from aeolid.durations import read_duration
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.keep import Keep
 from aeolid.formats.recording import SUFFIXES
 from aeolid.record import Roles
 
 DAY = 86400.0
-SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY, "w": 7 * DAY}
 FORMAT = 1  # of the cached factors: one more where their content changes
 EPOCH = 1e8  # times above this are seconds since 1970, below since some start of their own
 _STAMPS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
@@ -117,8 +117,7 @@ def compile_group(pattern: str | None) -> None:
 
 def parse_window(text: str) -> float:
     """Return the seconds of a length of time such as 1d, 6h, 30min; raises UsageError."""
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)(s|min|h|d|w)", text.strip())
-    seconds = 0.0 if found is None else float(found[1]) * SECONDS[found[2]]
+    seconds = read_duration(text, bare=False) or 0.0
     if seconds < 1:  # periods are named by their first second
         raise UsageError(f"--window {text!r} is no length of time of a second or more; write for example 1d or 30min")
     return seconds

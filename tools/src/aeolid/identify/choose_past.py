@@ -13,13 +13,13 @@ power.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.durations import read_duration
 from aeolid.errors import UsageError
 from aeolid.identify.contrast import MOST, steps_to_pay
 from aeolid.identify.order import FIT_PART
@@ -33,7 +33,6 @@ SHORTEST, LONGEST = 10, 400
 WIDEST = 640  # coefficients of the longest window tried: the work grows with their cube
 A_COEFFICIENT = 4  # windows a coefficient of the longest window tried, 3 of 10 of them held out
 STEP = 2**0.5  # between windows tried
-SECONDS = re.compile(r"([0-9]*\.?[0-9]+(?:e[+-]?[0-9]+)?)\s*s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +70,11 @@ def read_past(text: str, sample_time_s: float) -> int | None:
     """
     if text == "auto":
         return None
-    seconds = SECONDS.fullmatch(text.strip())
+    seconds = read_duration(text, bare=False)
     if seconds is not None:
         if not sample_time_s > 0:
             raise UsageError(f"--past {text}: the rate is lowered by no factor of at least 1; correct --decimate")
-        return max(round(float(seconds[1]) / sample_time_s), 1)
+        return max(round(seconds / sample_time_s), 1)
     try:
         return int(text)
     except ValueError:

@@ -70,10 +70,14 @@ class Spreader:
 
     def shape_covariance(self, value: complex, reference: int) -> Array:
         """Return the covariance (l, 2, 2) of the shape of the pole nearest to a value, scaled to an output."""
+        return np.array([covariance_of(row) for row in self.shape_reach(value, reference)])
+
+    def shape_reach(self, value: complex, reference: int) -> ComplexArray:
+        """Return what white noise of unit variance reaches of that shape, (l, k): all entries by the same noise."""
         i = int(np.argmin(abs(self.values - value)))
         outputs = len(self.model.C)
         if self.left is None:
-            return np.full((outputs, 2, 2), np.nan)
+            return np.full((outputs, 1), np.nan, dtype=complex)
         raw, v = self.model.C @ self.right, self.right[:, i]
         apart = self.values[i] - self.values
         weight = np.divide(1.0, apart, where=apart != 0, out=np.zeros(len(apart), dtype=complex))
@@ -81,7 +85,7 @@ class Spreader:
         psi = raw[:, i] / raw[reference, i]
         rows = (L - np.outer(psi, L[reference])) / raw[reference, i]
         own = (np.eye(outputs) - np.outer(psi, np.eye(outputs)[reference])) / raw[reference, i]
-        return np.array([covariance_of(self._of_output(a, b, v)) for a, b in zip(rows, own, strict=True)])
+        return np.array([self._of_output(a, b, v) for a, b in zip(rows, own, strict=True)])
 
     def _pole(self, i: int) -> Array:
         if self.left is None:

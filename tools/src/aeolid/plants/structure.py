@@ -74,6 +74,18 @@ def shear_building() -> Structure:
     return Structure(np.eye(q), D, K, np.eye(q), np.eye(q), ("floor_1", "floor_2", "floor_3", "floor_4"))
 
 
+def mass_chain(count: int = 7) -> Structure:
+    """Return a chain of masses between the ground and a free end, a sensor on each: 0.5 … 4.8 Hz, damped 1 to 2 %.
+
+    Stiffness falls by a fifth along it, so that no two shapes are alike on any two sensors.
+    """
+    springs = 240.0 * np.linspace(1.0, 0.8, count)
+    K = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+    D = 0.0008 * K + 0.06 * np.eye(count)
+    names = tuple(f"level_{i + 1}" for i in range(count))
+    return Structure(np.eye(count), D, K, np.eye(count), np.eye(count), names)
+
+
 def tower_and_shaft() -> Structure:
     """Return five modes near those of a turbine, two of them at 0.31 and 0.335 Hz, seen by three sensors."""
     hertz, ratio = np.array([0.31, 0.335, 0.9, 1.31, 1.67]), np.array([0.008, 0.05, 0.02, 0.012, 0.025])

@@ -32,4 +32,11 @@ def _entry(told: Facts) -> str:
     if told.get("amplitude_std") == 0.0 and told.get("amplitude") == 1.0:
         return "1 (reference)"
     size = with_std(told.get("amplitude"), told.get("amplitude_std"))
-    return f"{size} at {with_std(told.get('phase_deg'), told.get('phase_std_deg'))}°"
+    return f"{size} at {_angle(told.get('phase_deg'), told.get('phase_std_deg'))}°"
+
+
+def _angle(degrees: float | None, std: float | None) -> str:
+    """Return a phase with its deviation; one near zero is as well known as any other."""
+    if degrees is None or std is None or abs(degrees) > std:
+        return with_std(degrees, std)
+    return f"{degrees:.2g} ± {std:.2g}"

@@ -36,11 +36,11 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
     found = f"{len(modes)} mode{'s' if len(modes) != 1 else ''}, {len(lines)} harmonics and steady sines, from "
     found += f"{len(facts['outputs'])} outputs at {number(1 / step, 3)} samples a second."
     write_page(
-        path, title, tag("h1", title), tag("p", found), _diagram(facts),
+        path, title, tag("h1", title), tag("p", found), diagram_part(facts),
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
         section("On the blades", _whirls(modes)), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
-        _criteria(facts),
+        section("Criteria", criteria_table(facts)),
     )  # fmt: skip
 
 
@@ -70,7 +70,8 @@ def _range(ends: list[float], factor: float) -> str:
     return f"{number(factor * ends[0], 4)} … {number(factor * ends[1], 4)}"
 
 
-def _criteria(facts: Facts) -> Html:
+def criteria_table(facts: Facts) -> Html:
+    """Build the table of what decided, and of the recordings."""
     c = facts["criteria"]
     told = [
         ("windows (samples)", ", ".join(map(str, facts["windows"]))),
@@ -84,16 +85,16 @@ def _criteria(facts: Facts) -> Html:
     if facts.get("rotor_hz"):
         told.insert(0, ("rotor (Hz)", with_std(facts["rotor_hz"], facts["rotor_deviation_hz"])))
     told += [("recording", f"{d['source']}, {number(d['samples'])} samples") for d in facts["data"]]
-    return section("Criteria", table(["", ""], told))
+    return table(["", ""], told)
 
 
-def _diagram(facts: Facts) -> Html:
-    """Build the check-boxes and the drawing they act on."""
+def diagram_part(facts: Facts, prefix: str = "s") -> Html:
+    """Build the check-boxes and the drawing they act on; prefix: of their names, one a diagram of a page."""
     switches = [("kind", k, _WORDS[k], k != "spurious" or len(facts["poles"]["order"]) < 4000) for k in _KINDS]
     switches += [("window", str(w), f"window {w}", True) for w in facts["windows"]]
     boxes, rules = [], [*_RULES]
     for i, (what, value, text, on) in enumerate(switches):
-        name = f"s{i}"
+        name = f"{prefix}{i}"
         rules.append(f"#{name}:not(:checked) ~ figure .{what}-{value} {{ display: none; }}")
         boxes.append(Html(f'<input type="checkbox" id="{name}"{" checked" if on else ""}>'))
         boxes.append(tag("label", f" {text} \u2003", for_=name))
