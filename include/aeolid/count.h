@@ -1,8 +1,11 @@
 /* count.h: counters that stay at their largest value, in the library and in ports.
  *
+ * MODEL
+ *   c(k + 1) = min(c(k) + n, 2^32 - 1). At 1,000 events a second a counter that started again at 0 would do so after 50
+ *   days, and whoever compares two readings would take that for a restart.
+ *
  * CONTRACT
- *   A counter never decreases: at 1,000 events a second one that started again at 0 would do so after 50 days, and
- *   whoever compares two readings would take the difference for a restart. Cost: a comparison and an addition.
+ *   A counter never decreases. Cost: a comparison and an addition; no memory of its own.
  */
 #ifndef AEOLID_COUNT_H
 #define AEOLID_COUNT_H
