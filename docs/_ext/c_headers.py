@@ -106,7 +106,7 @@ def describe(header: Header, cursor: clang.Cursor, done: set[str]) -> list[str]:
         return []
     comment = body(cursor.raw_comment or "")
     if cursor.kind == KIND.FUNCTION_DECL:
-        return entry("function", header.text(cursor), comment)
+        return entry("function", header.text(cursor).split("{")[0].strip(), comment)
     if cursor.kind in (KIND.STRUCT_DECL, KIND.ENUM_DECL):
         done.add(name)
         return describe_members(header, cursor, comment)
