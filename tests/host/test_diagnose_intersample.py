@@ -93,6 +93,22 @@ def test_a_command_late_by_part_of_a_sample_is_a_habit(tmp_path: Path, late: flo
     assert all(n.severity == "info" for n in sampling_findings(prepared.records, found, STEP))
 
 
+def test_where_an_input_that_moves_would_be_too_late_a_held_one_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a slow controller gives out looks measured: held and half a sample late, or moving and a whole one.
+
+    A heated block in its loop, late by 0.57 of a sample, was named a dead time (212 nats on a null).
+    """
+    moving = Sampling((("push", "band_limited"),), 1.05 * STEP, 0.0, free=True, gain=188.0)
+    held = Sampling((("push", "zoh"),), 0.57 * STEP, 0.0, free=True, gain=175.0)
+    monkeypatch.setattr(settle_sampling, "_best", lambda stage, choice: moving if choice.moving else held)
+    monkeypatch.setattr(settle_sampling, "_goes_on", lambda stage, best: best is moving)
+    stage = SimpleNamespace(
+        predictor=SimpleNamespace(segments=[SimpleNamespace(y=np.zeros((1000, 2)))]), step=STEP,
+        sampling=replace(held, offset_s=0.0, free=False, gain=0.0),
+    )  # fmt: skip
+    assert settle_sampling._likelier(stage, Choice(("push",), True, False)) == held
+
+
 def test_outputs_behind_an_anti_alias_filter_are_read_so(tmp_path: Path) -> None:
     """A Butterworth filter with its corner at 0.8 of the Nyquist frequency, read 0.2 samples early."""
     values, delay = rows("fresh", -0.2, corner=0.4), 2**0.5 / (2 * np.pi * 0.4)
