@@ -4,8 +4,8 @@
 
 Oscillators, vehicles, aircraft, ships, tanks, ovens and machines from the literature of each field: the model of a case
 lacks one or two effects that the recording has, or nothing. Their equations stand in textbook_plants.py and
-textbook_machines.py, integrated by Runge–Kutta steps of a twentieth of a sample or finer; values start up to a fifth off. Each case has
-case.toml and truth.json, and known.py diagnoses and judges them; the same exit codes.
+textbook_machines.py, integrated by Runge–Kutta steps of a twentieth of a sample or finer; values start up to a fifth
+off. Each case has case.toml and truth.json, and known.py diagnoses and judges them; the same exit codes.
 """
 
 from __future__ import annotations
