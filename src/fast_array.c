@@ -9,8 +9,10 @@
 #include <string.h>
 
 /* Bounds from which nothing overflows in float. Entries of the window are below 1.1e6 (samples 1e6, a disturbance of at
- * most rho^(1/2) <= 1e4). An array goes on only while its errors stay below ERROR_MAX, 1 / gamma below NEWS_MAX and |g|
- * below GAIN_MAX; fast_rls.c starts it afresh otherwise. Then
+ * most rho^(1/2) <= 1e4). An array goes on only while its errors stay below ERROR_MAX, S'e below
+ * PROJECTION_MAX, S below FACTOR_MAX, 1 / gamma below NEWS_MAX and |g| below GAIN_MAX; fast_rls.c starts it afresh
+ * otherwise. Then
+ *   the squares of S'e add up to less than 96 (1e18)^2 < 1e38;
  *   A, B move by at most ERROR_MAX GAIN_MAX = 1e24 a sample, and a row times the window is below n 1e24 1.1e6 < 1.2e33
  *   before it is judged;  kappa = g / gamma < 1e32;  E grows by at most (3 ERROR_MAX)^2 < 1e25 a sample.
  * What still exceeds the largest number on the way is infinite or NaN, and fails the judgement on its bits. */
@@ -20,8 +22,11 @@
 /* Of a saved A or B: as an entry moves by at most 1e24 a sample, none that moves can leave this within 1e6 samples, and
  * one that rests cannot overflow by it. */
 #define WEIGHT_MAX AEO_REAL(1e30)
-/* Of a saved S, whose variances the bound keeps within a few times 1e10, and E, a sum of at most 1e8 samples. */
-#define FACTOR_MAX AEO_REAL(1e6)
+/* Of S. The bound keeps its variances within a few times 1e10 where a memory is longer than the window; with a memory of
+ * two samples they double with each one, faster than disturbances fill a window of six channels. */
+#define FACTOR_MAX     AEO_REAL(1e6)
+#define PROJECTION_MAX AEO_REAL(1e18)
+/* Of a saved E, a sum of at most 1e8 samples. */
 #define ENERGY_MAX AEO_REAL(1e33)
 
 /* 1 + w'kappa is at least 1; rounding in an array that is well lies far below this. */
@@ -142,8 +147,14 @@ static int step_forward(aeo_fast_rls_t *self, aeo_fast_rls_array_t *array)
         return 0;
     }
     aeo_triangle_project(array->factor, e, f + m, m);
+    if (!aeo_linalg_all_within(f + m, m, PROJECTION_MAX)) {
+        return 0;
+    }
     aeo_triangle_rotate(array->factor, f + m, f, m, lambda * array->scalar[INVERSE_GAMMA],
                         self->inverse_root_forgetting);
+    if (!aeo_linalg_all_within(array->factor, m * (m + 1) / 2, FACTOR_MAX)) {
+        return 0;
+    }
     aeo_linalg_scale(gamma, array->gain, self->step, n);
     aeo_linalg_scale(AEO_REAL(1) / lambda, f, array->gain + n, m); /* lambda >= 1/2 */
     aeo_rows_correct(array->forward, array->gain + n, array->gain, n, m, NULL, AEO_REAL(0));

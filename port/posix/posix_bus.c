@@ -201,8 +201,8 @@ static void shut_channel(posix_bus_t *self, posix_listener_t *listener)
     listener->command_length = 0;
     aeo_count_add(&self->dropped, listener->dropped);
     listener->dropped = 0;
-    if (self->terminal) {
-        (void)tcflush(listener->fd, TCIOFLUSH);
+    if (self->terminal) { /* what was sent for it; what has come meanwhile is the next listener's, its "open" perhaps */
+        (void)tcflush(listener->fd, TCOFLUSH);
     }
 }
 

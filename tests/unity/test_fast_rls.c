@@ -390,6 +390,20 @@ static void collinear_channels_stay_bounded_and_unbiased(void)
     TEST_ASSERT_TRUE(size > 1.0 && sqrt(missed / size) < 1000.0 * (double)AEO_REAL_EPSILON);
 }
 
+/* With a memory of two samples the variances of six channels at rest double faster than disturbances bound them. What
+ * they outgrow is the range that S may have, so an array starts afresh before that. */
+static void the_shortest_memory_at_rest_stays_within_bounds(void)
+{
+    static const aeo_real_t z[P * M_MAX], y[L];
+    const aeo_fast_rls_config_t config = make_config(M_MAX, 0, 0.5, 3e-8, 10);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, fast_memory, WORDS));
+    for (int k = 0; k < 2000; k++) {
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
+    }
+    TEST_ASSERT_TRUE(fast.count.reinitialised > 0u);
+}
+
 static void runaway_starts_afresh(void)
 {
     start(AEO_VARX, 0, 0.998, 1.0, 1e6);
@@ -497,6 +511,7 @@ int main(void)
     RUN_TEST(gain_without_sense_is_refused);
     RUN_TEST(follower_takes_over_when_errors_disagree);
     RUN_TEST(collinear_channels_stay_bounded_and_unbiased);
+    RUN_TEST(the_shortest_memory_at_rest_stays_within_bounds);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(health_is_sticky_until_cleared);
     RUN_TEST(schedules_fit_their_numbers);

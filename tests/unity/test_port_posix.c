@@ -351,6 +351,23 @@ static void terminal_serves_one_after_the_other(void)
     posix_bus_close(&bus);
 }
 
+/* An adapter's driver closes, sets and opens the channel in one go. Where reading stops right behind "close", what
+ * waits behind it still counts. */
+static void what_waits_behind_a_close_counts(void)
+{
+    char text[516];
+    int fd;
+    memset(text, '\r', 510);
+    memcpy(text + 510, "C\rO\r", 5);
+    TEST_ASSERT_EQUAL_INT(0, posix_bus_open_terminal(&bus));
+    fd = open(bus.address + 6, O_RDWR | O_NOCTTY);
+    TEST_ASSERT_TRUE(fd >= 0);
+    say(fd, text);
+    TEST_ASSERT_EQUAL_UINT(1, posix_bus_listeners(&bus));
+    close(fd);
+    posix_bus_close(&bus);
+}
+
 /* Each thread opens terminals of its own: the address told must be that of the very terminal held. */
 static void *open_many_terminals(void *context)
 {
@@ -517,6 +534,7 @@ int main(void)
     RUN_TEST(silent_peers_lock_nobody_out);
     RUN_TEST(listeners_that_do_not_read_lock_nobody_out);
     RUN_TEST(terminal_serves_one_after_the_other);
+    RUN_TEST(what_waits_behind_a_close_counts);
     RUN_TEST(terminals_may_be_opened_by_many_threads);
     RUN_TEST(endless_commands_are_survived);
     RUN_TEST(template_ring_keeps_order_and_refuses);

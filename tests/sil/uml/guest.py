@@ -271,14 +271,15 @@ def slcan() -> dict[str, Any]:
     node = Node("slcan", "pty", "--speed", "20", feed=False)
     terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
     master = hold_terminal(node)
-    attach_terminal(terminal)
-    listener = Listener("slcan", "socketcan:slcan0", "--until-end")
-    listener.wait_until_open("slcan0")
-    node.feed()
-    facts = {"address": node.address, "node": node.finish(), "listener": listener.finish()}
-    os.close(terminal)
-    os.close(master)
-    return facts
+    try:
+        attach_terminal(terminal)
+        listener = Listener("slcan", "socketcan:slcan0", "--until-end")
+        listener.wait_until_open("slcan0")
+        node.feed()
+        return {"address": node.address, "node": node.finish(), "listener": listener.finish()}
+    finally:  # or the guest waits at its end for an interface that is still held
+        os.close(terminal)
+        os.close(master)
 
 
 def two_nodes() -> dict[str, Any]:
