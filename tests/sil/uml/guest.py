@@ -269,6 +269,7 @@ def hold_terminal(node: Node) -> int:
 def slcan() -> dict[str, Any]:
     """Stream as text to the kernel's slcan driver, which makes frames of it."""
     node = Node("slcan", "pty", "--speed", "20", feed=False)
+    os.setpriority(os.PRIO_PROCESS, node.process.pid, 19)  # "close" and "open" may wait for it
     terminal = os.open(node.address.removeprefix("slcan:"), os.O_RDWR | os.O_NOCTTY)
     master = hold_terminal(node)
     try:
@@ -451,6 +452,7 @@ def main() -> None:
             results[step.__name__] = step()
         except Exception:
             results[step.__name__] = {"broken": traceback.format_exc()}
+            print(traceback.format_exc(limit=2), flush=True)
         for pid in started:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
