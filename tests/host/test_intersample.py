@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
 from scipy.signal import cont2discrete, lfilter, lfilter_zi
 
 from aeolid.errors import DataError
@@ -18,6 +19,7 @@ from aeolid.models.input_filters import KINDS, QUARTERS, SPLIT, WHOLE
 from aeolid.models.integrate import compile_equations, driven, free_run
 from aeolid.models.load import LinearModel
 from aeolid.models.model_file import Signal
+from aeolid.models.smooth_curve import smooth_curve
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record, Roles
 
@@ -59,6 +61,28 @@ def test_an_offset_of_a_sample_is_the_row_before(kind: str) -> None:
     u, rule = smooth_noise(300), KINDS[f"intersample_{kind}"].rule
     now, late = (rule(u, np.array([o]), 0.1, WHOLE) for o in (0.0, 0.1))
     assert late[1:] == pytest.approx(now[:-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("count", [16, 55, 60, 400])
+@pytest.mark.parametrize("shift", [0.0, -1e-17, 0.7, -0.3, -5.5, 12.25, -40.9, 403.0, -900.5, 1e9])
+def test_the_smooth_curve_is_the_spline_through_the_samples(count: int, shift: float) -> None:
+    u = np.random.default_rng(4).normal(size=count).cumsum()
+    spline, last = make_interp_spline(np.arange(float(count)), u, k=7), count - 1.0
+
+    def integral(t: Array) -> Array:
+        beyond = np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[-1]
+        total: Array = spline.antiderivative()(np.clip(t, 0.0, last)) + beyond
+        return total
+
+    at, size = np.arange(count + 1) + shift, float(np.max(np.abs(u)))
+    curve = smooth_curve(u)
+    assert curve.values(shift) == pytest.approx(spline(np.clip(at[:-1], 0.0, last)), abs=1e-10 * size)
+    # of a time of 1e9 samples the integral, a billion times as large, has lost nine digits
+    assert curve.means(shift) == pytest.approx(np.diff(integral(at)), abs=max(1e-10, 1e-15 * abs(shift)) * size)
+
+
+def test_an_offset_that_is_no_number_gives_none() -> None:
+    assert np.all(np.isnan(smooth_curve(smooth_noise(100)).means(np.nan)))
 
 
 @pytest.mark.parametrize("kind", ["foh", "band_limited"])

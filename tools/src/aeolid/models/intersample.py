@@ -12,11 +12,11 @@ the Nyquist frequency is not in the samples, whatever is laid between them (Åst
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline, make_interp_spline
+
+from aeolid.models.smooth_curve import smooth_curve
 
 Array = NDArray[np.float64]
 HOLDS = ("zoh", "foh", "band_limited")
@@ -27,15 +27,16 @@ OFFSET = "intersample_offset"  # parameter: by how much inputs act after their s
 FILTER = "intersample_delay"  # parameter: low-frequency delay of the outputs' anti-alias filter, s
 PREFIX = "intersample_"  # kind of the input filter: this and one of HOLDS, or FILTERED
 MOVING = (f"{PREFIX}foh", f"{PREFIX}band_limited")  # kinds whose input changes within a sample
-_DEGREE, _FEWEST = 7, 16  # of the spline; samples through which it is laid: fewer are joined by straight lines
-_KEPT = 20_000  # samples of the longest recording whose spline is kept: 64 of these are 40 MB
+_FEWEST = 16  # samples through which the smooth curve is laid: fewer are joined by straight lines
 _REACH, _BAND = 6, 2.4  # samples on either side that tell a slope; radians a sample up to which they do
 
 
 def straight(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """Return the means of straight lines between the samples (first-order hold), `values` the offset in s."""
     samples = np.ascontiguousarray(u[:: len(pieces)])
-    return _spread_over(samples, values, step, pieces, _straight_integral, _straight)
+    at = np.arange(len(samples) + 1) - values[0] / step
+    mean: Array = np.diff(_straight_integral(samples, at))
+    return _in_pieces(mean, lambda: _straight(samples, at[:-1]), pieces)
 
 
 def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
@@ -46,45 +47,16 @@ def smooth(u: Array, values: Array, step: float, pieces: Array) -> Array:
     samples = np.ascontiguousarray(u[:: len(pieces)])
     if len(samples) < _FEWEST or not np.all(np.isfinite(samples)):
         return straight(u, values, step, pieces)
-    curve, whole = _kept_curves(samples.tobytes()) if len(samples) <= _KEPT else _curves(samples)
-    last = float(len(samples) - 1)
-
-    def integral(u: Array, t: Array) -> Array:
-        inside = np.clip(t, 0.0, last)
-        beyond = np.minimum(t, 0.0) * u[0] + np.maximum(t - last, 0.0) * u[-1]
-        total: Array = whole(inside) + beyond
-        return total
-
-    def value(u: Array, t: Array) -> Array:
-        found: Array = curve(np.clip(t, 0.0, last))
-        return found
-
-    return _spread_over(samples, values, step, pieces, integral, value)
+    curve, shift = smooth_curve(samples), -float(values[0]) / step
+    return _in_pieces(curve.means(shift), lambda: curve.values(shift), pieces)
 
 
-def _curves(samples: Array) -> tuple[BSpline, BSpline]:
-    """Return the spline through the samples and its integral."""
-    curve = make_interp_spline(np.arange(len(samples), dtype=float), samples, k=_DEGREE)
-    return curve, curve.antiderivative()
-
-
-@lru_cache(maxsize=64)
-def _kept_curves(samples: bytes) -> tuple[BSpline, BSpline]:
-    """Return the same of bytes, kept: a fit asks for each recording's again and again, at other offsets."""
-    return _curves(np.frombuffer(samples))
-
-
-def _spread_over(
-    u: Array, values: Array, step: float, pieces: Array, integral: Callable[[Array, Array], Array],
-    value: Callable[[Array, Array], Array],
-) -> Array:  # fmt: skip
+def _in_pieces(mean: Array, begins: Callable[[], Array], pieces: Array) -> Array:
     """Return the means over the samples; in two pieces the value as a sample begins, and what makes up the mean."""
-    at = np.arange(len(u) + 1) - values[0] / step
-    mean: Array = np.diff(integral(u, at))
     if len(pieces) == 1:
         return mean
-    begins = value(u, at[:-1])
-    result: Array = np.column_stack([begins, (mean - pieces[0] * begins) / pieces[1]]).ravel()
+    first = begins()
+    result: Array = np.column_stack([first, (mean - pieces[0] * first) / pieces[1]]).ravel()
     return result
 
 
@@ -115,15 +87,12 @@ def slopes(means: Array, moving: NDArray[np.bool_]) -> Array:
     change = np.zeros_like(means)
     if len(means) < 2:
         return change
-    m = means[:, moving]
-    slope, count = np.gradient(m, axis=0), len(m) - 2 * _REACH
-    if count > 0:
-        inner = slice(_REACH, _REACH + count)
-        slope[inner] = sum(
-            w * (m[_REACH + i : _REACH + i + count] - m[_REACH - i : _REACH - i + count])
-            for i, w in enumerate(_WEIGHTS, 1)
-        )
-    change[:, moving] = slope
+    for column in np.flatnonzero(moving):
+        m = means[:, column]
+        slope = np.concatenate([m[1:2] - m[:1], 0.5 * (m[2:] - m[:-2]), m[-1:] - m[-2:-1]])
+        if len(m) > 2 * _REACH:
+            slope[_REACH:-_REACH] = np.correlate(m, _WEIGHTS)
+        change[:, column] = slope
     return change
 
 
@@ -139,12 +108,12 @@ def slopes_of_quarters(quarters: Array) -> Array:
 
 
 def _slope_weights() -> Array:
-    """Return the weights (6,) of the differences of means i samples either side, fitted to a(θ) over the band."""
+    """Return the weights (13,) of six means on either side and the one between, fitted to a(θ) over the band."""
     angle = np.linspace(0.02, _BAND, 200)
     half = angle / 2
     wanted = 12 * (np.sin(half) - half * np.cos(half)) * 2 / angle**2 / (np.sin(half) / half)
     found: Array = np.linalg.lstsq(2 * np.sin(np.outer(angle, np.arange(1, _REACH + 1))), wanted, rcond=None)[0]
-    return found
+    return np.concatenate([-found[::-1], [0.0], found])
 
 
 _WEIGHTS = _slope_weights()
