@@ -157,6 +157,54 @@ class LinearModel:
         return to_control(self.state_space, innovations=innovations)
 
     @public
+    def to_continuous(self, *, hold: str = "zoh") -> LinearModel:
+        """Return the model in continuous time, which at the samples answers its inputs as this one does.
+
+        Parameters
+        ----------
+        hold : {"zoh", "foh"}
+            How inputs go on between samples: held, or straight from one to the next.
+
+        Returns
+        -------
+        LinearModel
+            Without a Kalman gain, which belongs to the samples.
+
+        Raises
+        ------
+        UsageError
+            Where a pole has no counterpart: one at 0 or on the negative real axis.
+        """
+        from aeolid.models.continuous import to_continuous
+
+        return LinearModel(to_continuous(self.state_space, hold), source=self.source)
+
+    @public
+    def to_sample_time(self, sample_time_s: float, *, hold: str = "zoh") -> LinearModel:
+        """Return the model with another sample time, by way of continuous time.
+
+        Parameters
+        ----------
+        sample_time_s : float
+            The new sample time in seconds, above 0.
+        hold : {"zoh", "foh"}
+            How inputs go on between samples: held, or straight from one to the next.
+
+        Returns
+        -------
+        LinearModel
+            Without a Kalman gain unless the sample time is the model's own.
+
+        Raises
+        ------
+        UsageError
+            On a time that is none, or where a pole has no counterpart in continuous time.
+        """
+        from aeolid.models.continuous import to_sample_time
+
+        return LinearModel(to_sample_time(self.state_space, sample_time_s, hold), source=self.source)
+
+    @public
     def simulate(self, record: Record, *, initial: str = "estimate") -> Simulation:
         """Run the model free on the inputs of a recording, as `aeolid.simulate` does.
 

@@ -19,6 +19,7 @@ EXAMPLES = (
     "aeolid convert model.json model.mat",
     "aeolid convert model.json observer.h --precision f32 --name tower",
     "aeolid convert linearised.lin model.json --sample-time 0.1",
+    "aeolid convert model.json continuous.mat --continuous",
     "aeolid convert diagnosis/model plant.fmu --sample-time 0.05",
 )
 WRITABLE = (".json", ".mat", ".h", ".fmu")
@@ -49,10 +50,13 @@ def convert(
         float | None,
         typer.Option(
             "--sample-time",
-            help="Discretise a continuous-time model, inputs held; s. Also the Ts of a .mat, and the step of a"
-            " simulation.",
+            help="Discretise a continuous-time model, or resample one, inputs held; s. Also the Ts of a .mat, and the"
+            " step of a simulation.",
         ),
     ] = None,
+    continuous: Annotated[
+        bool, typer.Option("--continuous", help="Write a discrete-time model in continuous time, inputs held.")
+    ] = False,
     inputs: Annotated[
         list[str] | None, typer.Option("--input", help="Keep this input, NEW=NAME renames it; repeat for several.")
     ] = None,
@@ -75,6 +79,8 @@ def convert(
         raise UsageError(f"{out}: a model is written as .json, .mat, .h or .fmu")
     if (suffix != ".h" and precision) or (suffix not in (".h", ".fmu") and name):
         raise UsageError(f"--precision and --name belong to C (.h; --name also to .fmu), not to {out.name}")
+    if continuous and (sample_time is not None or suffix not in (".json", ".mat")):
+        raise UsageError("--continuous writes a model as .json or .mat, without --sample-time")
     if sample_time is not None and not 0 < sample_time < 1e6:
         raise UsageError(f"--sample-time {sample_time:g} is not a time in seconds above 0")
     declare("convert", force=force, inputs=[model_file], files={"OUT": out, "--json": json_target})
@@ -90,23 +96,17 @@ def convert(
     from aeolid.models.exchange.select import select
 
     whole, notes = read_with_notes(model_file, sample_time)
-    model = select(whole, inputs or [], outputs or [])
-    model = _at_sample_time(model, sample_time, model_file)
+    model, dropped = _in_time(select(whole, inputs or [], outputs or []), 0.0 if continuous else sample_time)
     if suffix == ".h":
-        from aeolid.models.exchange.c_observer import c_observer
-
-        if whole.K is not None and model.K is None:
-            kept = ", ".join(s.name for s in whole.outputs)
-            raise UsageError(f"--output: an observer needs all outputs that its Kalman gain was made for: {kept}")
         prefix = name or re.sub(r"\W", "_", out.stem, flags=re.ASCII)
-        write_text(out, c_observer(model, name=prefix, precision=precision or "f32", source=model_file.name))
+        _write_observer(out, model, whole, bool(dropped), prefix, precision or "f32", model_file.name)
     elif suffix == ".mat":
         from aeolid.models.exchange.matlab import write_mat
 
         write_mat(out, model)
     else:
         emit_json(model.to_json(), str(out))
-    facts = _facts(model, model_file, out) | {"notes": list(notes)}
+    facts = _facts(model, model_file, out) | {"notes": [*notes, *dropped]}
     if json_target != "-":
         console.print(_summary(facts), markup=False)
     emit_json(facts, json_target)
@@ -151,17 +151,32 @@ def _told(facts: dict[str, Any]) -> str:
     return "\n".join([*lines, *(f"note: {note}" for note in facts["notes"])])
 
 
-def _at_sample_time(model: StateSpace, sample_time: float | None, source: Path) -> StateSpace:
-    from aeolid.models.load import discretise
+def _in_time(model: StateSpace, sample_time: float | None) -> tuple[StateSpace, tuple[str, ...]]:
+    """Return a model with a sample time, 0 for continuous time, None for its own; and what that took from it."""
+    from aeolid.models.continuous import to_continuous, to_sample_time
 
     if sample_time is None:
-        return model
-    if model.sample_time_s > 0 and abs(model.sample_time_s - sample_time) > 1e-9 * sample_time:
+        return model, ()
+    found = to_sample_time(model, sample_time) if sample_time else to_continuous(model)
+    lost = model.K is not None and found.K is None
+    return found, ("the Kalman gain belongs to the model's own samples and is left out",) if lost else ()
+
+
+def _write_observer(
+    out: Path, model: StateSpace, whole: StateSpace, resampled: bool, prefix: str, precision: str, source: str
+) -> None:
+    """Write an observer in C of what was chosen of a whole model."""
+    from aeolid.models.exchange.c_observer import c_observer
+
+    if resampled:
         raise UsageError(
-            f"{source}: the model has a sample time of {model.sample_time_s:g} s already; it is not resampled to "
-            f"--sample-time {sample_time:g}"
+            f"--sample-time: an observer runs at the {whole.sample_time_s:g} s that its Kalman gain was made for;"
+            " identify the model from recordings of the other rate"
         )
-    return discretise(model, sample_time)
+    if whole.K is not None and model.K is None:
+        kept = ", ".join(s.name for s in whole.outputs)
+        raise UsageError(f"--output: an observer needs all outputs that its Kalman gain was made for: {kept}")
+    write_text(out, c_observer(model, name=prefix, precision=precision, source=source))
 
 
 def _facts(model: StateSpace, source: Path, out: Path) -> dict[str, Any]:
