@@ -38,6 +38,7 @@ def draw_bode(
             gain.loglog(response.frequency_hz, np.where(np.abs(g) > 0, np.abs(g), np.nan), linewidth=1.3)
             phase.semilogx(response.frequency_hz, angle, linewidth=1.3)
             _shade(gain, phase, _pair(model.facts, source, target), response.frequency_hz, np.abs(g), angle)
+            _dots(gain, phase, model.facts, (source, target), (response.frequency_hz, angle))
             gain.set_title(places.label(f"{source} to {target}"), fontsize="medium")
             gain.set_ylabel(places.label(f"gain ({units[target]} / {units[source]})"))
             phase.set_ylabel("phase (deg)")
@@ -87,6 +88,23 @@ def _shade(
     gain.set_ylim(bottom=bottom)
     middle, width = angle[inside], _NORMAL * turn
     phase.fill_between(grid[inside], middle - width, middle + width, where=np.isfinite(turn), **style)
+
+
+def _dots(gain: Any, phase: Any, facts: Any, pair: tuple[str, str], model: tuple[Array, Array]) -> None:
+    """Draw what spectra of the same recordings say, phases by turns near the model's (frequency, degrees)."""
+    try:
+        told = facts["spectral"]
+        row = next(p for p in told["pairs"] if (p["input"], p["output"]) == pair)
+        at, size, spread, turn = (
+            np.array(v, dtype=float) for v in (told["frequency_hz"], row["gain"], row["gain_std"], row["phase_deg"])
+        )
+    except (LookupError, TypeError, ValueError, StopIteration):
+        return
+    known = size > _NORMAL * spread  # others are zero, as far as these data go
+    near = np.interp(np.log(at), np.log(model[0]), model[1])
+    style: dict[str, Any] = {"color": "0.5", "linestyle": "none", "marker": "o", "markersize": 2, "zorder": 1}
+    gain.loglog(at[known], size[known], **style)
+    phase.semilogx(at[known], (turn + 360 * np.round((near - turn) / 360))[known], **style)
 
 
 def draw_poles(groups: Sequence[tuple[NDArray[np.complex128], str]], sample_time_s: float, axes: Any) -> Any:

@@ -69,9 +69,19 @@ def identify_records(
         run = partial(_run_method, request.method, records, common, own, streamed)
         result = with_choices_made(identify_soundly(run, seen, request.stable, request.allow_unstable), made)
         alone = () if records[0].names("input") else (NOTE,)
-        return replace(
-            result, notes=(*result.notes, *turned.notes, *alone, *_say_rival(request.method, records, result))
-        )
+        told = (*result.notes, *turned.notes, *alone, *_say_rival(request.method, records, result))
+        return _with_spectra(replace(result, notes=told), records)
+
+
+def _with_spectra(result: Result, records: Sequence[Record]) -> Result:
+    """Return a result of one frequency response with what spectra of the same recordings say of it."""
+    from aeolid.identify.result import Identification
+    from aeolid.identify.spectral import estimate_spectra
+
+    if not isinstance(result, Identification):
+        return result
+    found = estimate_spectra(records)
+    return result if found is None else replace(result, extra=result.extra | {"spectral": found.to_json()})
 
 
 def _turn_angles(

@@ -43,7 +43,8 @@ def to_continuous(model: StateSpace, hold: str = "zoh") -> StateSpace:
     else:
         B = np.linalg.solve((first - second + model.A @ second) * h, model.B)
         D = model.D - model.C @ second @ B * h
-    return replace(model, A=A, B=B, D=D, K=None, innovation_covariance=None, sample_time_s=0.0)
+    found = replace(model, A=A, B=np.asarray(B, dtype=np.float64), D=D, sample_time_s=0.0)
+    return replace(found, K=None, innovation_covariance=None)
 
 
 def to_sample_time(model: StateSpace, sample_time_s: float, hold: str = "zoh") -> StateSpace:

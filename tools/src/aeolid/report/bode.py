@@ -1,4 +1,4 @@
-"""Draw frequency responses of an identified model, their 95 % bands and the true system's where it is known."""
+"""Draw frequency responses of an identified model, with 95 % bands, beside those from spectra and the true ones."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ Array = NDArray[np.float64]
 _FLOOR = 1e-6  # of the greatest identified gain: what lies below is no gain worth the axis
 _MOST_PAIRS = 12  # frequency responses on one page; the others are named
 _NORMAL = 1.96  # 95 %
+_SPECTRA = (
+    " Dots: the same from spectra, without a model, with 95 % of the gain; in a closed loop they lean towards the"
+    " inverse of the controller. Coherence: the share of the output's power that all inputs explain."
+)
 
 
 def bode_part(facts: Facts) -> Html:
@@ -29,12 +33,13 @@ def bode_part(facts: Facts) -> Html:
     grid = frequencies(model)
     gains = response(model, grid)
     real = response(true, grid) if true else None
-    bands = facts.get("frequency_response")
+    bands, spectra = facts.get("frequency_response"), facts.get("spectral")
     told = (" Grey: 95 % at each frequency." if bands else "") + (" Dashed: the true system." if true else "")
+    told += _SPECTRA if spectra else ""
     sources = ", ".join(_names(inputs[:columns]))
     figures = [
         figure(
-            _bode_row(row, inputs[:columns], out, grid, gains, real, bands),
+            _bode_row(row, inputs[:columns], out, grid, gains, real, facts),
             f"From {sources} to {out['name']}: gain above, phase below.{told}",
         )
         for row, out in enumerate(shown)
@@ -48,13 +53,14 @@ def _names(signals: list[Facts]) -> list[str]:
     return [str(s["name"]) for s in signals]
 
 
-def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, real: Any, bands: Facts | None) -> Html:
-    size = (charts.WIDE[0], 3.9)
+def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, real: Any, facts: Facts) -> Html:
+    bands, spectra = facts.get("frequency_response"), facts.get("spectral")
+    size, heights = ((charts.WIDE[0], 4.7), [3, 2, 1]) if spectra else ((charts.WIDE[0], 3.9), [3, 2])
     with charts.sketch(
-        size, 2, len(inputs), sharex=True, gridspec_kw={"height_ratios": [3, 2]}
+        size, len(heights), len(inputs), sharex=True, gridspec_kw={"height_ratios": heights}
     ) as drawing:  # one column an input
         for column, signal in enumerate(inputs):
-            gain_axes, phase_axes = drawing.axes[:, column]
+            gain_axes, phase_axes, *more = drawing.axes[:, column]
             lines = [(gains, {"color": charts.AFTER, "linewidth": 1.8, "label": "identified"})]
             if real is not None:
                 lines.append((real, {"color": charts.TRUTH, "linestyle": (0, (4, 2)), "label": "true"}))
@@ -66,14 +72,41 @@ def _bode_row(row: int, inputs: list[Facts], out: Facts, grid: Any, gains: Any, 
             relative, turn = _deviation(bands, signal["name"], out["name"], grid)
             if relative is not None:
                 _shade(gain_axes, phase_axes, grid, gains[:, row, column], relative, turn)
-            unit = f"{out.get('unit') or '1'} / {signal.get('unit') or '1'}"
-            gain_axes.set_title(f"{signal['name']} → {out['name']}")
-            gain_axes.set_ylabel(f"gain ({unit})")
-            phase_axes.set_ylabel("phase (deg)")
-            phase_axes.set_xlabel("frequency (Hz)")
-        if real is not None or bands:
+            if spectra:
+                _dots([gain_axes, phase_axes, *more], spectra, signal["name"], out["name"], grid, gains[:, row, column])
+            _label(drawing.axes[:, column], signal, out)
+        if real is not None or bands or spectra:
             drawing.axes[0, 0].legend(loc="best")
     return drawing.svg
+
+
+def _label(axes: Any, signal: Facts, out: Facts) -> None:
+    axes[0].set_title(f"{signal['name']} → {out['name']}")
+    axes[0].set_ylabel(f"gain ({out.get('unit') or '1'} / {signal.get('unit') or '1'})")
+    axes[1].set_ylabel("phase (deg)")
+    axes[-1].set_xlabel("frequency (Hz)")
+
+
+def _dots(axes: list[Any], spectra: Facts, source: str, target: str, grid: Array, g: Any) -> None:
+    """Draw what spectra say of one pair into axes of gain, phase and coherence, the phase by turns near the model's."""
+    pair = next((p for p in spectra["pairs"] if (p["input"], p["output"]) == (source, target)), None)
+    if pair is None:
+        return
+    at, gain, spread, turn = (
+        np.asarray(v, dtype=float) for v in (spectra["frequency_hz"], pair["gain"], pair["gain_std"], pair["phase_deg"])
+    )
+    limits = axes[0].get_ylim()
+    known = (gain > 0) & (gain > _NORMAL * spread)  # others are zero, as far as these data go
+    style: dict[str, Any] = {"color": charts.GREY, "linestyle": "none", "markersize": 2.5}
+    low, high = np.minimum(_NORMAL * spread, 0.999 * gain), _NORMAL * spread
+    axes[0].errorbar(at[known], gain[known], [low[known], high[known]], marker="o", elinewidth=0.6,
+                     label="from spectra", zorder=1, **style)  # fmt: skip
+    axes[0].set_ylim(*limits)
+    model = np.degrees(np.interp(np.log(at), np.log(grid), np.unwrap(np.angle(g))))
+    axes[1].semilogx(at[known], (turn + 360 * np.round((model - turn) / 360))[known], marker="o", zorder=1, **style)
+    axes[2].semilogx(at, spectra["coherence"][target], color=charts.GREY, linewidth=1.2)
+    axes[2].set_ylim(0, 1.05)
+    axes[2].set_ylabel("coherence")
 
 
 def _deviation(bands: Facts | None, source: str, target: str, grid: Array) -> tuple[Any, Any]:

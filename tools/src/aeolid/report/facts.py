@@ -28,7 +28,7 @@ def identification_facts(
     how = model.get("identification") or {}
     facts: Facts = {"title": title, "command": command, "model": model, "stream": stream or {}}
     facts |= {key: how.get(key) for key in ("singular_values", "order", "order_reason", "eigenvalues", "modes")}
-    facts["frequency_response"] = how.get("frequency_response")
+    facts |= {key: how.get(key) for key in ("frequency_response", "spectral")}
     facts["recordings"] = [
         {"file": entry.get("source"), "samples": entry.get("samples"), "sample_time_s": model.get("sample_time_s")}
         for entry in how.get("data") or []

@@ -23,8 +23,8 @@ def render_identification(facts: Facts, path: str | Path) -> None:
     Every key is optional. `title`, `command`, `recordings` [{file, samples, sample_time_s}], `settings` {name: value},
     `singular_values`, `order`, `order_reason`, `eigenvalues` and `true_eigenvalues` [[re, im]], `modes` and
     `true_modes` [{frequency_hz, damping, frequency_std_hz, damping_std, name}], `model` and `true_model` (the content
-    of model.json), `frequency_response` (with its deviation, as in model.json), `fit` {output: {measure: value}},
-    `stream` {name: value}.
+    of model.json), `frequency_response` (with its deviation, as in model.json), `spectral` (as there), `fit`
+    {output: {measure: value}}, `stream` {name: value}.
     """
     title = str(facts.get("title") or "Identification")
     write_page(path, title, tag("h1", title), identification_parts(facts))

@@ -9,6 +9,7 @@ from aeolid.report.numbers import number, with_std
 
 Facts = dict[str, Any]
 _MOST = 12  # modes whose shapes are shown
+_ROUNDING = 1e-12  # the deviation of a reference's own amplitude, which has none
 
 
 def shapes_part(modes: list[Facts], units: dict[str, str]) -> Html:
@@ -29,7 +30,8 @@ def shapes_part(modes: list[Facts], units: dict[str, str]) -> Html:
 
 
 def _entry(told: Facts) -> str:
-    if told.get("amplitude_std") == 0.0 and told.get("amplitude") == 1.0:
+    deviation = told.get("amplitude_std")
+    if deviation is not None and deviation < _ROUNDING and told.get("amplitude") == 1.0:
         return "1 (reference)"
     size = with_std(told.get("amplitude"), told.get("amplitude_std"))
     return f"{size} at {_angle(told.get('phase_deg'), told.get('phase_std_deg'))}°"
