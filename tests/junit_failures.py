@@ -8,6 +8,8 @@ from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
+sys.path.insert(0, str(Path(__file__).parent))  # PYTHONSAFEPATH leaves it out
+
 from junit_counts import is_failed
 
 LINES, LETTERS, TESTS = 6, 160, 20  # shown of a test, of a line, of a file: what fails has often one cause

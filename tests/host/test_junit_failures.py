@@ -1,5 +1,6 @@
 """The end of the test command's log: which tests failed, and what each of them said last."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -25,7 +26,8 @@ seven</failure></testcase>
 
 def show(*files: Path) -> list[str]:
     command = [sys.executable, str(TESTS / "junit_failures.py"), *map(str, files)]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
+    environment = os.environ | {"PYTHONSAFEPATH": "1"}  # as tests that ran before in this process may have it
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.splitlines()
 
 
 def test_failed_tests_are_named_with_what_they_said_last(tmp_path: Path) -> None:
