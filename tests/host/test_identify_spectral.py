@@ -61,6 +61,7 @@ def test_several_recordings_and_gaps_are_one_estimate() -> None:
     first, second = recorded(1), recorded(2)
     values = first.values.copy()
     values[1990:2010, 2] = np.nan
+    values[100, 2] = np.nan  # what lies in front of it is too short to tell of slow motion
     gap = replace(first, values=values)
     both, broken, whole = estimated(first, second), estimated(gap), estimated(first)
     for found in (both, broken):
@@ -73,6 +74,18 @@ def test_several_recordings_and_gaps_are_one_estimate() -> None:
         np.interp(1.0, whole.frequency_hz, whole.averages), rel=0.2
     )
     assert whole.averages[middle] >= 10
+    assert broken.frequency_hz[0] < 2.5 * whole.frequency_hz[0]
+
+
+def test_long_recordings_are_looked_at_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = estimated(recorded(1))
+    monkeypatch.setattr("aeolid.identify.spectral._LONGEST", 1500)
+    pieces = estimated(recorded(1))
+    assert np.interp(2.0, pieces.frequency_hz, pieces.averages) == pytest.approx(
+        np.interp(2.0, whole.frequency_hz, whole.averages), rel=0.05
+    )
+    off = np.abs(pieces.response[:, 0, 0] - true_response(pieces.frequency_hz)) / pieces.std[:, 0, 0]
+    assert np.median(off) < 2
 
 
 @pytest.mark.parametrize("change", ["same", "still"])

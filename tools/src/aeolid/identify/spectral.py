@@ -8,6 +8,7 @@ of independent values. In a closed loop it leans towards the inverse of the cont
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +26,8 @@ POINTS = 150  # frequencies at most
 _WIDTH = 1.1  # of an average, as a factor to either side
 _LEAST = 8  # independent values in an average, beside one for each input
 _CORRELATED = 35 / 18  # neighbours of a Hann window's spectrum count so much less than independent ones
-_SHORTEST = 64  # samples of a stretch without gaps that is looked at
+_SHORTEST, _LONGEST = 64, 1 << 18  # samples of a stretch without gaps that is looked at as one
+_SHARE = 8  # of the longest: shorter stretches tell nothing of slow motion and would blur it
 _HIGHEST = 0.95  # of the Nyquist frequency
 _SINGULAR = 1e-10  # of the largest eigenvalue of S_uu in units of each input: below, inputs cannot be told apart
 
@@ -70,60 +72,66 @@ def estimate_spectra(records: Sequence[Record]) -> SpectralEstimate | None:
     """Estimate the frequency response of recordings of one experiment set from their spectra.
 
     None without an input, where no stretch without gaps is long enough, and where at no frequency the inputs can be
-    told apart. Time grows as N log N of the samples.
+    told apart. Time grows as N log N of the samples, memory beside the recordings does not grow with them.
     """
     inputs, outputs = records[0].names("input"), records[0].names("output")
-    if not inputs:
+    step, parts = records[0].sample_time_s, [(r, *span) for r in records for span in _spans(r, [*inputs, *outputs])]
+    longest = max((end - begin for _, begin, end in parts), default=0)
+    parts = [part for part in parts if part[2] - part[1] >= longest / _SHARE]
+    if not inputs or not parts:
         return None
-    step = records[0].sample_time_s
-    transforms = [_transform(part, step) for r in records for part in _stretches(r, [*inputs, *outputs])]
-    if not transforms:
-        return None
-    found = [
-        row for f in _frequencies(transforms, len(inputs), step) if (row := _at(transforms, f, len(inputs))) is not None
-    ]
+    centres, halves = _averages([end - begin for _, begin, end in parts], len(inputs), step)
+    sums = np.zeros((len(centres), len(inputs) + len(outputs), len(inputs) + len(outputs)), dtype=np.complex128)
+    counts = np.zeros(len(centres))
+    for record, begin, end in parts:
+        transformed = _transform(record.columns([*inputs, *outputs])[begin:end], step)
+        edges = np.stack([centres - halves, centres + halves]) * step * (end - begin)  # in lines of the spectrum
+        first, last = np.maximum(np.ceil(edges[0]), 1).astype(int), np.floor(edges[1]).astype(int) + 1
+        for k, (low, high) in enumerate(zip(first, last, strict=True)):
+            rows = transformed[low:high]
+            sums[k] += rows.T @ rows.conj()
+            counts[k] += len(rows)
+    found = [(f, *told) for f, s, n in zip(centres, sums, counts, strict=True) if (told := _solve(s, n, len(inputs)))]
     if not found:
         return None
     at, response, std, coherence, averages = (np.array(column) for column in zip(*found, strict=True))
     return SpectralEstimate(at, response, std, coherence, averages, tuple(inputs), tuple(outputs))
 
 
-def _stretches(record: Record, names: Sequence[str]) -> list[Array]:
-    """Return the stretches (n, channels) of a recording in which nothing is missing, long enough to be looked at."""
-    values = np.column_stack([record.column(name) for name in names])
-    whole = np.concatenate([[False], np.all(np.isfinite(values), axis=1), [False]])
-    edges = np.flatnonzero(np.diff(whole.astype(np.int8)))
-    return [values[a:b] for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
+def _spans(record: Record, names: Sequence[str]) -> list[tuple[int, int]]:
+    """Return where the stretches begin and end in which nothing is missing, neither too short nor too long."""
+    finite = np.all(np.isfinite(record.columns(names)), axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(np.int8)))
+    found = []
+    for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        pieces = np.linspace(begin, end, 1 + -(-(end - begin) // _LONGEST)).astype(int).tolist()
+        found += [(a, b) for a, b in itertools.pairwise(pieces) if b - a >= _SHORTEST]
+    return found
 
 
-def _transform(values: Array, step: float) -> tuple[Array, Complex]:
-    """Return frequencies (k,) and the windowed transform (k, channels) of a stretch, its straight line taken off."""
-    count = len(values)
-    window = hann(count, sym=False)
+def _averages(lengths: Sequence[int], inputs: int, step: float) -> tuple[Array, Array]:
+    """Return the centres of the averages and half their widths, from the lowest with independent values enough."""
+    values_per_hz = sum(lengths) * step / _CORRELATED
+    least = (_LEAST + inputs) / values_per_hz / 2
+    lowest, highest = least + 1 / (min(lengths) * step), _HIGHEST * 0.5 / step
+    centres = np.geomspace(lowest, highest, POINTS) if lowest < 0.5 * highest else np.zeros(0)
+    return centres, np.maximum(centres * (_WIDTH - 1), least)
+
+
+def _transform(values: Array, step: float) -> Complex:
+    """Return the windowed transform (k, channels) of a stretch, its straight line taken off."""
+    window = hann(len(values), sym=False)
     scale = np.sqrt(step / np.sum(window**2))
     transformed: Complex = np.fft.rfft(detrend(values, axis=0) * window[:, None], axis=0) * scale
-    return np.asarray(np.fft.rfftfreq(count, step), dtype=np.float64), transformed
+    return transformed
 
 
-def _frequencies(transforms: Sequence[tuple[Array, Complex]], inputs: int, step: float) -> Array:
-    """Return the centres of the averages, from the lowest that has independent values enough."""
-    values_per_hz = sum(1 / f[1] for f, _ in transforms) / _CORRELATED
-    lowest = (_LEAST + inputs) / values_per_hz / 2 + max(f[1] for f, _ in transforms)
-    highest = _HIGHEST * 0.5 / step
-    return np.geomspace(lowest, highest, POINTS) if lowest < 0.5 * highest else np.zeros(0)
-
-
-def _at(
-    transforms: Sequence[tuple[Array, Complex]], frequency: float, inputs: int
-) -> tuple[float, Complex, Array, Array, float] | None:
-    """Return frequency, response, deviation, coherence and averages about one frequency; None where inputs are one."""
-    values_per_hz = sum(1 / f[1] for f, _ in transforms) / _CORRELATED
-    half = max(frequency * (_WIDTH - 1), (_LEAST + inputs) / values_per_hz / 2)
-    rows = np.concatenate([z[(np.abs(f - frequency) <= half) & (f > 0)] for f, z in transforms])
-    averages = len(rows) / _CORRELATED
+def _solve(sums: Complex, count: float, inputs: int) -> tuple[Complex, Array, Array, float] | None:
+    """Return response, deviation, coherence and averages of summed spectra; None where inputs cannot be told apart."""
+    averages = count / _CORRELATED
     if averages < inputs + 2:
         return None
-    spectra = rows.T @ rows.conj() / len(rows)
+    spectra = sums / count
     uu, yu, yy = spectra[:inputs, :inputs], spectra[inputs:, :inputs], np.diag(spectra)[inputs:].real
     size = np.sqrt(np.diag(uu).real)
     if not np.all(size > 0) or np.linalg.eigvalsh(uu / np.outer(size, size))[0] < _SINGULAR:
@@ -134,4 +142,4 @@ def _at(
     rest = np.maximum(yy - explained, 0.0) * averages / (averages - inputs)
     std = np.sqrt(np.outer(rest, np.diag(inverse).real) / (2 * averages))
     coherence = np.where(yy > 0, explained / np.where(yy > 0, yy, 1.0), 0.0)
-    return frequency, response, std, np.clip(coherence, 0.0, 1.0), averages
+    return response, std, np.clip(coherence, 0.0, 1.0), averages
