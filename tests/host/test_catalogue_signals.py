@@ -347,6 +347,20 @@ def keys(site: Site, *entries: str) -> list[str]:
     return [a.key for e in entries for a in entry(e).attach(site)]
 
 
+def test_an_end_that_the_fitted_data_do_not_reach_stays_where_it_is_seen() -> None:
+    """Of the range the sealed part shows both ends, the fitted data one, or none."""
+    reached = table()[:, 4]
+    low, high = float(reached.min()), float(reached.max())
+    for seen, held in (
+        ({"low": low, "high": high}, {}),
+        ({"low": low, "high": 2 * high}, {"sensor_high_2": 2 * high}),
+        ({"low": 2 * low, "high": 2 * high}, {}),
+    ):
+        site = replace(site_of("equations"), rails=({}, seen))
+        (attachment,) = entry("sensor_saturation").attach(site)
+        assert {k: v for k, v in attachment.fixed.items() if not k.startswith("sensor_rail_share")} == held
+
+
 def test_effects_attach_where_they_make_sense() -> None:
     site = site_of("equations")
     assert keys(site, "sensor_saturation", "sensor_quantisation") == [

@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.data.forensics import rails
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, unit_of_output, with_reading
 from aeolid.models.equations import Equations, Parameter
 
+Array = NDArray[np.float64]
 _FEWEST = 10  # values: what has fewer switches, and is always at an end
 _REACH = 0.05  # of the recorded range: how far a limit may lie from the rail that is seen
+_NEAR = 0.01  # of the recorded range: data that end farther from a rail do not reach it
 
 
 def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
@@ -31,11 +34,18 @@ def _attach(site: Site) -> list[Attachment]:
         y = site.y[:, j][np.isfinite(site.y[:, j])]
         ends = (site.rails[j] if site.rails else rails(y)) if len(np.unique(y)) > _FEWEST else {}
         if ends:
-            result.append(_on(site, j, name, ends, float(np.ptp(y))))
+            result.append(_on(site, j, name, ends, y))
     return result
 
 
-def _on(site: Site, j: int, name: str, ends: Mapping[str, float], width: float) -> Attachment:
+def _on(site: Site, j: int, name: str, ends: Mapping[str, float], y: Array) -> Attachment:
+    """Return the range of one output; an end that the fitted data y (N,) do not reach stays where it is seen.
+
+    Free, it moved to where a few of them touch it, for a nat, and was refuted where it is reached (−263 nats).
+    """
+    width = float(np.ptp(y))
+    out_of_reach = {"low": float(y.min()) > ends.get("low", np.inf) + _NEAR * width,
+                    "high": float(y.max()) < ends.get("high", -np.inf) - _NEAR * width}  # fmt: skip
     share, unit = f"sensor_rail_share_{j + 1}", unit_of_output(site, name)
     limits = {side: f"sensor_{side}_{j + 1}" for side in ends}
     slots = [
@@ -47,6 +57,8 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], width: float) 
         clipped, outside = f"max({clipped}, {limits['low']})", [f"sign({limits['low']} - reading)"]
     if "high" in limits:
         clipped, outside = f"min({clipped}, {limits['high']})", [*outside, f"sign(reading - {limits['high']})"]
+    held = {limits[side]: rail for side, rail in ends.items() if out_of_reach[side]}
+    fixed = {share: 1.0} | (held if len(held) < len(ends) else {})  # of what is reached nowhere nothing is known
     parameters = (*(Parameter(s.name, s.null, unit, s.low, s.high) for s in slots), Parameter(share, 0.0, "", 0.0, 1.0))
 
     def edit(model: Equations) -> Equations:
@@ -56,7 +68,7 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], width: float) 
     return Attachment(
         "sensor_saturation", f"sensor_saturation output:{name}", location(f"output:{name}", outputs=(name,)), edit,
         (*slots, Slot(share, None, "", 0.0, 0.0, 1.0, SHARE_SIZE)),
-        shown=True, fixed={share: 1.0}, grid=({limits[side]: rail for side, rail in ends.items()},), share=share,
+        shown=True, fixed=fixed, grid=({limits[side]: rail for side, rail in ends.items()},), share=share,
         equation=f"{name}_recorded = min(max({name}, low), high)",
         statement=partial(_statement, name, unit),
     )  # fmt: skip
