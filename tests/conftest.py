@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from processes_left import processes_left, starting, watch_processes
 from processor_limit import processor_limit
 
 import aeolid  # noqa: F401 — chooses the instructions of numpy and OpenBLAS, which read them as they are loaded
@@ -37,6 +38,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Make the marks known, and hear what is diagnosed where somebody wants to know."""
     for name, meaning in MARKS.items():
         config.addinivalue_line("markers", f"{name}: {meaning}")
+    watch_processes()
     if ANSWERS:
         from aeolid.diagnose.conclusion import verdict
 
@@ -118,8 +120,17 @@ def pytest_runtest_setup() -> Generator[None, Any, Any]:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call() -> Generator[None, Any, Any]:
     """Limit what a test takes."""
-    with processor_limit(MOST_PROCESSOR_S):
+    with processor_limit(MOST_PROCESSOR_S), starting():
         return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Generator[None, Any, Any]:
+    """Fail a test that leaves a process behind, once its fixtures are torn down."""
+    result = yield
+    wrong = processes_left()
+    assert not wrong, "\n".join(wrong)
+    return result
 
 
 @pytest.fixture(autouse=True)

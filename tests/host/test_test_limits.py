@@ -42,7 +42,7 @@ def test_the_list_of_slow_tests_names_tests() -> None:
 
 def test_a_list_for_the_night_that_names_no_test_is_refused(tmp_path: Path) -> None:
     """Else a test whose parameters changed would run by day again, and nobody would notice."""
-    for name in ("conftest.py", "processor_limit.py", "slow.txt"):
+    for name in ("conftest.py", "processes_left.py", "processor_limit.py", "slow.txt"):
         shutil.copy(ROOT / "tests" / name, tmp_path)
     (tmp_path / "test_one.py").write_text("def test_it():\n    pass\n")
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--rootdir", ".", "test_one.py"]

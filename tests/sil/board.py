@@ -87,6 +87,8 @@ class Board:
             self.process.kill()
         self.process.wait()
         self._reader.join()
+        assert self.process.stderr is not None
+        self.process.stderr.close()
 
 
 class DeafHost:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,8 @@ _DIGITS = np.frombuffer(b"0123456789ABCDEF", np.uint8)
 
 def description() -> Frames:
     """Return the frames by which the node of the stored stream describes itself."""
-    frames = open_log(str(STREAM)).read(0.0)
+    with closing(open_log(str(STREAM))) as source:
+        frames = source.read(0.0)
     return frames.take(frames.id == BASE + (DESCRIPTION << 8) + NODE)
 
 

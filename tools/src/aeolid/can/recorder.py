@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 
@@ -94,12 +95,11 @@ def read_log(path: str | Path) -> tuple[dict[str, Array], dict[str, str]]:
 
     Raises DataError when the log is damaged, or holds no samples of a node of ours, or those of several nodes or runs.
     """
-    source = open_log(str(path))
     assembly = Assembly()
-    while source.ended is None:
-        assembly.feed(source.read(0.0))
+    with closing(open_log(str(path))) as source:
+        while source.ended is None:
+            assembly.feed(source.read(0.0))
     assembly.close()
-    source.close()
     if source.ended.startswith("damaged"):
         raise DataError(
             f"{path}: the log is {source.ended}; what came before is kept with"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -115,22 +115,23 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
     w = wanted
     _check(w)
     _check_modes(w)
-    identifiers = read_base(w.base) if w.node_id is None else check_address(w.base, w.node_id)
+    base = read_base(w.base) if w.node_id is None else check_address(w.base, w.node_id)
     again = not w.until_end if w.reconnect is None else w.reconnect
     source = open_source(w.bus, reconnect=again, notice=_say)
-    try:
+    with ExitStack() as opened, _stop_requests() as requests:
+        opened.callback(source.close)
         w = _declared(w, source.is_log)
-    except UsageError:
-        source.close()
-        raise
-    completed = leftover.completed_by(w.log, w.bus)
-    raw = open_raw_log(w.log, leftover.second_spool(completed) if completed else None) if w.log else None
-    recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
-    rates = {"bit_rate": w.bit_rate, "data_bit_rate": w.data_bit_rate}
-    reception = Reception(source, recorder, raw, **rates, base=identifiers)
-    follower = _follow(reception, w, observer) if w.modes else None
-    with _stop_requests() as requests:
+        completed = leftover.completed_by(w.log, w.bus)
+        raw = open_raw_log(w.log, leftover.second_spool(completed) if completed else None) if w.log else None
+        if raw is not None:
+            opened.callback(raw.close)
+        recorder = RunRecorder(w.record, innovations=w.markov.parent if w.markov else None, only=w.node_id)
+        reception = Reception(source, recorder, raw, bit_rate=w.bit_rate, data_bit_rate=w.data_bit_rate, base=base)
+        follower = _follow(reception, w, observer) if w.modes else None
+        if follower is not None:
+            opened.callback(follower.finish)
         with show(reception, follower, lambda: bool(requests)) as over:
+            opened.pop_all()  # from here on they are closed in their order
             try:
                 reason = reception.run(lambda: bool(requests), w.seconds, w.until_end)
                 over()
@@ -138,9 +139,8 @@ def receive(wanted: Wanted, show: Show, observer: Observer | None = None) -> Non
                 _close_all(reception, raw, follower)
         if completed and reason == "end" and source.ended == "end of file" and reception.fault is None:
             completed.unlink(missing_ok=True)  # all of it is in the log
-        for grown in (w.log, w.poles):
-            if grown is not None and grown.is_file():
-                output.record_written(grown)
+        for grown in [path for path in (w.log, w.poles) if path is not None and path.is_file()]:
+            output.record_written(grown)
         nodes = [n for n in reception.assembly.nodes.values() if w.node_id is None or n.number == w.node_id]
         _finish(reception, nodes, reason, (w.markov, follower, w.poles), w.json, w.until_end)
 

@@ -7,7 +7,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aeolid.models.modes import continuous_poles
 
@@ -91,6 +90,8 @@ def _assign(
     last: Sequence[Place], now: Sequence[Place], distance: Callable[[Place, Place], float | None]
 ) -> list[int]:  # fmt: skip
     """Return the index into `last` for each of `now`, −1 for none."""
+    from scipy.optimize import linear_sum_assignment  # half a second to load
+
     given = [-1] * len(now)
     if not last or not now:
         return given

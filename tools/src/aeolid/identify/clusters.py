@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aeolid.identify.diagram import Diagram, Pole
 from aeolid.models.modes import Mode
@@ -121,6 +120,8 @@ def _rank(pole: Pole, diagram: Diagram) -> tuple[int, int, int, int]:
 
 def _hand_out(poles: Sequence[Pole], clusters: list[Cluster], criteria: Criteria) -> None:
     """Give each pole of one model to a cluster of its own, an existing one where it belongs to it."""
+    from scipy.optimize import linear_sum_assignment  # half a second to load
+
     taken: set[int] = set()
     if clusters:
         far = np.array([[_distance(p, c.centre, criteria) for c in clusters] for p in poles])

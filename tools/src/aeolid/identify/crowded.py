@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.identify.compressed import Windows
 from aeolid.identify.contrast import BESIDE, NATS, Contrast, farthest
@@ -91,7 +91,7 @@ def crowded(
         end = descent.path(model, STEPS, 2 * NATS / (samples * outputs))[-1]
         gain, states = nats(end) - known, len(model.A) - len(told.A)
         pole, apart = farthest(told, end, poles)
-        sure = bool(chi2.sf(2 * max(gain, 0.0), states * (2 * outputs + model.B.shape[1])) < CHANCE)
+        sure = bool(chdtrc(states * (2 * outputs + model.B.shape[1]), 2 * max(gain, 0.0)) < CHANCE)
         if sure and apart > APART:
             found.append(Crowded(states, gain, float(abs(np.log(pole)) / (2 * np.pi * step_s)), apart))
     return max(found, key=lambda c: c.apart, default=None)

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.errors import UsageError
 from aeolid.identify.windows import Scaling, find_scaling, triangularise
@@ -146,7 +146,7 @@ def _leading_zeros(R: Array, kept: NDArray[np.bool_], lags: range, outputs: int,
     added = np.einsum("ki,ij,kj->k", rest, weight, rest)[::-1][: len(mine)]  # by the youngest lag first
     weighs = np.cumsum(added)
     count = np.arange(1, len(mine) + 1)
-    chance = chi2.sf(weighs, outputs * count)
+    chance = chdtrc(outputs * count, weighs)
     silent = np.flatnonzero(chance > LEVEL)
     if not len(silent):
         return 0

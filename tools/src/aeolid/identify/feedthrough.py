@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.identify.correlation import lagged_correlation, whiten
 from aeolid.identify.windows import WindowFactor
@@ -86,7 +86,7 @@ def lag_zero(e: Array, v: Array) -> tuple[Array, NDArray[np.intp]]:
         size = left / np.maximum(np.sqrt((left**2).sum(axis=0)), 1e-300)
         rho = size.T @ own / np.sqrt(own @ own)
         share = min(float(rho @ np.linalg.pinv(size.T @ size, rcond=1e-10, hermitian=True) @ rho), 1 - 1e-12)
-        p[i] = chi2.sf(-N * np.log1p(-share), outputs)
+        p[i] = chdtrc(outputs, -N * np.log1p(-share))
         most[i] = int(np.argmax(abs(rho)))
     return p, most
 
@@ -100,7 +100,7 @@ def loop_p_value(e: Array, u: Array) -> float:
     values = []
     for column in (e / np.maximum(e.std(axis=0), 1e-300)).T:
         rho = lagged_correlation(white, column, min(max(LOOP_LAGS), max(len(u) // 20, 1)))
-        values += [float(chi2.sf(len(u) * float(np.sum(rho[:lags] ** 2)), min(lags, len(rho)))) for lags in LOOP_LAGS]
+        values += [float(chdtrc(min(lags, len(rho)), len(u) * float(np.sum(rho[:lags] ** 2)))) for lags in LOOP_LAGS]
     return float(min(1.0, len(values) * min(values)))
 
 
@@ -141,7 +141,7 @@ def ask_memory(factor: WindowFactor, i: int) -> bool | None:
             long, short = (_power(np.hstack([a, now]), target) for a in (factor.R[:, :width], past))
             freedom = max(factor.windows - width - now.shape[1] - 1, 1)
             statistic = freedom * np.log(max(short, 1e-300) / max(long, 1e-300))
-            values.append(float(chi2.sf(max(statistic, 0.0), max(width - lags * m, 1))))
+            values.append(float(chdtrc(max(width - lags * m, 1), max(statistic, 0.0))))
         without, with_now = values
         if without > POSSIBLE and with_now < EXCLUDED:
             return True

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks, welch
 
 from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
@@ -40,6 +39,8 @@ class Spectrum:
     @classmethod
     def of(cls, record: Record, factor: int) -> Spectrum | None:
         """Return those of the longest complete stretch; None where it holds fewer than 4 segments' worth of samples."""
+        from scipy.signal import welch  # a second to load
+
         names = record.names("output")
         y = record.columns(names)
         start, stop = max(complete_stretches(y, 1), key=lambda s: s[1] - s[0], default=(0, 0))
@@ -58,6 +59,8 @@ class Spectrum:
 
     def peaks(self, nyquist_hz: float) -> list[float]:
         """Return where modes beyond a frequency show: prominent peaks of any output, each frequency once, Hz."""
+        from scipy.signal import find_peaks
+
         found: list[float] = []
         for j in range(len(self.outputs)):
             level = 10 * np.log10(np.maximum(self.density[:, j], self.density[:, j].max() * 1e-12))

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import welch
 
 from aeolid.errors import UsageError
 from aeolid.identify.clusters import Cluster, Criteria, cluster
@@ -207,6 +206,8 @@ def _gathered(
 
 def _spectrum(records: Sequence[Record], diagram: Diagram) -> tuple[Array, Array]:
     """Return frequencies and the sum of the outputs' spectra by Welch's method, over the longest complete stretch."""
+    from scipy.signal import welch  # a second to load
+
     stretches = [
         (b - a, r.columns(diagram.outputs)[a:b])
         for r in records for a, b in complete_stretches(r.columns(diagram.outputs), 2)

@@ -7,7 +7,6 @@ from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from aeolid.identify.fit import Fit
 from aeolid.identify.order import OrderChoice
@@ -97,6 +96,8 @@ def poles_of(A: Array) -> ComplexArray:
 
 def nearest(poles: ComplexArray, others: ComplexArray) -> NDArray[np.intp]:
     """Return for each pole (n,) the index of its own among as many others, so that all distances add up to least."""
+    from scipy.optimize import linear_sum_assignment  # half a second to load
+
     return np.asarray(linear_sum_assignment(abs(poles[:, None] - others[None]))[1], dtype=np.intp)
 
 

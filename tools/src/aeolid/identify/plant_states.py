@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order
@@ -86,7 +86,7 @@ def ask_predicted(halves: Halves, through: tuple[bool, ...], i: int, level: floa
     within = _within(held_out, i)
     cost = leaving_out * float(u @ u) / max(held_out.windows, 1)
     weak = bool(within.max() < WEAK_WITHIN) and cost > float(np.sum(within**2 / (1 - within**2)))
-    return bool(weak and biased < leaving_out and chi2.sf(wald, len(z)) < level)
+    return bool(weak and biased < leaving_out and chdtrc(len(z), wald) < level)
 
 
 def _losses(halves: Halves, through: tuple[bool, ...]) -> tuple[StateBasis, Array]:

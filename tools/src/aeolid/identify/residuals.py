@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.identify.correlation import correlation, explained_share, lagged_correlation, whiten
 from aeolid.identify.feedthrough import LOOP_LEVEL, lag_zero, loop_p_value
@@ -86,7 +86,7 @@ def run_residual_tests(
             rho = lagged_correlation(innovations[:, i], white[:, j], lags)
             found.append((output, name, "input", rho))
     statistics = np.array([N * float(np.sum(rho**2)) for *_, rho in found])
-    p_values = _holm(chi2.sf(statistics, lags))
+    p_values = _holm(chdtrc(lags, statistics))
     tests = _within_the_sample(innovations, u, white, outputs, inputs, nrmse)
     for (output, other, kind, rho), statistic, p in zip(found, statistics, p_values, strict=True):
         predictable = max(explained_share(rho, sources[other]) - lags / N, 0.0)

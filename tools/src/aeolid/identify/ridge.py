@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from aeolid.errors import UsageError
 
@@ -69,6 +68,8 @@ def gcv_score(spectrum: Spectrum, output: int, penalty: float) -> float:
 
 def choose_penalty(spectrum: Spectrum, output: int) -> float:
     """Return the λ with the lowest score, 0 where none is better."""
+    from scipy.optimize import minimize_scalar  # half a second to load
+
     s = spectrum.values
     if spectrum.outside[output] <= EXACT * float((spectrum.projected[:, output] ** 2).sum()) and (
         spectrum.count - len(s) >= LEAST_FREEDOM * spectrum.count

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.identify.clusters import Cluster
 from aeolid.identify.modal import Modal
@@ -185,6 +184,8 @@ def _seen(setup: Setup, mode: Mode, cluster: Cluster, references: int) -> Seen:
 
 def _matched(setups: Sequence[Setup], references: int) -> list[list[Seen]]:
     """Return the modes as groups of at most one of each set-up; the set-up with most modes begins."""
+    from scipy.optimize import linear_sum_assignment  # half a second to load
+
     groups: list[list[Seen]] = []
     for setup in sorted(setups, key=lambda s: -len(s.modal.listed)):
         pairs = zip(setup.modal.modes, setup.modal.stability, strict=True)
@@ -242,7 +243,7 @@ def _combined(group: Sequence[Seen], quantity: str, tests: int) -> tuple[float, 
     free = len(values) - 1
     best = (values / spread**2).sum() / (1 / spread**2).sum()
     unlike = float((((values - best) / spread) ** 2).sum())
-    apart = free > 0 and float(chi2.sf(unlike, free)) < CHANCE / tests
+    apart = free > 0 and float(chdtrc(free, unlike)) < CHANCE / tests
     return middle, deviation * (np.sqrt(unlike / free) if apart else 1.0), apart
 
 

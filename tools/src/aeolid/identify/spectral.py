@@ -15,8 +15,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import detrend
-from scipy.signal.windows import hann
 
 from aeolid.record import Record
 
@@ -120,9 +118,12 @@ def _averages(lengths: Sequence[int], inputs: int, step: float) -> tuple[Array, 
 
 def _transform(values: Array, step: float) -> Complex:
     """Return the windowed transform (k, channels) of a stretch, its straight line taken off."""
-    window = hann(len(values), sym=False)
-    scale = np.sqrt(step / np.sum(window**2))
-    transformed: Complex = np.fft.rfft(detrend(values, axis=0) * window[:, None], axis=0) * scale
+    count = len(values)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(count) / count)
+    time = np.arange(count) - 0.5 * (count - 1)
+    level = values - values.mean(axis=0)
+    level -= np.outer(time, time @ level / (time @ time))
+    transformed: Complex = np.fft.rfft(level * window[:, None], axis=0) * np.sqrt(step / np.sum(window**2))
     return transformed
 
 

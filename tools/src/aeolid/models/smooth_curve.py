@@ -16,7 +16,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 Array = NDArray[np.float64]
 DEGREE = 7
@@ -113,6 +112,8 @@ def _kept(samples: bytes) -> SmoothCurve:
 
 def _through(samples: Array) -> SmoothCurve:
     """Lay the curve: the spline's own coefficients, and those at the ends by its powers about a point near."""
+    from scipy.interpolate import make_interp_spline  # half a second to load
+
     count = len(samples)
     spline = make_interp_spline(np.arange(count, dtype=float), samples, k=DEGREE)
     begins = np.r_[-DEGREE : _OWN - DEGREE, count - 1 - _OWN : count - 1]  # the first knots of the basis

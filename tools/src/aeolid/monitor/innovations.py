@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2, f
+from scipy.special import chdtri, fdtri
 
 from aeolid.can.description import Description
 
@@ -156,9 +156,9 @@ class InnovationTest:
             usual = np.mean(self._before, axis=0)
             ratio = np.divide(variance, usual, out=ratio, where=usual > 0)
             degrees = BLOCK - 1, (BLOCK - 1) * len(self._before)
-            low, high = (float(x) for x in f.ppf([LEVEL / 2, 1 - LEVEL / 2], *degrees))
+            low, high = (float(x) for x in fdtri(*degrees, [LEVEL / 2, 1 - LEVEL / 2]))
         self._before.append(variance)
-        bound = float(chi2.ppf(1 - LEVEL, LAGS))
+        bound = float(chdtri(LAGS, LEVEL))
         return Block(index, whiteness(e), ratio, np.sqrt(variance), bound, low, high)
 
 

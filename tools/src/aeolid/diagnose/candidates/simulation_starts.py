@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.starts import starts_of
@@ -54,6 +53,8 @@ def simulation_starts(prepared: Prepared, base: Fit, rows: Sequence[Row], free: 
 
 def _spread(simulator: Predictor, origin: Point, fixed: dict[int, float], places: Sequence[int]) -> list[Point]:
     """Return the point with values spread over the ranges at some places of θ, log where they lie above zero."""
+    from scipy.stats import qmc  # a second to load
+
     low, high = (v[list(places)] for v in (simulator.scales.low, simulator.scales.high))
     count = _SPREAD
     while count > 1 and count * sum(len(s.u) for s in simulator.segments) > _PASSES:

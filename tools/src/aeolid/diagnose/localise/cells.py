@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
-from scipy.stats import norm
+from scipy.special import ndtri
 
 Array = NDArray[np.float64]
 LEVEL = 0.01  # false-alarm level of each map as a whole
@@ -90,7 +90,7 @@ def time_cells(white: Array, stretches: Sequence[tuple[int, int]], seed: int) ->
     )  # (stretches, pieces, l)
     shift, z_mean = _shifts(sums, count)
     ratio, z_power, limit = _powers(powers, count, seed)
-    sidak = float(norm.isf(0.5 * (1 - (1 - LEVEL / 2) ** (1 / z_mean.size))))
+    sidak = -float(ndtri(0.5 * (1 - (1 - LEVEL / 2) ** (1 / z_mean.size))))
     return [
         cell
         for c in range(len(stretches))

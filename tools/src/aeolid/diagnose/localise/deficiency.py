@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.predictor.point import Point
@@ -61,7 +61,7 @@ def _driven(bare: Prepared) -> list[dict[str, Any]]:
     model, fit = bare.extended, bare.fit
     states = {s.name: i for i, s in enumerate(model.states)}
     driven = [s for s in bare.declared.states if states[s.name] in fit.free.noise]
-    limit = 0.5 * float(chi2.isf(_LEVEL / max(len(driven), 1), 3))  # white noise, a force, the force's memory
+    limit = 0.5 * float(chdtri(3, _LEVEL / max(len(driven), 1)))  # white noise, a force, the force's memory
     best = bare.predictor.objective(fit.point)
     rows = []
     for state in driven:

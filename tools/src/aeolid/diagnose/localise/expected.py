@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from aeolid.diagnose.baseline import alongside
 from aeolid.diagnose.baseline.prepare import Prepared
@@ -153,7 +153,7 @@ def _cells(recorded: Array, made: Array, names: Sequence[str], places: Sequence[
     root, others = recorded**_ROOT, made**_ROOT
     spread = others.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(made))
     t = (root - others.mean(axis=0)) / np.maximum(spread, 1e-300)
-    limit = float(student.isf(0.5 * (1 - (1 - LEVEL) ** (1 / max(t.size, 1))), len(made) - 1))
+    limit = -float(stdtrit(len(made) - 1, 0.5 * (1 - (1 - LEVEL) ** (1 / max(t.size, 1)))))
     mean = made.mean(axis=0)
     return [
         {"output": name, **place, "kind": "power", "value": float(recorded[i, j] / mean[i, j]),

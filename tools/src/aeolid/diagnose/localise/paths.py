@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import lfilter
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.localise.cells import LEVEL, Cell
@@ -84,7 +84,9 @@ def path_cells(white: Sequence[Array], heard: Sequence[Array]) -> tuple[list[Cel
             power = np.abs(rfft(sums / np.maximum(spread, 1e-300))) ** 2 / (lags / 2)
             for b, (low, high) in enumerate(pairwise((edges * lags).round().astype(int).tolist())):
                 total, freedom = float(power[low:high].sum()), 2 * (high - low)
-                found.append((j, i * len(edges) + b, total / freedom, float(-chi2.logsf(total, freedom) / np.log(10))))
+                chance = float(chdtrc(freedom, total))
+                rarity = -np.log10(chance) if chance > 0 else np.inf
+                found.append((j, i * len(edges) + b, total / freedom, float(rarity)))
     limit = float(-np.log10(1 - (1 - LEVEL / _TAILS) ** (1 / len(found))))
     return [Cell(j, place, "path", value, z, limit) for j, place, value, z in found], edges
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
@@ -29,6 +28,8 @@ def explore(predictor: Predictor, origin: Point, free: Free, fixed: Sequence[int
     Parameters without two finite ends, or listed in `fixed`, stay where `origin` has them; noise amplitudes
     are tried on a ladder.
     """
+    from scipy.stats import qmc  # a second to load
+
     scales = predictor.scales
     moving = [
         i for i in free.theta

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import f
+from scipy.special import fdtrc
 
 from aeolid.identify.ort.joint import Layout
 from aeolid.identify.windows import WindowFactor, triangularise
@@ -87,4 +87,4 @@ def _compare(alone: float, with_past: float, own: int, count: int, N: int) -> tu
     free = N - own - count - 1
     statistic = (alone / max(with_past, 1e-300) - 1.0) * free / count
     share = 1.0 - (with_past / free) / (alone / (N - own - 1))
-    return float(f.sf(statistic, count, free)), max(float(share), 0.0)
+    return float(fdtrc(count, free, statistic)), max(float(share), 0.0)
