@@ -2,8 +2,8 @@
 
 The held-out error alone takes windows that are too short where modes are slow for the sample rate: what the truncated
 predictor loses is little of the error and much of the poles. Poles alone do not say when a longer window is but noise.
-So the shortest window whose held-out error is within what chance explains of the least is taken first, and then doubled
-until the poles agree with those of twice the window (see `truncation`). All windows are had from one factor.
+So the shortest window whose held-out error is within what chance explains of the least is taken first, and then lengthened
+by √2 until the poles agree with those of twice the window (see `truncation`). All windows are had from one factor.
 
 Where prediction-error steps follow and can be paid for, the window is but that of their start. What a short one leaves
 out of the error they take away; what a long one adds by its many coefficients they leave where the error hardly tells
@@ -115,7 +115,7 @@ def choose_past(
         check = check_window(ladder, past, through, regularization, fits)
         if check.holds is not False or past >= ladder.longest:
             break
-        past = min(2 * past, ladder.longest)
+        past = min(_next(past), ladder.longest)
     step = ladder.sample_time_s
     reason = f"past window {past} samples ({past * step:.4g} s): "
     reason += f"the shortest whose held-out one-step error is within {within}"
@@ -206,5 +206,10 @@ def _by_shorter(fit: Callable[[int, int | None], WindowFit], past: int, sample_t
 def _windows(longest: int) -> list[int]:
     tried = [min(SHORTEST, longest)]
     while tried[-1] * STEP < longest:
-        tried.append(max(round(tried[-1] * STEP), tried[-1] + 1))
+        tried.append(_next(tried[-1]))
     return tried
+
+
+def _next(past: int) -> int:
+    """Return the window that is tried after one."""
+    return max(round(past * STEP), past + 1)
