@@ -391,6 +391,7 @@ def refusals() -> dict[str, Any]:
 
 def command_line() -> dict[str, Any]:
     """Run `aeolid node` itself, on an interface and without one."""
+    importlib.import_module("pandas")  # it reads the recording; once for both
     played = ("--recording", f"{out}/classic.csv", "--roles", f"{out}/classic.roles.toml", "--samples", "50")
     node = ("node", *played, "--past", "3", "--speed", "max", "--bus")
     before = count_sent("vcan1")
