@@ -135,7 +135,7 @@ def read_frame(
             what = "point" if point.name in found else "channel"
             raise DataError(f"{where}: there is a {what} {point.name!r} already; give it another name")
         found[point.name] = point
-    known = channels | dict.fromkeys(found, True)
+    known = {**channels, **dict.fromkeys(found, True)}
     joined = [_read_line(entry, known, f"{source} [[line]] {i + 1}") for i, entry in enumerate(tables[1])]
     return tuple(found.values()), tuple(dict.fromkeys(joined))
 

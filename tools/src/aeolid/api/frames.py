@@ -40,8 +40,8 @@ def _moving(facts: Facts, modes: Sequence[int] | None) -> tuple[Frame, list[tupl
 def draw_frames(facts: Facts, axes: Any, modes: Sequence[int] | None = None, most: int | None = None) -> Any:
     """Draw modes of JSON facts at rest (grey), at their largest real part (blue) and half a period later (dashed).
 
-    axes: (views, modes) of them, None for a new figure; most: how many are drawn, None for all. Raises UsageError where no sensor has a position, or no mode
-    has a shape there.
+    axes: (views, modes) of them, None for a new figure; most: how many are drawn, None for all.
+    Raises UsageError where no sensor has a position, or no mode has a shape there.
     """
     frame, found = _moving(facts, modes)
     found = found[:most]
@@ -69,7 +69,7 @@ def _draw(place: Any, frame: Frame, motion: Motion, view: tuple[int, int]) -> No
         if len(frame.edges):
             place.plot(x[frame.edges.T], y[frame.edges.T], style, color=colour, linewidth=width)
         place.plot(x[dots], y[dots], "o", color=colour, markersize=2.0 if turn is None else 3.5)
-    reach = 1.1 * REACH * frame.extent
+    reach = 1.25 * REACH * frame.extent
     for axis, limit in ((a, place.set_xlim), (b, place.set_ylim)):
         limit(frame.positions[:, axis].min() - reach, frame.positions[:, axis].max() + reach)
     place.set_aspect("equal")
@@ -100,6 +100,6 @@ def draw_below(facts: Facts, figure: Figure, diagram: Callable[[Any], object]) -
         diagram(figure)
         return
     lower = _VIEW_HEIGHT * views
-    parts = figure.subfigures(2, 1, height_ratios=[figure.get_figheight() - lower, lower])
+    parts: Any = figure.subfigures(2, 1, height_ratios=[figure.get_figheight() - lower, lower])
     diagram(parts[0])
     draw_frames(facts, parts[1].subplots(views, count, squeeze=False), most=count)

@@ -82,7 +82,7 @@ def modes(
         Path | None,
         typer.Option(
             "--picture",
-            help="Write the stabilisation diagram, and the modes on the structure where sensors have positions (.svg, .png, .pdf).",
+            help="Write the stabilisation diagram (.svg, .png or .pdf); shapes, too, where sensors have positions.",
         ),
     ] = None,
     resample: ResampleOption = None,

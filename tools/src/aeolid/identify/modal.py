@@ -50,8 +50,8 @@ class Modal:
 
     modes: by frequency, harmonics and steady sines among them, marked; stability: of each the cluster it came from;
     spurious: clusters that are not physical; sources: of each recording its name, SHA-256 and samples.
-    spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale. geometry: where sensors are,
-    where the roles file says it.
+    spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale. geometry: where the
+    sensors are, None where the roles file does not say it.
     """
 
     modes: tuple[Mode, ...]

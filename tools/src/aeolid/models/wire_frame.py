@@ -1,7 +1,7 @@
-"""Move a wire frame by a mode's complex shape: displacements of its points, and how far the shape is from a standing one.
+"""Move a wire frame by a mode's complex shape, and say how far the shape is from a standing one.
 
-A sensor at a point measures a = d·u, the part of the point's displacement u along its direction d. Of several sensors at
-one point u is the shortest vector that explains all of them (least squares): their vector sum Σ a d where they are
+A sensor at a point measures a = d·u, the part of the point's displacement u along its direction d. Of several sensors
+at one point u is the shortest vector that explains all of them (least squares): their vector sum Σ a d where they are
 perpendicular, their mean where they point alike. A direction that no sensor of a point looks along is drawn at rest.
 
 Points without a sensor that have lines to two or more others move as knots of a weightless taut string do: each is the
@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.geometry import Geometry, Triple
+from aeolid.geometry import Geometry, Point, Sensor, Triple
 from aeolid.models.modes import Mode
 from aeolid.units import factor
 
@@ -40,8 +41,8 @@ _MORE = {"mm/s": (1, 1e-3), "cm/s": (1, 1e-2), "um": (0, 1e-6), "um/s": (1, 1e-6
 class Frame:
     """Hold a wire frame: positions (P, 3) in m, its edges as pairs of indices (E, 2), no two points at one place.
 
-    sensors: of each its name, unit, index of the point and direction; fixed: (P,) what stays whatever moves; extent: the
-    largest distance of two points in m, 1 where all is at one.
+    sensors: of each its name, unit, index of the point and direction; fixed: (P,) what stays whatever moves; extent:
+    the largest distance of two points in m, 1 where all is at one.
     """
 
     positions: Array
@@ -55,11 +56,11 @@ class Frame:
 class Motion:
     """Hold how a mode moves a frame: displacements (P, 3), complex, their best real axis the real one.
 
-    The point that moves most has the amplitude √(|u_x|² + |u_y|² + |u_z|²) = 1. unit: DISPLACEMENT, or that of the sensors where it is no
-    displacement; sensors: those it was made from. collinearity: the modal phase collinearity |Σ a²|²/(Σ |a|²)² (Pappa,
-    Elliott and Schenk 1993) of the sensors' amplitudes a, 1 where all move in phase or against it, 0 for a wave that
-    travels; phase_deviation_deg: their mean distance from the best real axis, weighted by |a|, 0 … 90°. derived:
-    whether quantities of several derivatives were brought together.
+    The point that moves most has the amplitude √(|u_x|² + |u_y|² + |u_z|²) = 1. unit:
+    DISPLACEMENT, or that of the sensors where it is no displacement; sensors: those it was made from. collinearity: the
+    modal phase collinearity |Σ a²|²/(Σ |a|²)² (Pappa, Elliott and Schenk 1993) of the sensors' amplitudes a, 1 where
+    all move in phase or against it, 0 for a wave that travels. phase_deviation_deg: their mean distance from the best
+    real axis, weighted by |a|, 0 … 90°. derived: whether several derivatives were brought together.
     """
 
     displacement: ComplexArray
@@ -75,7 +76,7 @@ def frame_of(geometry: Geometry) -> Frame:
 
     Cost: lines times points.
     """
-    named = [*geometry.sensors, *geometry.points]
+    named: list[Sensor | Point] = [*geometry.sensors, *geometry.points]
     places = np.array([p.position for p in named], dtype=np.float64).reshape(-1, 3)
     size = float(np.linalg.norm(np.ptp(places, axis=0))) or 1.0
     rounded = np.round(places / (_ONE_PLACE * size))
@@ -89,7 +90,7 @@ def frame_of(geometry: Geometry) -> Frame:
     for start, end in geometry.lines:
         if start in at and end in at and at[start] != at[end]:
             knots = _along(positions, at[start], at[end], _ONE_PLACE * size)
-            edges |= dict.fromkeys((min(a, b), max(a, b)) for a, b in zip(knots, knots[1:], strict=False))
+            edges |= dict.fromkeys((min(a, b), max(a, b)) for a, b in pairwise(knots))
     pairs = np.array(list(edges), dtype=np.intp).reshape(-1, 2)
     sensors = tuple((s.name, s.unit, at[s.name], s.direction) for s in geometry.sensors)
     extent = float(np.linalg.norm(positions[:, None] - positions, axis=2).max())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aeolid.geometry import Geometry
 from aeolid.models.projections import AXES, placed, views_of
 from aeolid.models.wire_frame import DISPLACEMENT, REACH, Frame, Motion, frame_of, mode_motions
-from aeolid.report.markup import Html, figure, join, section, tag
+from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import number, percent
 
 Facts = dict[str, Any]
@@ -35,7 +35,8 @@ _RULES = """
 .frame .axis { stroke: var(--soft); } .frame .moving { display: none; }
 @media screen and (prefers-reduced-motion: no-preference) {
   #frames-move:checked ~ .pair .moving { display: inline; }
-  #frames-move:checked ~ .pair .moves .front, #frames-move:checked ~ .pair .moves .back { opacity: .3; }
+  #frames-move:checked ~ .pair .moves .front { opacity: .3; }
+  #frames-move:checked ~ .pair .moves .back { opacity: .7; }
 }
 @media print { #frames-move, #frames-move + label { display: none; } }
 """
@@ -60,7 +61,8 @@ def frames_part(facts: Facts) -> Html:
         notes.append("The frame has too many lines to be shown moving in a page of a size that can be sent.")
     return section(
         "Modes on the structure", tag("style", Html(_RULES)), *(switch if moves else []),
-        tag("div", join(drawings), class_="pair"), *(tag("p", note, class_="soft") for note in notes),
+        tag("div", join(drawings), class_="pair"), folded("Sensors", _table(frame)),
+        *(tag("p", note, class_="soft") for note in notes),
     )  # fmt: skip
 
 
@@ -94,8 +96,10 @@ def _notes(frame: Frame, modes: Sequence[tuple[Facts, Motion]], shown: int) -> l
 def told_of(mode: Facts, motion: Motion) -> str:
     """Return the sentence below a drawing: which mode, in what, and how complex its shape is."""
     what = "" if motion.unit == DISPLACEMENT else f", in {motion.unit or 'no unit'}"
+    name = str(mode.get("name") or "")
+    title = f"{name[:1].upper()}{name[1:]}," if name else "Mode at"
     return (
-        f"{mode.get('name') or 'mode'}, {number(mode['frequency_hz'], 4)} Hz{what}: phase collinearity "
+        f"{title} {number(mode['frequency_hz'], 4)} Hz{what}: phase collinearity "
         f"{percent(motion.collinearity, 3)}, mean phase deviation {number(motion.phase_deviation_deg, 2)}°."
     )
 
@@ -130,13 +134,13 @@ class _Window:
         out = []
         for i, (a, b) in enumerate(self.views):
             middle = self.lefts[i] + self.scale * float(self.span[a]) / 2
-            words = f"{AXES[a]} → , {AXES[b]} ↑"
+            words = f"{AXES[a]} \N{RIGHTWARDS ARROW}\u2002{AXES[b]} \N{UPWARDS ARROW}"
             out.append(Html(f'<text x="{middle:.1f}" y="{_HEIGHT - 8}" text-anchor="middle">{words}</text>'))
         return out
 
 
 def _paths(frame: Frame, flats: Sequence[Array], moving: Sequence[Sequence[Array]] | None = None) -> list[Html]:
-    """Return the lines and the sensors' dots of one state, one path each; moving: of each view the states of a period."""
+    """Return the lines and the sensors' dots of one state, a path each; moving: of each view the states of a period."""
     dots = sorted({point for _, _, point, _ in frame.sensors})
     parts = []
     for kind in ("line", "dot"):
@@ -193,6 +197,15 @@ def _geometry(frame: Frame, views: Sequence[tuple[int, int]]) -> Html:
             parts.append(tag("g", tag("title", f"{name} ({unit or '1'})"), Html(f'<path class="arrow" d="{arrows}"/>')))
     text = f"{len(frame.sensors)} sensors and the directions they measure along; point at an arrow for its name."
     return figure(_drawing([*parts, *window.names()], False, text), text)
+
+
+def _table(frame: Frame) -> Html:
+    rows = [
+        [name, unit or "1", *(number(v, 4) for v in frame.positions[point]), *(number(v, 3) for v in direction)]
+        for name, unit, point, direction in frame.sensors
+    ]
+    heads = ["sensor", "unit", *(f"#{a} (m)" for a in AXES), *(f"#along {a}" for a in AXES)]
+    return table(heads, rows)
 
 
 def _arrow(ends: Array) -> str:

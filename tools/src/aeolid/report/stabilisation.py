@@ -39,7 +39,8 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found), diagram_part(facts),
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
-        section("On the blades", _whirls(modes)), frames_part(facts), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
+        section("On the blades", _whirls(modes)), frames_part(facts),
+        shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
         section("Criteria", criteria_table(facts)),
     )  # fmt: skip
