@@ -147,14 +147,15 @@ def _motion(
     if not abs(a).max() > 0:
         return None
     a = to_real_axis(a / abs(a).max())
-    u = np.zeros(frame.positions.shape, dtype=np.complex128)
-    at = np.array(points)
-    for point in np.unique(at):
-        mine = at == point
-        D = np.array(directions)[mine]  # (sensors, 3)
-        u[point] = np.linalg.pinv(D, rcond=_ALIKE) @ a[mine]
+    u, at = np.zeros(frame.positions.shape, dtype=np.complex128), np.array(points)
+    D, count = np.array(directions), np.bincount(at, minlength=len(u))
+    single = count[at] == 1
+    u[at[single]] = D[single] * a[single, None]
+    for point in np.flatnonzero(count > 1):
+        mine = at == point  # D[mine] (sensors, 3)
+        u[point] = np.linalg.pinv(D[mine], rcond=_ALIKE) @ a[mine]
     u[frame.fixed] = 0.0
-    u = _interpolated(frame, u, np.unique(at))
+    u = _interpolated(frame, u, at)
     largest = float(np.linalg.norm(u, axis=1).max())
     return Motion(
         u / largest if largest > 0 else u, unit, names, collinearity(a), phase_deviation(a), len(set(orders)) > 1
@@ -172,7 +173,7 @@ def _interpolated(frame: Frame, u: ComplexArray, moved: Indices) -> ComplexArray
     W[a, b] = W[b, a] = weight
     free = ~frame.fixed & (np.bincount(frame.edges.ravel(), minlength=count) >= 2)
     free[moved] = False
-    free &= _reached(W > 0, ~free)
+    free[free] = _reach_known(W[free] > 0, free)
     if not free.any():
         return u
     L = np.diag(W.sum(axis=1)) - W
@@ -181,14 +182,18 @@ def _interpolated(frame: Frame, u: ComplexArray, moved: Indices) -> ComplexArray
     return out
 
 
-def _reached(joined: NDArray[np.bool_], known: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which points have a way along edges to a known one: others have nothing to be interpolated between."""
-    met = known.copy()
-    while True:
-        more = met | (joined @ met)
-        if (more == met).all():
-            return met
-        met = more
+def _reach_known(joined: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which free points (f,) have a way along edges to one that is not: others have nothing to follow.
+
+    joined: (f, P) whether a free point has an edge to each point.
+    """
+    from scipy.sparse.csgraph import connected_components  # a tenth of a second to load
+
+    if not free.any():
+        return np.zeros(0, dtype=bool)
+    count, part = connected_components(joined[:, free], directed=False)
+    out: NDArray[np.bool_] = np.bincount(part, joined[:, ~free].any(axis=1), count)[part] > 0
+    return out
 
 
 def to_real_axis(a: ComplexArray) -> ComplexArray:
