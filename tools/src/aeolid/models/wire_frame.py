@@ -4,9 +4,9 @@ A sensor at a point measures a = d·u, the part of the point's displacement u al
 at one point u is the shortest vector that explains all of them (least squares): their vector sum Σ a d where they are
 perpendicular, their mean where they point alike. A direction that no sensor of a point looks along is drawn at rest.
 
-Points without a sensor that have lines to two or more others move as knots of a weightless taut string do: each is the
-mean of its neighbours with the weights 1/length, which is linear interpolation along a line. Others stay, and so does
-what is fixed.
+Points without a sensor that a line passes straight on (within 30°, so that a bent chain of lines is one) move as knots
+of a weightless taut string do: each is the mean of its neighbours along it with the weights 1/length, which is linear
+interpolation along a straight line. Others stay, and so does what is fixed.
 
 A recorded derivative of the displacement x(t) = Re(u exp(s t)) is turned into it by 1/s for a velocity and 1/s² for an
 acceleration, s the continuous-time pole of the mode.
@@ -33,6 +33,7 @@ DISPLACEMENT = "displacement"
 REACH = 0.15  # of the frame's extent: how far the point that moves most is drawn from its place
 _ONE_PLACE = 1e-6  # of the extent: nearer points are one
 _ALIKE = 0.1  # of singular values: directions within some 11° tell one component, not two
+_STRAIGHT = np.cos(np.radians(30.0))
 _DERIVATIVES = ("m", "m/s", "m/s^2")
 _MORE = {"mm/s": (1, 1e-3), "cm/s": (1, 1e-2), "um": (0, 1e-6), "um/s": (1, 1e-6), "mg": (2, 9.80665e-3)}
 
@@ -60,7 +61,8 @@ class Motion:
     DISPLACEMENT, or that of the sensors where it is no displacement; sensors: those it was made from. collinearity: the
     modal phase collinearity |Σ a²|²/(Σ |a|²)² (Pappa, Elliott and Schenk 1993) of the sensors' amplitudes a, 1 where
     all move in phase or against it, 0 for a wave that travels. phase_deviation_deg: their mean distance from the best
-    real axis, weighted by |a|, 0 … 90°. derived: whether several derivatives were brought together.
+    real axis, weighted by |a| (Reynders, Houbrechts and De Roeck 2012), 0° for the one and some 45° for the other.
+    derived: whether several derivatives were brought together.
     """
 
     displacement: ComplexArray
@@ -163,36 +165,52 @@ def _motion(
 
 
 def _interpolated(frame: Frame, u: ComplexArray, moved: Indices) -> ComplexArray:
-    """Return displacements with those of points without a sensor between others: L_ff u_f = −L_fk u_k."""
-    count = len(frame.positions)
-    if not len(frame.edges):
-        return u
-    a, b = frame.edges.T
-    weight = 1 / np.linalg.norm(frame.positions[a] - frame.positions[b], axis=1)
-    W = np.zeros((count, count))
-    W[a, b] = W[b, a] = weight
-    free = ~frame.fixed & (np.bincount(frame.edges.ravel(), minlength=count) >= 2)
-    free[moved] = False
-    free[free] = _reach_known(W[free] > 0, free)
+    """Return displacements with those of points that lines pass: W_ff u_f − diag(Σ w) u_f = −W_fk u_k."""
+    W = _straight_on(frame)
+    W[frame.fixed] = 0.0
+    W[moved] = 0.0
+    free = _follow(W)
     if not free.any():
         return u
-    L = np.diag(W.sum(axis=1)) - W
+    L = np.diag(W[free].sum(axis=1)) - W[np.ix_(free, free)]
     out = u.copy()
-    out[free] = np.linalg.solve(L[np.ix_(free, free)], -L[np.ix_(free, ~free)] @ u[~free])
+    out[free] = np.linalg.solve(L, W[np.ix_(free, ~free)] @ u[~free])
     return out
 
 
-def _reach_known(joined: NDArray[np.bool_], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return which free points (f,) have a way along edges to one that is not: others have nothing to follow.
+def _straight_on(frame: Frame) -> Array:
+    """Return the weights 1/length (P, P) of each point's neighbours whose edge another one of it goes on from."""
+    count = len(frame.positions)
+    around: list[list[int]] = [[] for _ in range(count)]
+    for a, b in frame.edges.tolist():
+        around[a].append(b)
+        around[b].append(a)
+    W = np.zeros((count, count))
+    for i, near in enumerate(around):
+        if len(near) < 2:
+            continue
+        ways = frame.positions[near] - frame.positions[i]
+        length = np.linalg.norm(ways, axis=1)
+        along = ways / length[:, None]
+        goes_on = (along @ along.T).min(axis=1) < -_STRAIGHT
+        W[i, np.array(near)[goes_on]] = 1 / length[goes_on]
+    return W
 
-    joined: (f, P) whether a free point has an edge to each point.
-    """
-    from scipy.sparse.csgraph import connected_components  # a tenth of a second to load
 
-    if not free.any():
-        return np.zeros(0, dtype=bool)
-    count, part = connected_components(joined[:, free], directed=False)
-    out: NDArray[np.bool_] = np.bincount(part, joined[:, ~free].any(axis=1), count)[part] > 0
+def _follow(W: Array) -> NDArray[np.bool_]:
+    """Return which points (P,) are moved by others: they have weights, and by them a way to one that has none."""
+    led: list[list[int]] = [[] for _ in W]
+    for i, k in zip(*np.nonzero(W), strict=True):
+        led[k].append(int(i))
+    weighted = np.asarray(W.any(axis=1), dtype=bool)
+    met = ~weighted
+    waiting = np.flatnonzero(met).tolist()
+    while waiting:
+        for i in led[waiting.pop()]:
+            if not met[i]:
+                met[i] = True
+                waiting.append(i)
+    out: NDArray[np.bool_] = met & weighted
     return out
 
 

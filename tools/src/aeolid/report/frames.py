@@ -24,7 +24,8 @@ _MOST = 12  # modes that are drawn
 _MOST_EDGES = 40_000  # of all pictures of a page in one state: some 3 MB
 _MOST_MOVING = 2_500  # edges that move: 16 states of each, some 1 MB
 _STATES, _SECONDS = 16, 2.4  # of a period as it is shown
-_WIDTH, _HEIGHT, _GAP, _FOOT = 520, 360, 36, 30
+_WIDTH, _HIGHEST, _GAP, _FOOT = 520, 320, 30, 30  # of a drawing in its units, its views, between and below them
+_ROOM = 0.03  # of the extent, around all
 _RULES = """
 .frame path { fill: none; stroke-linecap: round; stroke-linejoin: round; }
 .frame .line { stroke-width: 2; } .frame .dot { stroke-width: 7; } .frame .fixed { stroke-width: 7; }
@@ -50,11 +51,11 @@ def frames_part(facts: Facts) -> Html:
     modes = [(m, motion) for m in facts["modes"] for motion in mode_motions(frame, m)]
     if not modes:
         return Html("")
-    views = views_of(frame, [motion for _, motion in modes])
-    each = max(len(views) * (len(frame.edges) + len(frame.positions)), 1)
+    window = _Window(frame, [motion for _, motion in modes])
+    each = max(len(window.views) * (len(frame.edges) + len(frame.positions)), 1)
     shown = modes[: max(min(_MOST, _MOST_EDGES // each), 1)]
     moves = each * len(shown) <= _MOST_MOVING
-    drawings = [tag("div", _geometry(frame, views)), *(tag("div", _mode(frame, views, *one, moves)) for one in shown)]
+    drawings = [tag("div", _geometry(frame, window)), *(tag("div", _mode(frame, window, *one, moves)) for one in shown)]
     switch = [Html('<input type="checkbox" id="frames-move" checked>'), tag("label", " moving", for_="frames-move")]
     notes = [_EXPLAINED, *_notes(frame, modes, len(shown))]
     if not moves:
@@ -69,9 +70,9 @@ def frames_part(facts: Facts) -> Html:
 _EXPLAINED = (
     f"Grey: at rest. The point that moves most is drawn {percent(REACH, 2)} of the structure's extent from its place; "
     "blue is the phase at which the shape is largest, dashed orange half a period later. Phase collinearity is 100 % "
-    "where all sensors move in phase or against it, and 0 for a wave that travels; the mean phase deviation is 0° and "
-    "up to 90° there. Points without a sensor are interpolated along the lines between sensors, or stay; a direction "
-    "in which a point has no sensor is drawn at rest."
+    "and the mean phase deviation 0° where all sensors move in phase or against it; a wave that travels has 0 % and "
+    "some 45°. Points without a sensor are interpolated along the lines that pass them, or stay; a direction in which "
+    "a point has no sensor is drawn at rest."
 )
 
 
@@ -100,27 +101,28 @@ def told_of(mode: Facts, motion: Motion) -> str:
     title = f"{name[:1].upper()}{name[1:]}," if name else "Mode at"
     return (
         f"{title} {number(mode['frequency_hz'], 4)} Hz{what}: phase collinearity "
-        f"{percent(motion.collinearity, 3)}, mean phase deviation {number(motion.phase_deviation_deg, 2)}°."
+        f"{percent(motion.collinearity, 3)}, mean phase deviation {number(round(motion.phase_deviation_deg, 2), 2)}°."
     )
 
 
 class _Window:
     """Place the views of a frame beside each other in one drawing, all to one scale."""
 
-    def __init__(self, frame: Frame, views: Sequence[tuple[int, int]]) -> None:
-        self.views = views
-        low = frame.positions.min(axis=0) - REACH * frame.extent
-        span = np.ptp(frame.positions, axis=0) + 2 * REACH * frame.extent
+    def __init__(self, frame: Frame, motions: Sequence[Motion]) -> None:
+        self.views = views = views_of(frame, motions)
+        sizes = [abs(m.displacement) for m in motions] + [abs(np.array([d for *_, d in frame.sensors]))]
+        reach = frame.extent * (_ROOM + REACH * np.max(np.vstack(sizes), axis=0))  # of shapes and of arrows
+        low, span = frame.positions.min(axis=0) - reach, np.ptp(frame.positions, axis=0) + 2 * reach
         wide, high = sum(span[a] for a, _ in views), max(span[b] for _, b in views)
-        across, up = _WIDTH - _GAP * (len(views) + 1), _HEIGHT - _FOOT - 14
-        self.scale = float(min(across / wide, up / high))
-        self.low, self.top = low, low + span
+        self.scale = float(min((_WIDTH - _GAP * (len(views) + 1)) / wide, _HIGHEST / high))
+        self.low, self.span = low, span
         gap = (_WIDTH - self.scale * wide) / (len(views) + 1)
         self.lefts, left = [], gap
         for a, _ in views:
             self.lefts.append(left)
             left += gap + float(span[a]) * self.scale
-        self.span, self.bottom = span, 10 + float(high) * self.scale
+        self.bottom = float(high) * self.scale
+        self.height = self.bottom + _FOOT
 
     def flat(self, points: Array, i: int) -> Array:
         """Return points (P, 3) as (P, 2) in the drawing's units in view i."""
@@ -135,7 +137,7 @@ class _Window:
         for i, (a, b) in enumerate(self.views):
             middle = self.lefts[i] + self.scale * float(self.span[a]) / 2
             words = f"{AXES[a]} \N{RIGHTWARDS ARROW}\u2002{AXES[b]} \N{UPWARDS ARROW}"
-            out.append(Html(f'<text x="{middle:.1f}" y="{_HEIGHT - 8}" text-anchor="middle">{words}</text>'))
+            out.append(Html(f'<text x="{middle:.1f}" y="{self.height - 8:.1f}" text-anchor="middle">{words}</text>'))
         return out
 
 
@@ -162,17 +164,18 @@ def _path(frame: Frame, flat: Array, kind: str, dots: Sequence[int]) -> str:
     return "".join(f"M{flat[a, 0]:.1f} {flat[a, 1]:.1f}L{flat[b, 0]:.1f} {flat[b, 1]:.1f}" for a, b in frame.edges)
 
 
-def _drawing(parts: Sequence[object], moves: bool, title: str) -> Html:
-    head = f'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {_HEIGHT}" role="img"'
-    return Html(f'<svg class="frame{" moves" if moves else ""}" {head}>{tag("title", title)}{join(parts)}</svg>')
+def _drawing(window: _Window, parts: Sequence[object], moves: bool, title: str) -> Html:
+    head = f'xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {_WIDTH} {window.height:.0f}" role="img"'
+    inside = join([tag("title", title), *parts, *window.names()])
+    return Html(f'<svg class="frame{" moves" if moves else ""}" {head}>{inside}</svg>')
 
 
 def _state(window: _Window, points: Array) -> list[Array]:
     return [window.flat(points, i) for i in range(len(window.views))]
 
 
-def _mode(frame: Frame, views: Sequence[tuple[int, int]], mode: Facts, motion: Motion, moves: bool) -> Html:
-    window, text = _Window(frame, views), told_of(mode, motion)
+def _mode(frame: Frame, window: _Window, mode: Facts, motion: Motion, moves: bool) -> Html:
+    text = told_of(mode, motion)
     rest = _state(window, frame.positions)
     front, back = (_state(window, placed(frame, motion, phase)) for phase in (0.0, np.pi))
     parts = [
@@ -181,22 +184,21 @@ def _mode(frame: Frame, views: Sequence[tuple[int, int]], mode: Facts, motion: M
     ]  # fmt: skip
     if moves:
         steps = [placed(frame, motion, 2 * np.pi * k / _STATES) for k in range(_STATES)]
-        moving = [[window.flat(points, i) for points in steps] for i in range(len(views))]
+        moving = [[window.flat(points, i) for points in steps] for i in range(len(window.views))]
         parts.append(tag("g", *_paths(frame, front, moving), class_="moving"))
-    return figure(_drawing([*parts, *window.names()], moves, text), text)
+    return figure(_drawing(window, parts, moves, text), text)
 
 
-def _geometry(frame: Frame, views: Sequence[tuple[int, int]]) -> Html:
+def _geometry(frame: Frame, window: _Window) -> Html:
     """Draw the frame at rest with an arrow along each sensor's direction, which says its name when pointed at."""
-    window = _Window(frame, views)
     parts: list[object] = [tag("g", *_paths(frame, _state(window, frame.positions)), class_="rest")]
     for name, unit, point, direction in frame.sensors:
         ends = frame.positions[point] + REACH * frame.extent * np.array([[0.0] * 3, direction])
-        arrows = "".join(_arrow(window.flat(ends, i)) for i in range(len(views)))
+        arrows = "".join(_arrow(window.flat(ends, i)) for i in range(len(window.views)))
         if arrows:
             parts.append(tag("g", tag("title", f"{name} ({unit or '1'})"), Html(f'<path class="arrow" d="{arrows}"/>')))
     text = f"{len(frame.sensors)} sensors and the directions they measure along; point at an arrow for its name."
-    return figure(_drawing([*parts, *window.names()], False, text), text)
+    return figure(_drawing(window, parts, False, text), text)
 
 
 def _table(frame: Frame) -> Html:
