@@ -97,6 +97,10 @@ HOSTILE = {
     "line as a table": (TOP + '[line]\nfrom = "top"\nto = "top"\n', "line is a list of tables"),
     "too many points": (TOP + "[[point]]\n" * (MOST_POINTS + 1), f"{MOST_POINTS + 1} .*point.* entries"),
     "too many lines": (TOP + "[[line]]\n" * (MOST_LINES + 1), f"{MOST_LINES + 1} .*line.* entries"),
+    "too many sensors": (
+        "".join(TOP.replace("top", f"s{i}") for i in range(MOST_POINTS + 1)),
+        f"{MOST_POINTS + 1} channels with a position",
+    ),
     "hundreds of thousands of lines": (TOP + "[[line]]\n" * 100_000, "tables and lists"),
 }
 
@@ -191,4 +195,8 @@ def test_one_name_at_two_places_is_refused(tmp_path: Path) -> None:
     foot = loaded(TOP.replace("top", "other") + FOOT.replace("foot", "top"), tmp_path).geometry
     with pytest.raises(DataError, match="a point in one roles file and a channel in another"):
         united([here, foot])
+    crowd = [replace(here, sensors=tuple(replace(here.sensors[0], name=f"{k}{i}") for i in range(600))) for k in "ab"]
+    assert len(united(crowd[:1]).sensors) == 600
+    with pytest.raises(DataError, match="1200 channels with a position"):
+        united(crowd)
     assert united([None, here, here]) == here and united([None]) is None

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.image import imread
+from test_report import chromium_messages
 
 import aeolid as ae
 from aeolid.cli.main import main
@@ -331,6 +333,21 @@ def test_the_page_shows_each_mode_on_the_frame_and_refers_to_nothing_outside(
     assert [c["frequency_hz"] for c in told["complexity"]] == [m.frequency_hz for m in found.modes]
     assert all(c["collinearity"] > 0.95 for c in told["complexity"])  # damped in proportion: real shapes
     assert "on the structure" in found.summary()
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_frames_and_lets_them_move(found: ae.ModalAnalysis, tmp_path: Path) -> None:
+    """The page's policy, no script and no network, lets the animation through: half a period apart pixels differ."""
+    page = tmp_path / "page.html"
+    found.report(page)
+    slow = page.read_text(encoding="utf-8").replace('dur="2.4s"', 'dur="24000s"')  # stands while it is looked at
+    drawings = []
+    for begin in ("0s", "-12000s"):
+        page.write_text(slow.replace("<animate ", f'<animate begin="{begin}" '), encoding="utf-8")
+        assert chromium_messages(page, tmp_path) == []
+        drawings.append(imread(tmp_path / "page.png"))
+    differ = drawings[0][..., :3] != drawings[1][..., :3]
+    assert again.any(axis=2).sum() > 500  # four frames of lines 2 wide and some 200 high, at two places each
 
 
 def test_without_positions_all_is_as_before(recorded: Path, found: ae.ModalAnalysis, tmp_path: Path) -> None:

@@ -90,6 +90,7 @@ def united(geometries: Iterable[Geometry | None]) -> Geometry | None:
         for point in one.points:
             _agree(points.setdefault(point.name, point), point)
         lines |= dict.fromkeys(one.lines)
+    _require_few((True for _ in sensors), "the set-ups")
     double = next((name for name in points if name in sensors), None)
     if double is not None:
         raise DataError(f"{double!r} is a point in one roles file and a channel in another; rename one of them")
@@ -120,6 +121,7 @@ def read_frame(
     points: Any, lines: Any, channels: Mapping[str, bool], source: str
 ) -> tuple[tuple[Point, ...], tuple[tuple[str, str], ...]]:
     """Return the [[point]] and [[line]] tables of a roles file; channels: by name, whether each has a position."""
+    _require_few(channels.values(), source)
     tables = []
     for what, entries, most in (("point", points, MOST_POINTS), ("line", lines, MOST_LINES)):
         if not isinstance(entries, list):
@@ -138,6 +140,12 @@ def read_frame(
     known = {**channels, **dict.fromkeys(found, True)}
     joined = [_read_line(entry, known, f"{source} [[line]] {i + 1}") for i, entry in enumerate(tables[1])]
     return tuple(found.values()), tuple(dict.fromkeys(joined))
+
+
+def _require_few(placed: Iterable[bool], source: str) -> None:
+    count = sum(placed)
+    if count > MOST_POINTS:
+        raise DataError(f"{source}: {count} channels with a position; at most {MOST_POINTS} are drawn")
 
 
 def _read_point(entry: Any, where: str) -> Point:

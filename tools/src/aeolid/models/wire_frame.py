@@ -95,7 +95,7 @@ def frame_of(geometry: Geometry) -> Frame:
             edges |= dict.fromkeys((min(a, b), max(a, b)) for a, b in pairwise(knots))
     pairs = np.array(list(edges), dtype=np.intp).reshape(-1, 2)
     sensors = tuple((s.name, s.unit, at[s.name], s.direction) for s in geometry.sensors)
-    extent = float(np.linalg.norm(positions[:, None] - positions, axis=2).max())
+    extent = max(float(np.linalg.norm(positions - p, axis=1).max()) for p in positions)
     return Frame(positions, pairs, sensors, fixed, extent if extent > 0 else 1.0)
 
 
