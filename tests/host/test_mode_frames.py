@@ -347,7 +347,7 @@ def test_a_browser_shows_the_frames_and_lets_them_move(found: ae.ModalAnalysis, 
         assert chromium_messages(page, tmp_path) == []
         drawings.append(imread(tmp_path / "page.png"))
     differ = drawings[0][..., :3] != drawings[1][..., :3]
-    assert again.any(axis=2).sum() > 500  # four frames of lines 2 wide and some 200 high, at two places each
+    assert differ.any(axis=2).sum() > 500  # four frames of lines 2 wide and some 200 high, at two places each
 
 
 def test_without_positions_all_is_as_before(recorded: Path, found: ae.ModalAnalysis, tmp_path: Path) -> None:
