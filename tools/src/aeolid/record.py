@@ -14,13 +14,26 @@ from numpy.typing import NDArray
 
 from aeolid.display import has_unseen, token
 from aeolid.errors import DataError, UsageError
+from aeolid.geometry import (
+    Geometry,
+    Point,
+    Sensor,
+    Triple,
+    frame_lines,
+    placement_lines,
+    quoted,
+    read_frame,
+    read_placement,
+)
 from aeolid.text_files import MOST_LETTERS, is_number, is_short, load_toml, shown
+from aeolid.text_files import check_keys as check_keys  # part of this module's face, too
 from aeolid.units import rightly
 
 ROLES = ("input", "output", "disturbance", "scheduling", "azimuth", "excitation", "ignore")
 TIME_UNITS = ("s", "ms", "us", "ns", "min", "h", "d")
 HOLDS = ("zoh", "foh", "band_limited", "auto")  # of a channel that acts: held, straight, smooth, as recordings say
 _BLADES = 9  # of a rotor, at most
+_CHANNEL_KEYS = {"name", "unit", "role", "column", "hold", "blade", "position", "direction"}
 _ACTING = ("input", "disturbance", "scheduling", "excitation")
 Array = NDArray[np.float64]
 
@@ -30,7 +43,8 @@ class Channel:
     """Name one signal: `column` is its heading in the table where that differs from `name`.
 
     hold: how it goes on between its samples, one of HOLDS; "auto" leaves that to the recording. blade: number of the
-    blade it is measured on, 1 … 9, where it is one of a set that has a channel on each blade; 0 else.
+    blade it is measured on, 1 … 9, where it is one of a set that has a channel on each blade; 0 else. position: (x, y,
+    z) in m, and direction: the vector of length 1 that it measures along, where both are known.
     """
 
     name: str
@@ -39,6 +53,8 @@ class Channel:
     column: str | None = None
     hold: str = "auto"
     blade: int = 0
+    position: Triple | None = None
+    direction: Triple | None = None
 
     @property
     def heading(self) -> str:
@@ -52,7 +68,8 @@ class Roles:
 
     `sample_time_s` is None where the time column gives it; `time` names the time column, None where there is none.
     time_unit: of that column, None where the file says it; resample: seconds to which channels of different rates are
-    brought, "auto" for the longest sample time among them, None where they must have one clock.
+    brought, "auto" for the longest sample time among them, None where they must have one clock. points, lines: of the
+    wire frame that sensors with a position are drawn on.
     """
 
     channels: tuple[Channel, ...]
@@ -61,6 +78,29 @@ class Roles:
     source: str
     time_unit: str | None = None
     resample: float | str | None = None
+    points: tuple[Point, ...] = ()
+    lines: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """Return where sensors are, those of channels that are not read among them; None where no channel says it."""
+        sensors = tuple(
+            Sensor(c.name, c.unit, c.position, c.direction)
+            for c in self.channels
+            if c.position is not None and c.direction is not None
+        )
+        return Geometry(sensors, self.points, self.lines) if sensors else None
+
+    def to_toml(self) -> str:
+        """Return the text of a roles file that reads as these roles: every key, every number to its last digit."""
+        head = {"sample_time_s": self.sample_time_s, "time": self.time, "time_unit": self.time_unit}
+        lines = [
+            "[recording]",
+            *(_entry(k, v) for k, v in (head | {"resample": self.resample}).items() if v is not None),
+        ]
+        for c in self.channels:
+            lines += ["", *channel_lines(c)]
+        return "\n".join([*lines, "", *frame_lines(self.points, self.lines)]).rstrip("\n") + "\n"
 
     @classmethod
     def load(cls, path: str | Path) -> Roles:
@@ -70,7 +110,7 @@ class Roles:
         """
         data = load_toml(path)
         source = str(path)
-        check_keys(data, {"recording", "channel"}, source)
+        check_keys(data, {"recording", "channel", "point", "line"}, source)
         head = data.get("recording", {})
         check_keys(head, {"sample_time_s", "time", "time_unit", "resample"}, f"{source} [recording]")
         sample_time = head.get("sample_time_s")
@@ -93,7 +133,9 @@ class Roles:
             raise DataError(f"{source} [recording]: time_unit = {shown(unit)} is none of {', '.join(TIME_UNITS)}")
         check_resample(resample, f"{source} [recording]: resample = {shown(resample)}")
         time_s = None if sample_time is None else float(sample_time)
-        return cls(channels, time_s, head.get("time"), source, unit, resample)
+        placed = {c.name: c.position is not None for c in channels}
+        points, lines = read_frame(data.get("point", []), data.get("line", []), placed, source)
+        return cls(channels, time_s, head.get("time"), source, unit, resample, points, lines)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +143,8 @@ class Record:
     """Hold one recording; time runs along the first axis and missing samples are NaN.
 
     time_s (N,) seconds, uniform; values (N, channels) in the channels' units; sha256 of the file it came from; begins:
-    the instant that time_s counts from, ISO 8601, where the file says one.
+    the instant that time_s counts from, ISO 8601, where the file says one. geometry: where sensors are, where that is
+    known; it may name sensors that are not in this recording.
     """
 
     time_s: Array
@@ -111,6 +154,7 @@ class Record:
     source: str
     sha256: str
     begins: str | None = None
+    geometry: Geometry | None = None
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape != (len(self.time_s), len(self.channels)):
@@ -155,15 +199,6 @@ class Record:
     def slice(self, start: int, stop: int) -> Record:
         """Return samples start … stop-1 as a recording of its own."""
         return replace(self, time_s=self.time_s[start:stop], values=self.values[start:stop])
-
-
-def check_keys(table: Any, allowed: set[str], where: str) -> None:
-    """Refuse keys nobody reads; a mistyped key must not be ignored."""
-    if not isinstance(table, dict):
-        raise DataError(f"{where}: a table is needed here, found {type(table).__name__}")
-    unknown = sorted(set(table) - allowed)
-    if unknown:
-        raise DataError(f"{where}: unknown key {shown(unknown[0])}; allowed are {', '.join(sorted(allowed))}")
 
 
 def check_resample(value: Any, where: str) -> None:
@@ -222,7 +257,7 @@ def _order_difference(first: Record, other: Record, ordered: bool) -> str:
 
 def _read_channel(entry: Any, index: int, source: str) -> Channel:
     where = f"{source} [[channel]] {index + 1}"
-    check_keys(entry, {"name", "unit", "role", "column", "hold", "blade"}, where)
+    check_keys(entry, _CHANNEL_KEYS, where)
     for key in ("name", "unit", "role"):
         if not isinstance(entry.get(key), str) or (key != "unit" and not entry[key]):
             raise DataError(f"{where}: {key} is missing or not a text")
@@ -247,4 +282,18 @@ def _read_channel(entry: Any, index: int, source: str) -> Channel:
     blade = entry.get("blade", 0)
     if "blade" in entry and not (type(blade) is int and 1 <= blade <= _BLADES):
         raise DataError(f"{where}: blade = {shown(blade)} is no number of a blade, 1 … {_BLADES}")
-    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold, blade)
+    place, direction = read_placement(entry, where)
+    return Channel(entry["name"], entry["unit"], entry["role"], entry.get("column"), hold, blade, place, direction)
+
+
+def channel_lines(c: Channel) -> list[str]:
+    """Return a channel as the lines of its [[channel]] table in a roles file."""
+    lines = ["[[channel]]", *(_entry(key, getattr(c, key)) for key in ("name", "unit", "role"))]
+    lines += [] if c.column is None else [_entry("column", c.column)]
+    lines += [] if c.hold == "auto" else [_entry("hold", c.hold)]
+    lines += [f"blade = {c.blade}"] if c.blade else []
+    return lines + placement_lines(c.position, c.direction)
+
+
+def _entry(key: str, value: str | float) -> str:
+    return f"{key} = {quoted(value) if isinstance(value, str) else repr(value)}"

@@ -56,6 +56,15 @@ def is_short(value: Any) -> TypeGuard[str]:
     return isinstance(value, str) and len(value) <= MOST_LETTERS
 
 
+def check_keys(table: Any, allowed: set[str], where: str) -> None:
+    """Refuse keys nobody reads; a mistyped key must not be ignored."""
+    if not isinstance(table, dict):
+        raise DataError(f"{where}: a table is needed here, found {type(table).__name__}")
+    unknown = sorted(set(table) - allowed)
+    if unknown:
+        raise DataError(f"{where}: unknown key {shown(unknown[0])}; allowed are {', '.join(sorted(allowed))}")
+
+
 def read_text(path: str | Path, most: int = MOST_TOML) -> str:
     """Return the text of a regular file in UTF-8; raises DataError as `read_bounded` does, and where it is no text."""
     try:

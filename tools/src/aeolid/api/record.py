@@ -43,6 +43,8 @@ class Record(core.Record):
         Where the recording came from, and the hash of its bytes.
     begins : str, optional
         Date and time of the first sample, where the file has them.
+    geometry : aeolid.geometry.Geometry, optional
+        Where sensors are and which way they point, where the roles file says it.
     """
 
     @classmethod
@@ -56,7 +58,7 @@ class Record(core.Record):
         """
         return cls(
             record.time_s, record.values, record.channels, record.sample_time_s, record.source, record.sha256,
-            record.begins,
+            record.begins, record.geometry,
         )  # fmt: skip
 
     @classmethod

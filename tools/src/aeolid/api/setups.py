@@ -80,6 +80,32 @@ class MergedModes:
         return draw_setups(self.to_json(), axes)
 
     @public
+    def plot_shapes(self, axes: Any = None, *, modes: Sequence[int] | None = None) -> Any:
+        """Draw the modes on the sensors' geometry: at rest, at the largest phase, half a period later.
+
+        Positions, directions and lines come from the roles file. Views in which nothing can be seen are left out.
+
+        Parameters
+        ----------
+        axes : array of matplotlib.axes.Axes, shape (views, modes), optional
+            Where to draw; default a new figure.
+        modes : sequence of int, optional
+            Which modes, by their place in `modes`; default all.
+
+        Returns
+        -------
+        numpy.ndarray of matplotlib.axes.Axes, shape (views, modes)
+
+        Raises
+        ------
+        UsageError
+            Where no sensor has a position and a direction, or there is no such mode.
+        """
+        from aeolid.api.frames import draw_frames
+
+        return draw_frames(self.to_json(), axes, modes)
+
+    @public
     def report(self, path: str | Path) -> None:
         """Write a self-contained page with the merged modes, their shapes, and the diagram of each set-up.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import tempfile
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -22,7 +21,7 @@ from aeolid.errors import DataError, UsageError
 from aeolid.filters.scales import START_S, RunSums, find_problems
 from aeolid.formats.growing import GrowingTable, growing_suffix, open_growing
 from aeolid.formats.meanings import meaning_of
-from aeolid.record import Channel
+from aeolid.record import Channel, channel_lines
 
 Array = NDArray[np.float64]
 FILL = 1 << 16  # missing rows that are written at once
@@ -289,10 +288,6 @@ def write_roles(
             lines.append(f"# a second of the controller is {1 + 1e-6 * fit.drift_ppm:.9f} s of the host")
     lines += ["[recording]", f"sample_time_s = {sample_time_s!r}", 'time = "time_s"', ""]
     for c in channels:
-        lines += ["[[channel]]"] + [f"{key} = {_quote(getattr(c, key))}" for key in ("name", "unit", "role")] + [""]
+        lines += [*channel_lines(c), ""]
     output.write_text(roles, "\n".join(lines))
     return roles
-
-
-def _quote(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)  # a JSON string without control characters and \\u pairs is a TOML one

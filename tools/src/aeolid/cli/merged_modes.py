@@ -66,10 +66,14 @@ def show_merged(merged: MergedModes, report: Path | None, picture: Path | None, 
     if report is not None:
         merged.report(report)
     if picture is not None:
+        from aeolid.api.frames import draw_below, height_of
         from aeolid.api.pictures import draw_setups
 
         count = len(facts["setups"])
         write_picture(
-            picture, (10.6, 3.4 * count), lambda figure: draw_setups(facts, figure.subplots(count, squeeze=False))
-        )
+            picture, (10.6, 3.4 * count + height_of(facts)),
+            lambda figure: draw_below(
+                facts, figure, lambda upper: draw_setups(facts, upper.subplots(count, squeeze=False))
+            ),
+        )  # fmt: skip
     emit_json(facts, json_target)

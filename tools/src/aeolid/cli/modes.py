@@ -79,7 +79,11 @@ def modes(
     blades: BladesOption = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="Write the stabilisation diagram (.svg, .png or .pdf).")
+        Path | None,
+        typer.Option(
+            "--picture",
+            help="Write the stabilisation diagram (.svg, .png or .pdf); shapes, too, where sensors have positions.",
+        ),
     ] = None,
     resample: ResampleOption = None,
     json_target: JsonOption = None,
@@ -103,6 +107,7 @@ def modes(
         return
     if len(roles) > 1:
         raise UsageError("several --roles are of set-ups with sensors of their own; name what they share, --references")
+    from aeolid.api.frames import draw_below, height_of
     from aeolid.api.modal import modes as find
     from aeolid.api.pictures import draw_stabilisation as draw
     from aeolid.formats import read_record
@@ -122,5 +127,9 @@ def modes(
     if report is not None:
         found.report(report)
     if picture is not None:
-        write_picture(picture, (10.6, 4.6), lambda figure: draw(found.to_json(), figure.subplots()))
+        facts = found.to_json()
+        write_picture(
+            picture, (10.6, 4.6 + height_of(facts)),
+            lambda figure: draw_below(facts, figure, lambda upper: draw(facts, upper.subplots())),
+        )  # fmt: skip
     emit_json(found.to_json(), json_target)

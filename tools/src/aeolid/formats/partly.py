@@ -31,7 +31,8 @@ def read_setups(paths: Sequence[str | Path], roles: Roles) -> list[Record]:
         channels = tuple(c for c in roles.channels if c.name in names)
         if not any(c.role == "output" for c in channels):
             raise DataError(f"{path}: none of the outputs that {roles.source} names is in it")
-        records.append(read_record(path, replace(roles, channels=channels)))
+        record = read_record(path, replace(roles, channels=channels))
+        records.append(replace(record, geometry=roles.geometry))
     return records
 
 

@@ -59,7 +59,7 @@ def read_record(path: str | Path, roles: Roles) -> Record:
         if heading in table.begins:
             raise DataError(f"{source}: channel {channel.name!r} holds dates; only the time may")
     grid, values, begins = _on_one_clock(table, roles, channels, headings)
-    return Record(grid.times(), values, channels, grid.sample_time_s, source, _hash(Path(path)), begins)
+    return Record(grid.times(), values, channels, grid.sample_time_s, source, _hash(Path(path)), begins, roles.geometry)
 
 
 def _on_one_clock(

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
+from aeolid.geometry import Geometry, united
 from aeolid.identify.clusters import Cluster, Criteria, cluster
 from aeolid.identify.diagram import Diagram, Pole, draw_up, ladder_of, shortest_window
 from aeolid.identify.harmonics import marked
@@ -33,6 +34,7 @@ from aeolid.models.modes import Mode
 from aeolid.models.prediction import complete_stretches
 from aeolid.models.rate import decimate_causally
 from aeolid.models.shapes import Shape, index_of_reference
+from aeolid.models.wire_frame import complexity_lines, geometry_facts
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -48,7 +50,8 @@ class Modal:
 
     modes: by frequency, harmonics and steady sines among them, marked; stability: of each the cluster it came from;
     spurious: clusters that are not physical; sources: of each recording its name, SHA-256 and samples.
-    spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale.
+    spectrum: frequencies in Hz, and the sum of the outputs' spectra, each in its own scale. geometry: where the
+    sensors are, None where the roles file does not say it.
     """
 
     modes: tuple[Mode, ...]
@@ -59,6 +62,7 @@ class Modal:
     turning: Rotation | None
     sources: tuple[dict[str, Any], ...]
     spectrum: tuple[Array, Array]
+    geometry: Geometry | None = None
 
     @property
     def listed(self) -> tuple[Mode, ...]:
@@ -78,7 +82,7 @@ class Modal:
             "harmonics": [m.to_json() | {"stability": c.to_json()} for m, c in self._pairs() if m not in self.listed],
             "unsettled_hz": list(self.unsettled), "poles": self._pole_facts(),
             "spectrum": {"frequency_hz": self.spectrum[0].tolist(), "power": self.spectrum[1].tolist()},
-        }  # fmt: skip
+        } | geometry_facts(self.geometry, self.listed)  # fmt: skip
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
@@ -89,6 +93,7 @@ class Modal:
             f"order {min(n for _, n in d.counting)}",
             *mode_lines(self.modes, h),
             *self._shape_lines(),
+            *complexity_lines(self.geometry, self.listed),
             f"{len(self.spurious)} clusters of poles come and go with order and window: spurious",
             *self._unsettled_lines(),
         ]
@@ -200,7 +205,7 @@ def _gathered(
         marked([mode for mode, _ in found], seen, output_only=True), tuple(kept),
         tuple(c for c in clusters if c not in kept), diagram, criteria, rotation(seen[0]),
         tuple({"source": r.source, "sha256": r.sha256, "samples": len(r)} for r in records),
-        _spectrum(seen, diagram),
+        _spectrum(seen, diagram), united(r.geometry for r in records),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from aeolid.errors import DataError, UsageError
+from aeolid.geometry import united
 from aeolid.identify.modal import Modal, find_modal
 from aeolid.identify.setups import MergedModal, merge
 from aeolid.record import Record
@@ -27,6 +28,7 @@ def find_merged(
     used = outputs_of(setups, references, outputs)
     if reference is not None and not any(reference in names for names in used):
         raise UsageError(f"--reference {reference}: no set-up has such an output in use")
+    united(r.geometry for records in setups for r in records)  # refused before the work, not after
     windows = past or [None] * len(setups)
     found: list[Modal] = [
         find_modal(records, outputs=names, past=window, largest=largest, decimation=decimation, blades="none")

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from aeolid.geometry import Geometry, united
 from aeolid.identify.clusters import Cluster
 from aeolid.identify.modal import Modal
 from aeolid.identify.mode_names import mode_lines, named
 from aeolid.identify.setup_shapes import PartShape, joined, part_shape
 from aeolid.models.modes import Mode
 from aeolid.models.shapes import Shape, assurance
+from aeolid.models.wire_frame import complexity_lines, geometry_facts
 
 Array = NDArray[np.float64]
 NEAR = 0.03  # relative: temperature and moved cables shift a mode by a percent or two between set-ups
@@ -82,13 +84,14 @@ class MergedMode:
 
 @dataclass(frozen=True, eq=False)
 class MergedModal:
-    """Hold the modes of several set-ups, merged by their references."""
+    """Hold the modes of several set-ups, merged by their references; geometry: of the sensors of all, where known."""
 
     modes: tuple[MergedMode, ...]
     setups: tuple[Setup, ...]
     references: tuple[str, ...]
     outputs: tuple[str, ...]
     notes: tuple[str, ...]
+    geometry: Geometry | None = None
 
     @property
     def listed(self) -> tuple[Mode, ...]:
@@ -106,7 +109,7 @@ class MergedModal:
             "references": list(self.references), "outputs": list(self.outputs), "sample_time_s": self.sample_time_s,
             "modes": [m.to_json() for m in self.modes], "notes": list(self.notes),
             "setups": [s.modal.to_json() | {"level": s.level} for s in self.setups],
-        }  # fmt: skip
+        } | geometry_facts(self.geometry, self.listed)  # fmt: skip
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
@@ -121,6 +124,7 @@ class MergedModal:
         if self.listed:
             lines += ["  in set-ups, and shapes (amplitude beside the reference, phase in degrees):"]
         lines += [_shape_line(m) for m in self.modes]
+        lines += complexity_lines(self.geometry, self.listed)
         lines += [note for m in self.modes for note in m.notes]
         return "\n".join([*lines, *self.notes])
 
@@ -151,7 +155,8 @@ def merge(modals: Sequence[Modal], references: Sequence[str], reference: str | N
     notes = [f"set-up {s.number} ({s.source}) shows no mode" for s in setups if not s.modal.listed]
     if len(references) == 1 and _crowded(modes):
         notes.append("with one reference near modes are told apart by frequency alone; two or more are better")
-    return MergedModal(tuple(modes), setups, tuple(references), tuple(outputs), tuple(notes))
+    geometry = united(m.geometry for m in modals)
+    return MergedModal(tuple(modes), setups, tuple(references), tuple(outputs), tuple(notes), geometry)
 
 
 def _crowded(modes: Sequence[MergedMode]) -> bool:

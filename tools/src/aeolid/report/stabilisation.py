@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.report.frames import frames_part
 from aeolid.report.identification import mode_table
 from aeolid.report.markup import Html, figure, join, section, table, tag, write_page
 from aeolid.report.numbers import number, percent, with_std
@@ -38,7 +39,8 @@ def render_modal(facts: Facts, path: str | Path, title: str) -> None:
     write_page(
         path, title, tag("h1", title), tag("p", found), diagram_part(facts),
         section("Modes", mode_table([(m, None) for m in modes], False), _stability(modes)) if modes else None,
-        section("On the blades", _whirls(modes)), shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
+        section("On the blades", _whirls(modes)), frames_part(facts),
+        shapes_part(modes, dict.fromkeys(facts["outputs"], "")),
         section("Harmonics and steady sines", mode_table([(m, None) for m in lines], False)) if lines else None,
         section("Criteria", criteria_table(facts)),
     )  # fmt: skip
