@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import UsageError
-from aeolid.models.hill import CONVERGED, Families, monodromy, shift_between, solve_families, whole_samples
+from aeolid.models.hill import CONVERGED, Complex, Families, monodromy, shift_between, solve_families, whole_samples
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.modes import frequency_and_damping, pushed_to_modes
 from aeolid.models.periodic import Covariance, Series, series_of
@@ -176,7 +176,7 @@ def _mode(
     """Return family i as a mode, named by the harmonic that moves the outputs most."""
     v, h = found.vectors[i], model.sample_time_s
     orders, motion = series.seen(v, found.orders)
-    size = abs(motion)
+    size: Array = np.abs(motion)
     named = int(orders[np.argmax((size / _scale(model)).sum(axis=1))])
     value = complex(found.values[i] * np.exp(1j * named * theta))
     turned = value.imag < -1e-12 * abs(value)  # the conjugate is the same motion

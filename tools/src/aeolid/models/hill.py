@@ -75,9 +75,9 @@ def solve_families(A: Complex, theta: float, harmonics: int | None = None, *, le
         found, complete = _chosen(_hill(A, theta, N), A, theta, orders, left, strict=harmonics is None)
         if complete or harmonics is not None:
             return found
-        if N == most and len(found.values):
-            return found  # what has converged; the others are missing
-        if N == most:
+        if most <= N:
+            if len(found.values):
+                return found  # what has converged; the others are missing
             raise NotIdentifiable(
                 f"{N} harmonics do not describe the modes at {2 * np.pi / abs(theta):.4g} samples a revolution: the "
                 "model changes too much within a revolution for this speed and sample time; check the speed, or "
@@ -86,7 +86,9 @@ def solve_families(A: Complex, theta: float, harmonics: int | None = None, *, le
         N = min(2 * N, most)
 
 
-def backward_errors(A: Complex, theta: float, values: Complex, vectors: Complex, orders: Indices) -> NDArray[np.float64]:
+def backward_errors(
+    A: Complex, theta: float, values: Complex, vectors: Complex, orders: Indices
+) -> NDArray[np.float64]:
     """Return for each solution max over ψ of |A(ψ) p(ψ) − λ p(ψ + θ)| / (|A(ψ)| |p(ψ)|), (F,).
 
     Each is the exact solution of a system whose A(ψ) differs nowhere by more than that part of its size. Over the whole
@@ -143,7 +145,7 @@ def _chosen(
     """Return the families of a Hill matrix, and whether they are all; strict: those that have converged alone."""
     n = A.shape[1]
     values, right, other = _solutions(matrix, np.repeat(orders, n), left)
-    size, N = float(abs(values).max()), int(abs(orders).max())
+    size = float(abs(values).max())
     alive = np.flatnonzero((abs(values) >= VANISHES) & np.isfinite(right).all(axis=0))
     centre = abs(np.repeat(orders, n) @ np.abs(np.nan_to_num(right)) ** 2)
     alive = alive[np.argsort(centre[alive], kind="stable")]

@@ -56,7 +56,7 @@ class Covariance:
         left = w.conj() * np.exp(-1j * theta * orders)[:, None]
         wide = np.vstack([np.zeros((reach, states)), v, np.zeros((reach, states))])
         shifted = np.stack([wide[2 * reach - k : 2 * reach - k + len(v)] for k in range(2 * reach + 1)])  # v_{n−h}
-        return np.einsum("na,jh,hnb->ajb", left, self.weights[:blocks], shifted).ravel()
+        return np.asarray(np.einsum("na,jh,hnb->ajb", left, self.weights[:blocks], shifted).ravel())
 
     def of(self, derivative: Complex) -> Array:
         """Return the covariance (2, 2) of real and imaginary part."""
