@@ -73,7 +73,7 @@ def found_modes(samples: int, seed: int):
 def main() -> None:
     """Run the study."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 20
-    samples = int(sys.argv[2]) if len(sys.argv) > 2 else 3000
+    samples = int(sys.argv[2]) if len(sys.argv) > 2 else 1500
     true = floquet_of(plant(), HERTZ)
     print(*(f"true: {m.frequency_hz:.4f} Hz, {100 * m.damping:.3f} %" for m in true.modes))
     averaged = modes_of(plant().frozen(np.zeros(2)))

@@ -39,12 +39,12 @@ def analyse(
     held = dict(_means(model, told, source)) | dict(at or {})
     if not angles_of(model):
         return floquet_of(model, 1e-3 / model.sample_time_s, at=held)  # says what is missing
+    weights = weights_of(model, held, times)
     notes: list[str] = []
     if rotor_speed is None:
         hertz = _recorded_speed(model, told, times, source, notes)
     else:
         hertz = read_rotor_speed(rotor_speed)
-    weights = weights_of(model, held, times)
     covariance = _covariance(model, told, weights, source)
     return floquet_of(
         model, hertz, at=held, harmonics=harmonics, multiples=times, covariance=covariance, notes=tuple(notes)

@@ -92,7 +92,6 @@ def series_of(model: LpvStateSpace, at: Mapping[str, float], multiples: Mapping[
             f"the model is scheduled by {names}, none of them the cosine or sine of an angle (azimuth_cos, "
             "azimuth_sin): it is not periodic; modes at an operating point are those of at(...)"
         )
-    _require_multiples(angles, multiples)
     largest = max(float(abs(model.A).max()), float(abs(model.C).max(initial=0.0)))
     if largest > LARGEST:
         raise DataError(f"the model's matrices hold {largest:.3g}; entries of at most {LARGEST:g} are analysed")
@@ -103,11 +102,13 @@ def series_of(model: LpvStateSpace, at: Mapping[str, float], multiples: Mapping[
 
 
 def weights_of(model: LpvStateSpace, at: Mapping[str, float], multiples: Mapping[str, int]) -> Complex:
-    """Return the series (m, 2M + 1) of μ = [1, s]: cosines and sines, and what stands still."""
+    """Return the series (m, 2M + 1) of μ = [1, s]: cosines and sines, and what stands still. Raises as `series_of`."""
     unknown = [n for n in at if n not in {s.name for s in model.scheduling} or angle_of(n)]
     if unknown:
         raise UsageError(f"{unknown[0]!r} is no scheduling channel that stands still during a revolution")
-    reach = max(multiples.get(a, 1) for a in angles_of(model))
+    angles = angles_of(model)
+    _require_multiples(angles, multiples)
+    reach = max(multiples.get(a, 1) for a in angles)
     out = np.zeros((1 + len(model.scheduling), 2 * reach + 1), complex)
     out[0, reach] = 1.0
     for i, signal in enumerate(model.scheduling, 1):
