@@ -37,7 +37,10 @@ _SAID = (
 
 
 def draw(facts: Facts, axes: Any) -> None:
-    """Draw a row a mode: dots where it is seen, their area the largest participation over the outputs."""
+    """Draw a row a mode: dots where it is seen, their area the largest participation over the outputs.
+
+    What turns against the others, at a negative frequency, has its order below the dot.
+    """
     modes = facts["modes"][:_MOST]
     for i, mode in enumerate(modes):
         for h in mode["harmonics"]:
@@ -47,7 +50,12 @@ def draw(facts: Facts, axes: Any) -> None:
             hertz, colour = abs(h["frequency_hz"]), charts.AFTER if h["order"] == 0 else charts.GREY
             axes.scatter([hertz], [i], s=_LARGEST * share + 4, color=colour, zorder=3)
             axes.annotate(
-                order_text(h["order"]), (hertz, i), xytext=(0, 9), textcoords="offset points", fontsize=7, ha="center"
+                order_text(h["order"]),
+                (hertz, i),
+                xytext=(0, 9 if h["frequency_hz"] >= 0 else -15),
+                textcoords="offset points",
+                fontsize=7,
+                ha="center",
             )
     axes.set_yticks(range(len(modes)), [f"{m['frequency_hz']:.4g} Hz, {100 * m['damping']:.3g} %" for m in modes])
     axes.set_ylim(len(modes) - 0.4, -0.8)

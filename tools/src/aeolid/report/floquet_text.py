@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from aeolid.display import token
+from aeolid.report.numbers import with_std
 
 Facts = dict[str, Any]
 SHOWN = 0.01  # participation from which a harmonic is listed
@@ -55,10 +56,9 @@ def growth(multiplier: list[float] | None) -> str:
 
 
 def _hertz(mode: Facts) -> str:
-    std = mode["frequency_std_hz"]
-    return f"{mode['frequency_hz']:.4f}" + ("" if std is None else f" ± {std:.2g}") + " Hz"
+    return f"{with_std(mode['frequency_hz'], mode['frequency_std_hz'], 4)} Hz"
 
 
 def _damping(mode: Facts) -> str:
     std = mode["damping_std"]
-    return f"damping {100 * mode['damping']:.2f}" + ("" if std is None else f" ± {100 * std:.2g}") + " %"
+    return f"damping {with_std(100 * mode['damping'], None if std is None else 100 * std)} %"

@@ -29,6 +29,7 @@ from aeolid.identify.settings import check_feedthrough, check_windows, require_s
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
 from aeolid.models.model_file import Signal
+from aeolid.models.periodic import angle_of
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
@@ -313,6 +314,8 @@ def _notes(
         notes.append(f"{data.skipped} windows with a missing sample were left out, {data.windows} used")
     if settings.offsets:
         notes.append("signals are taken about their mean, with a free constant for each scheduling entry")
+    if any(map(angle_of, settings.scheduling)):
+        notes.append("poles at single angles are not the modes of a rotor that turns; aeolid floquet finds those")
     growing = [
         word
         for word, at in zip(("mean", "smallest values", "largest values"), spread, strict=True)
