@@ -48,9 +48,12 @@ def numbers(found):
     return np.array([(m.frequency_hz, m.damping) for m in found.modes])
 
 
-@pytest.mark.parametrize("hertz", [0.2, 0.1234, 0.165, -0.2, 0.02, 10 / 3.5])
+SWINGS = 0.33 * np.sqrt(1 - 0.02**2)  # Hz, of the damped motion
+
+
+@pytest.mark.parametrize("hertz", [0.2, 0.1234, SWINGS / 2, 2 * SWINGS, 2 * SWINGS / 3, -0.2, 0.02, 10 / 3.5])
 def test_what_does_not_change_has_its_own_poles_and_no_harmonics(hertz):
-    """Also where a mode lies on half the rotor's speed (0.165), where multipliers of a pair coincide."""
+    """Also where a mode lies on a multiple of half the rotor's speed, where the multipliers of a pair coincide."""
     A = block_diag(swing(0.33, 0.02), swing(1.1, 0.04), [[0.8]])
     model = model_of([A, 0 * A, 0 * A], np.ones((2, 5)))
     found = floquet_of(model, hertz)
@@ -59,6 +62,15 @@ def test_what_does_not_change_has_its_own_poles_and_no_harmonics(hertz):
     for mode in found.modes:
         assert [h.order for h in mode.harmonics] == [0]
         assert mode.harmonics[0].participation == pytest.approx({"y1": 1.0, "y2": 1.0})
+
+
+def test_modes_that_coincide_are_each_a_mode():
+    """Two equal blades that nothing joins, seen in a basis that mixes them."""
+    T = np.random.default_rng(8).standard_normal((4, 4))
+    A = T @ block_diag(swing(0.33, 0.02), swing(0.33, 0.02)) @ np.linalg.inv(T)
+    found = floquet_of(model_of([A, 0 * A, 0 * A], np.eye(4)), 0.1234)
+    np.testing.assert_allclose(numbers(found), [(0.33, 0.02)] * 2, rtol=1e-9)
+    assert all([h.order for h in m.harmonics] == [0] for m in found.modes)
 
 
 @pytest.mark.parametrize("samples", [50, 7, 51, 400])
