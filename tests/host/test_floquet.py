@@ -7,7 +7,7 @@ from scipy.linalg import block_diag, expm
 
 from aeolid.errors import AeolidError, DataError, NotIdentifiable, UsageError
 from aeolid.models.floquet import floquet_of
-from aeolid.models.hill import backward_errors, monodromy, solve_families
+from aeolid.models.hill import _solutions, backward_errors, monodromy, solve_families
 from aeolid.models.lpv import LpvStateSpace
 from aeolid.models.model_file import Signal
 from aeolid.models.modes import modes_of
@@ -64,6 +64,24 @@ def test_what_does_not_change_has_its_own_poles_and_no_harmonics(hertz):
         assert mode.harmonics[0].participation == pytest.approx({"y1": 1.0, "y2": 1.0})
 
 
+def test_vectors_of_one_eigenvalue_are_taken_apart_by_their_harmonics():
+    """A matrix whose solver cannot know: eigenvalue 1 thrice, of harmonics −4, 3 and 5, in a basis that mixes them."""
+    random = np.random.default_rng(4)
+    orders = np.repeat(np.arange(-5, 6), 2)
+    pure = np.zeros((22, 3), complex)
+    for j, n in enumerate((-4, 3, 5)):
+        pure[orders == n, j] = random.standard_normal(2) + 1j * random.standard_normal(2)
+    pure /= np.linalg.norm(pure, axis=0)
+    mixed = pure @ random.standard_normal((3, 3))
+    # I on their span, 0.5 on what is orthogonal to it, made by the mixture so that no entry is exactly zero
+    span = np.linalg.qr(mixed)[0]
+    values, right, left = _solutions(0.5 * np.eye(22) + 0.5 * span @ span.conj().T, orders, True)
+    ours = np.flatnonzero(abs(values - 1) < 1e-9)
+    assert len(ours) == 3
+    assert abs(abs(right[:, ours].conj().T @ pure) - np.eye(3)).max() < 1e-9
+    assert abs(left[:, ours].conj().T @ right[:, ours] - np.eye(3)).max() < 1e-9
+
+
 def test_modes_that_coincide_are_each_a_mode():
     """Two equal blades that nothing joins, seen in a basis that mixes them."""
     T = np.random.default_rng(8).standard_normal((4, 4))
@@ -71,6 +89,27 @@ def test_modes_that_coincide_are_each_a_mode():
     found = floquet_of(model_of([A, 0 * A, 0 * A], np.eye(4)), 0.1234)
     np.testing.assert_allclose(numbers(found), [(0.33, 0.02)] * 2, rtol=1e-9)
     assert all([h.order for h in m.harmonics] == [0] for m in found.modes)
+
+
+@pytest.mark.parametrize("ratio", [2.0, 1.5, 2.3])
+def test_a_swing_on_a_turning_frame_is_seen_at_two_frequencies(ratio):
+    """x = R(ψ) z with z of 0.33 Hz: f ± 1P alone, also where 2 f is a multiple of 1P and −f ± nP are the same lines."""
+    hertz, A = SWINGS / ratio, swing(0.33, 0.02)
+    balance = np.diag([1, 1 / 2.1])
+    A = balance @ A @ np.linalg.inv(balance)
+    theta = 2 * np.pi * hertz * 0.1
+
+    def turned(psi):
+        return np.array([[np.cos(psi), -np.sin(psi)], [np.sin(psi), np.cos(psi)]])
+
+    grid = 2 * np.pi * np.arange(8) / 8
+    series = np.fft.fft([turned(p + theta) @ A @ turned(p).T for p in grid], axis=0) / 8
+    model = model_of([series[0].real, 2 * series[2].real, -2 * series[2].imag], np.eye(2))
+    (mode,) = floquet_of(model, hertz, multiples={"azimuth": 2}).modes
+    orders = [h.order for h in mode.harmonics]
+    assert orders in ([-2, 0], [0, 2])
+    gaps = [abs(abs(h.frequency_hz) - abs(SWINGS + s * hertz)) for h, s in zip(mode.harmonics, (-1, 1), strict=True)]
+    assert max(gaps) < 1e-9 and abs(mode.multiplier) == pytest.approx(abs(np.linalg.eigvals(A)[0]) ** (10 / hertz))
 
 
 @pytest.mark.parametrize("samples", [50, 7, 51, 400])
