@@ -17,6 +17,7 @@ from aeolid.errors import UsageError
 if TYPE_CHECKING:
     import pandas as pd
 
+    from aeolid.api.floquet import FloquetModes
     from aeolid.api.linear import LinearModel
     from aeolid.api.simulation import Simulation
     from aeolid.api.validation import Validation
@@ -151,6 +152,49 @@ class ScheduledModel:
         values = np.array([float(scheduling[name]) for name in self.scheduling])
         where = ", ".join(f"{name} = {value:g}" for name, value in zip(self.scheduling, values, strict=True))
         return LinearModel(self.state_space.frozen(values), source=f"{self.source} at {where}")
+
+    @public
+    def floquet_modes(
+        self,
+        rotor_speed: str | float | None = None,
+        *,
+        at: Mapping[str, float] | None = None,
+        harmonics: int | None = None,
+        multiples: Mapping[str, int] | None = None,
+    ) -> FloquetModes:
+        """Return the modes of a model that is periodic in the rotor's angle, as `aeolid floquet` does.
+
+        Parameters
+        ----------
+        rotor_speed : str or float, optional
+            "12.1rpm", "0.2Hz", "1.27rad/s", "72.6deg/s", or a number in rpm; default the mean of the recordings.
+        at : mapping of str to float, optional
+            Values of scheduling channels that are no angle, default their means.
+        harmonics : int, optional
+            Harmonics to compute with, default as many as the modes need.
+        multiples : mapping of str to int, optional
+            How often an angle turns in a revolution of the rotor, default once.
+
+        Returns
+        -------
+        FloquetModes
+
+        Raises
+        ------
+        UsageError
+            Where the scheduling is no angle, the speed is not known or varied too much, or a value cannot be.
+        NotIdentifiable
+            Where no number of harmonics describes the modes.
+        """
+        from aeolid.api.floquet import FloquetModes
+        from aeolid.models.floquet_request import analyse
+
+        facts = self.to_json().get("identification")
+        result = analyse(
+            self.state_space, facts, rotor_speed=rotor_speed, at=at, harmonics=harmonics, multiples=multiples,
+            source=self.source or "the model",
+        )  # fmt: skip
+        return FloquetModes(result, self.source)
 
     @property
     def mean(self) -> LinearModel:

@@ -34,6 +34,14 @@ def rotation(record: Record) -> Rotation | None:
     return _turning(turned, record.sample_time_s)
 
 
+def rotation_by_parts(cosine: Array, sine: Array, sample_time_s: float) -> Rotation | None:
+    """Return how an angle turns by cosine and sine (N,), the frequency below 0 where it falls; None if it stands."""
+    steps = np.mod(np.diff(np.arctan2(sine, cosine)) / (2 * np.pi) + 0.5, 1.0) - 0.5
+    found = _turning(steps, sample_time_s)
+    falls = found is not None and np.nanmean(steps) < 0
+    return Rotation(-found.frequency_hz, found.deviation_hz) if found is not None and falls else found
+
+
 def rotor_frequency(record: Record) -> float | None:
     """Return the mean rotor speed in Hz, None where it is not known."""
     found = rotation(record)

@@ -23,11 +23,13 @@ from aeolid.identify.lpv.refine import Refinement, refine
 from aeolid.identify.lpv.result import LpvIdentification, LpvSettings, operating_points
 from aeolid.identify.lpv.states import Estimate
 from aeolid.identify.lpv.structure import Structure, parse_varying
+from aeolid.identify.lpv.turning import turning_of
 from aeolid.identify.order import OrderChoice, require_order
 from aeolid.identify.settings import check_feedthrough, check_windows, require_some
 from aeolid.models.lpv import LpvStateSpace, with_one
 from aeolid.models.lpv_prediction import estimate_initial_state, lpv_stretches
 from aeolid.models.model_file import Signal
+from aeolid.models.periodic import angle_of
 from aeolid.models.rate import decimate_causally
 from aeolid.record import Record
 
@@ -97,16 +99,10 @@ def identify_lpv(
     model, fit = _measured(_in_units(scaled, scaling, records[0]), records)
     s = np.concatenate([r.columns(names) for r in records])
     spread = (scaling.mu_mean, np.nanmin(s, axis=0), np.nanmax(s, axis=0))
+    covariance, offset, scale = getattr(refinement, "covariance", None), scaling.mu_offset, scaling.mu_scale
     return LpvIdentification(
         model=model,
-        points=operating_points(
-            model,
-            spread,
-            scaling.signals.scale[structure.inputs :],
-            None if refinement is None else refinement.covariance,
-            scaling.mu_scale,
-            scaling.mu_offset,
-        ),
+        points=operating_points(model, spread, scaling.signals.scale[structure.inputs :], covariance, scale, offset),
         estimate=estimate,
         order_choice=choice,
         fit=fit,
@@ -116,6 +112,7 @@ def identify_lpv(
         skipped=data.skipped,
         gain_method=gain_method,
         refinement=refinement,
+        turning=turning_of(records, names, covariance, offset, scale),
         notes=(*_notes(data, settings, model, spread), *said),
         version=aeolid.__version__,
     )
@@ -317,6 +314,8 @@ def _notes(
         notes.append(f"{data.skipped} windows with a missing sample were left out, {data.windows} used")
     if settings.offsets:
         notes.append("signals are taken about their mean, with a free constant for each scheduling entry")
+    if any(map(angle_of, settings.scheduling)):
+        notes.append("poles at single angles are not the modes of a rotor that turns; aeolid floquet finds those")
     growing = [
         word
         for word, at in zip(("mean", "smallest values", "largest values"), spread, strict=True)

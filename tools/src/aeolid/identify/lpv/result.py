@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.identify.fit import Fit
 from aeolid.identify.lpv.refine import Refinement
 from aeolid.identify.lpv.states import Estimate
+from aeolid.identify.lpv.turning import Turning
 from aeolid.identify.mode_names import mode_lines
 from aeolid.identify.order import OrderChoice
 from aeolid.identify.outcome import common_facts, fit_lines, model_facts, pole_facts, poles_of
@@ -73,6 +74,7 @@ class LpvIdentification:
     estimate: states, singular values of Γ𝒦Z/√N in scaled units, rank and penalty of the regression. points: the model
     frozen at the mean of the scheduling, first, and at the extremes of each channel; their modes have standard
     deviations where the model was refined. refinement: what prediction-error steps did, None where not asked for.
+    turning: speeds of the angles that schedule, with the covariance of A for an analysis of the periodic model.
     """
 
     model: LpvStateSpace
@@ -86,6 +88,7 @@ class LpvIdentification:
     skipped: int
     gain_method: str
     refinement: Refinement | None
+    turning: Turning
     notes: tuple[str, ...]
     version: str
 
@@ -121,11 +124,14 @@ class LpvIdentification:
                 "refinement": None if self.refinement is None else self.refinement.to_json(),
             }
             | self.estimate.facts
+            | self.turning.to_json()
         )
 
     def model_json(self) -> dict[str, Any]:
         """Return the content of model.json: the model, and under "identification" how it came about."""
-        return model_facts(self)
+        facts = model_facts(self)
+        facts["identification"] |= self.turning.covariance_json()
+        return facts
 
     def summary(self) -> str:
         """Return the result as a few lines of text."""
