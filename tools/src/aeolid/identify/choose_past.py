@@ -2,8 +2,8 @@
 
 The held-out error alone takes windows that are too short where modes are slow for the sample rate: what the truncated
 predictor loses is little of the error and much of the poles. Poles alone do not say when a longer window is but noise.
-So the shortest window whose held-out error is within what chance explains of the least is taken first, and then lengthened
-by √2 until the poles agree with those of twice the window (see `truncation`). All windows are had from one factor.
+So the shortest window whose held-out error is within what chance explains of the least is taken first, and then made
+longer by √2 until the poles agree with those of twice the window (see `truncation`). All come from one factor.
 
 Where prediction-error steps follow and can be paid for, the window is but that of their start. What a short one leaves
 out of the error they take away; what a long one adds by its many coefficients they leave where the error hardly tells
