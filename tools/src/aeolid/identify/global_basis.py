@@ -12,7 +12,8 @@ rows, to which every set-up gives its part; those of moved sensors would count t
 
 First-order spread: ΔO_{k+1} = ΔO_k A_j + O_k ΔA_j, and for the leading left singular vectors, b beyond n,
     u_bᵀ ΔU = (u_bᵀ ΔM V Σ + σ_b v_bᵀ ΔMᵀ U)(Σ² − σ_b²)⁻¹;
-turns within the n columns change the basis only. g_j and S_j are held fixed: they weight what agrees. Set-ups add.
+turns within the n columns change the basis only. S_j moves with its model, or another basis of it would seem another
+model; g_j is held fixed, a weight of what agrees. Set-ups add.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ CHUNK_NUMBERS = 4_000_000  # held at a time where spreads are pushed through
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Hold the model of a set-up: A (n_j, n_j), C (l, n_j) with the references first, S (n_j, k) of the states.
+    """Hold the model of a set-up: A (n_j, n_j), C (l, n_j) with the references first, S (n_j, n_j) of the states.
 
-    samples: by which it counts; root (d, n_j + l, n_j): what white noise moves [A; C] by, None where that is not known.
+    samples: by which it counts; root (d, n_j + l + n_j, n_j): what white noise moves [A; C; S] by, None if not known.
     """
 
     A: Array
@@ -58,6 +59,7 @@ class Joint:
     references: int
     observed: tuple[Array, ...]
     weighted: tuple[Array, ...]
+    gains: tuple[float, ...]
     U: Array
     sigma: Array
     V: Array
@@ -88,7 +90,7 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
     observed = tuple(observability(p.A, p.C, blocks) for p in parts)
     seen = [o[:, :references].reshape(blocks * references, -1) for o in observed]
     gains = [
-        np.sqrt(p.samples) / max(float(np.linalg.norm(o @ p.S)), np.finfo(float).tiny)
+        float(np.sqrt(p.samples)) / max(float(np.linalg.norm(o @ p.S)), np.finfo(float).tiny)
         for p, o in zip(parts, seen, strict=True)
     ]
     weighted = tuple(g * p.S for p, g in zip(parts, gains, strict=True))
@@ -106,7 +108,7 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
     up, down = basis[:-references], basis[references:]
     A = np.linalg.lstsq(up, down, rcond=None)[0]
     C = np.vstack([basis[:references], *(p.C[references:] @ T for p, T in zip(parts, maps, strict=True))])
-    return Joint(A, C, references, observed, weighted, U, sigma, Vt.T, maps)
+    return Joint(A, C, references, observed, weighted, tuple(gains), U, sigma, Vt.T, maps)
 
 
 def spreads(parts: Sequence[Part], joint: Joint) -> Iterator[MatrixSpread]:
@@ -117,23 +119,23 @@ def spreads(parts: Sequence[Part], joint: Joint) -> Iterator[MatrixSpread]:
     for j, part in enumerate(parts):
         if part.root is None:
             continue
-        n = len(part.A)
         size = joint.observed[j].size + len(joint.U) * (len(joint.A) + len(joint.weighted[j].T)) + joint.C.size
         step = max(1, CHUNK_NUMBERS // (2 * size))
         for first in range(0, len(part.root), step):
-            moved = part.root[first : first + step]
-            rows = _moved(parts, joint, j, moved[:, :n], moved[:, n:])
+            rows = _moved(parts, joint, j, part.root[first : first + step])
             yield MatrixSpread(rows.reshape(len(rows), -1), len(joint.A), 0)
 
 
-def _moved(parts: Sequence[Part], joint: Joint, j: int, dA: Array, dC: Array) -> Array:
-    """Return Δ[A; C] (d, n + L, n) of the realisation where A_j, C_j of one set-up move by dA, dC (d, …)."""
-    r, n = joint.references, len(joint.A)
+def _moved(parts: Sequence[Part], joint: Joint, j: int, moved: Array) -> Array:
+    """Return Δ[A; C] (d, n + L, n) of the realisation where [A; C; S] of one set-up moves, (d, 2 n_j + l, n_j)."""
+    r, n, own_n = joint.references, len(joint.A), len(parts[j].A)
+    dA, dC, dS = np.split(moved, [own_n, moved.shape[1] - own_n], axis=1)
+    dS = dS * joint.gains[j]
     steps = [dC]
     for block in joint.observed[j][:-1]:
         steps.append(steps[-1] @ parts[j].A + block @ dA)
     seen = np.stack([s[:, :r] for s in steps], axis=1).reshape(len(dA), len(joint.U), -1)  # of O_j
-    dM = seen @ joint.weighted[j]
+    dM = seen @ joint.weighted[j] + joint.observed[j][:, :r].reshape(len(joint.U), -1) @ dS
     dU = _turned(joint, j, dM)
     basis = joint.U[:, :n]
     up, rest = basis[:-r], basis[r:] - basis[:-r] @ joint.A
@@ -143,8 +145,9 @@ def _moved(parts: Sequence[Part], joint: Joint, j: int, dA: Array, dC: Array) ->
     for k, part in enumerate(parts):
         M = joint.observed[k][:, :r].reshape(len(basis), -1) @ joint.weighted[k]
         dZ = dU.transpose(0, 2, 1) @ M + (basis.T @ dM if k == j else 0.0)
-        own = part.C[r:] @ _map_moved(joint.weighted[k], basis.T @ M, dZ)
-        rows.append(own + dC[:, r:] @ joint.maps[k] if k == j else own)
+        plus, dplus = _inverse_moved(basis.T @ M, dZ)
+        own = part.C[r:] @ (joint.weighted[k] @ dplus)
+        rows.append(own + dC[:, r:] @ joint.maps[k] + part.C[r:] @ (dS @ plus) if k == j else own)
     return np.concatenate(rows, axis=1)
 
 
@@ -163,10 +166,8 @@ def _turned(joint: Joint, j: int, dM: Array) -> Array:
     return out
 
 
-def _map_moved(weighted: Array, Z: Array, dZ: Array) -> Array:
-    """Return ΔT (d, n_j, n) of T = g S Z⁺ where Z (n, k), of full row rank, moves by dZ (d, n, k)."""
+def _inverse_moved(Z: Array, dZ: Array) -> tuple[Array, Array]:
+    """Return Z⁺ (k, n) and ΔZ⁺ (d, k, n) where Z (n, k), of full row rank, moves by dZ (d, n, k)."""
     plus = np.linalg.pinv(Z, rcond=RANK)
-    around = plus.T @ plus  # (n, n): (Z Zᵀ)⁻¹
-    turned = dZ.transpose(0, 2, 1) @ around
-    out: Array = weighted @ (turned - plus @ (Z @ turned) - plus @ (dZ @ plus))
-    return out
+    turned = dZ.transpose(0, 2, 1) @ (plus.T @ plus)  # ΔZᵀ (Z Zᵀ)⁻¹
+    return plus, turned - plus @ (Z @ turned) - plus @ (dZ @ plus)

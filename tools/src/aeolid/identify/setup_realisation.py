@@ -95,12 +95,13 @@ def _part(setup: Setup, states: int) -> Part:
     model = diagram.model(window, order).model
     places = [diagram.outputs.index(n) for n in setup.outputs]
     unit = diagram.scaling.scale[places] / setup.scale
-    spread = matrix_spread(source.whole, source.basis, model, source.estimate, ())
-    root = spread.root.reshape(-1, order + len(places), order)
-    root = np.concatenate([root[:, :order], root[:, [order + p for p in places]] * unit[:, None]], axis=1)
+    spread = matrix_spread(source.whole, source.basis, model, source.estimate, (), states=True)
+    root = spread.root.reshape(len(spread.root), -1, order)
+    of_A, of_C, of_X = np.split(root, [order, order + len(places)], axis=1)
+    size = np.sqrt(source.basis.singular_values[:order] * np.sqrt(source.whole.windows))  # of the rows of X, S ΓK Z
+    root = np.concatenate([of_A, of_C[:, places] * unit[:, None], of_X / size], axis=1)  # ΔS Sᵀ = ΔX Xᵀ
     known = bool(np.isfinite(root).all())
-    S = np.diag(np.sqrt(source.basis.singular_values[:order]))  # x = S ΓK z̄: their covariance, up to a factor
-    return Part(model.A, model.C[places] * unit[:, None], S, source.whole.windows, root if known else None)
+    return Part(model.A, model.C[places] * unit[:, None], np.diag(size), source.whole.windows, root if known else None)
 
 
 def _poles(
