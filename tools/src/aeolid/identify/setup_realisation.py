@@ -11,7 +11,7 @@ mode by more than chance explains they are widened as in `setups`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +34,24 @@ from aeolid.identify.setup_matching import (
 from aeolid.identify.setup_shapes import PartShape
 from aeolid.identify.setups import MergedModal, MergedMode, gathered, in_units
 from aeolid.identify.shape_spread import shape_covariance
-from aeolid.identify.uncertainty import matrix_spread, pole_covariance
+from aeolid.identify.uncertainty import covariance_of, matrix_spread, pole_covariance
 from aeolid.models.modes import Mode, continuous_poles, frequency_and_damping, pushed_to_modes
-from aeolid.models.shapes import reference_outputs, scaled_to
+from aeolid.models.shapes import assurance, reference_outputs, scaled_to
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 SAME_STEP = 1e-6  # relative: of sample times that are one
 CONFIRMED = 2  # set-ups that show a mode by themselves
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Hold a pole of the realisation, its shape of all sensors, the entry that is 1, covariances (L, 2, 2)."""
+
+    pole: Pole
+    part: PartShape
+    reference: int
+    covariance: Array
 
 
 def realise(
@@ -60,12 +71,9 @@ def realise(
             "realisation has one; resample the recordings, or merge mode by mode (--merge-by poser)"
         )
     states = _order(setups, order)
-    longest = [s.modal.diagram.windows[-1] for s in setups]
-    blocks = max(min(longest), -(-states // len(references)) + 1)
-    parts = [_part(s, states) for s in setups]
-    joint = join(parts, len(references), states, blocks)
     names = [*references, *(n for s in setups for n in s.outputs[len(references) :])]
-    poles = _poles(parts, joint, steps[0], names.index(reference) if reference in names else None)
+    at = names.index(reference) if reference in names else None
+    poles = _poles(setups, states, len(references), at)
     return gathered(_confirmed(poles, setups, references, names), setups, references, by="preger", order=states)
 
 
@@ -75,7 +83,7 @@ def _order(setups: Sequence[Setup], order: int | None) -> int:
     least = int(np.argmin(most))
     if order is None:
         wanted = max(s.modal.diagram.order for s in setups)
-        return max(min(wanted + wanted % 2, most[least]), 1)
+        return min(wanted + wanted % 2, max(most[least] - SURE, 2))
     if order < 2:
         raise UsageError(f"--order {order} is not at least 2: a mode has two states")
     if order > most[least]:
@@ -86,78 +94,96 @@ def _order(setups: Sequence[Setup], order: int | None) -> int:
     return order
 
 
-def _part(setup: Setup, states: int) -> Part:
+def _joint(setups: Sequence[Setup], states: int, references: int, back: int, known: bool) -> tuple[list[Part], Joint]:
+    """Return the models of the window that is `back` before the longest, and their realisation; known: with spread."""
+    windows = [s.modal.diagram.windows[-1 - min(back, len(s.modal.diagram.windows) - 1)] for s in setups]
+    parts = [_part(s, w, states, known) for s, w in zip(setups, windows, strict=True)]
+    blocks = max(min(windows), -(-states // references) + 1)
+    return parts, join(parts, references, states, blocks)
+
+
+def _part(setup: Setup, window: int, states: int, known: bool) -> Part:
     """Return the model of a set-up, outputs with the references first in comparable scales, and its spread."""
     diagram = setup.modal.diagram
-    window = diagram.windows[-1]
     source = diagram.sources[window]
-    order = min(max(states, diagram.order + SURE), max(source.orders))
+    order = min(states + SURE, max(source.orders))
     model = diagram.model(window, order).model
     places = [diagram.outputs.index(n) for n in setup.outputs]
     unit = diagram.scaling.scale[places] / setup.scale
+    size = np.sqrt(source.basis.singular_values[:order] * np.sqrt(source.whole.windows))  # of the rows of X = S ΓK Z
+    part = Part(model.A, model.C[places] * unit[:, None], np.diag(size), source.whole.windows)
+    if not known:
+        return part
     spread = matrix_spread(source.whole, source.basis, model, source.estimate, (), states=True)
     root = spread.root.reshape(len(spread.root), -1, order)
     of_A, of_C, of_X = np.split(root, [order, order + len(places)], axis=1)
-    size = np.sqrt(source.basis.singular_values[:order] * np.sqrt(source.whole.windows))  # of the rows of X, S ΓK Z
     root = np.concatenate([of_A, of_C[:, places] * unit[:, None], of_X / size], axis=1)  # ΔS Sᵀ = ΔX Xᵀ
-    known = bool(np.isfinite(root).all())
-    return Part(model.A, model.C[places] * unit[:, None], np.diag(size), source.whole.windows, root if known else None)
+    return replace(part, root=root if np.isfinite(root).all() else None)
 
 
-def _poles(
-    parts: Sequence[Part], joint: Joint, step: float, reference: int | None
-) -> list[tuple[Pole, PartShape, int, Array]]:
-    """Return the poles above the real axis with shapes of all sensors, their reference and covariances (L, 2, 2)."""
-    model, n = joint.model, len(joint.A)
-    values, right = np.linalg.eig(joint.A)
-    raw = joint.C @ right
-    at = reference_outputs(raw, reference)
-    shapes = scaled_to(raw, at)
+def _poles(setups: Sequence[Setup], states: int, references: int, reference: int | None) -> list[Found]:
+    """Return the poles above the real axis with shapes of all sensors and covariances.
+
+    Added to these is the square of what the next shorter windows move a pole by: what a window leaves out falls with
+    its length, so that the difference bounds what the longest still leaves out.
+    """
+    parts, joint = _joint(setups, states, references, 0, True)
+    step = setups[0].modal.diagram.sample_time_s
+    n, (values, shapes, at) = len(joint.A), _eigen(joint, reference)
     around, beside = np.zeros((n, 2, 2)), np.zeros((n, len(joint.C), 2, 2))
     for spread in spreads(parts, joint):
         around += pole_covariance(joint.A, spread)
-        beside += shape_covariance(model, spread, reference)
+        beside += shape_covariance(joint.model, spread, reference)
     if any(p.root is None for p in parts):
         around[:], beside[:] = np.nan, np.nan
+    others, turned, _ = _eigen(_joint(setups, states, references, 1, False)[1], reference)
     found = []
-    for i, s in enumerate(continuous_poles(values, step)):
-        if values[i].imag <= 0 or not np.isfinite(shapes[:, i]).all():
-            continue
-        spread_of = pushed_to_modes(complex(values[i]), complex(s), step, around[i])
-        told = frequency_and_damping(complex(s))
-        pole = Pole(0, n, complex(values[i]), *told, *spread_of, shapes[:, i])
-        found.append((pole, _part_shape(shapes[:, i], beside[i], joint.references), int(at[i]), beside[i]))
+    for i in np.flatnonzero((values.imag > 0) & np.isfinite(shapes).all(axis=0)):
+        alike = assurance(shapes[:, i : i + 1], turned)[0]
+        near = int(np.argmin(abs(others - values[i]) + 1 - alike))
+        around[i] += covariance_of(np.array([others[near] - values[i]]))
+        beside[i] += covariance_of((turned[:, near] / turned[at[i], near] - shapes[:, i])[None])
+        s = complex(continuous_poles(values[i : i + 1], step)[0])
+        told = (*frequency_and_damping(s), *pushed_to_modes(complex(values[i]), s, step, around[i]))
+        pole = Pole(0, n, complex(values[i]), *told, shapes[:, i])
+        found.append(Found(pole, _part_shape(shapes[:, i], beside[i], references), int(at[i]), beside[i]))
     return found
 
 
-def _part_shape(shape: NDArray[np.complex128], around: Array, references: int) -> PartShape:
+def _eigen(joint: Joint, reference: int | None) -> tuple[ComplexArray, ComplexArray, NDArray[np.intp]]:
+    """Return eigenvalues, shapes (L, n) that are 1 at their reference, and these."""
+    values, right = np.linalg.eig(joint.A)
+    raw = joint.C @ right
+    at = reference_outputs(raw, reference)
+    return values.astype(complex), scaled_to(raw.astype(complex), at), at
+
+
+def _part_shape(shape: ComplexArray, around: Array, references: int) -> PartShape:
     covariance = np.diag(np.concatenate([around[:, 0, 0], around[:, 1, 1]]))
     return PartShape(shape, np.nan_to_num(covariance), references)
 
 
 def _confirmed(
-    poles: Sequence[tuple[Pole, PartShape, int, Array]], setups: Sequence[Setup], references: Sequence[str],
-    names: Sequence[str],
-) -> list[MergedMode]:  # fmt: skip
+    poles: Sequence[Found], setups: Sequence[Setup], references: Sequence[str], names: Sequence[str]
+) -> list[MergedMode]:
     """Return the modes of the realisation that at least two set-ups show by themselves, by frequency."""
     from scipy.optimize import linear_sum_assignment  # half a second to load
 
     count = len(references)
     groups = [g for g in matched(setups, count) if len(g) >= CONFIRMED]
     criteria, duration = setups[0].modal.criteria, min(s.modal.diagram.duration_s for s in setups)
-    poles = [p for p in poles if criteria.admits(p[0], duration)]
+    poles = [p for p in poles if criteria.admits(p.pole, duration)]
     if not groups or not poles:
         return []
-    mine = [Seen(setups[0], _mode(pole, names), part) for pole, part, _, _ in poles]
+    mine = [Seen(setups[0], _mode(p.pole, names), p.part) for p in poles]
     far = np.array([[distance(one, group) for group in groups] for one in mine])
     scale = np.concatenate([setups[0].scale[:count], *(s.scale[count:] for s in setups)])
     found = []
     for i, j in zip(*linear_sum_assignment(far), strict=True):
         if far[i, j] < FAR:
-            _, part, at, around = poles[i]
-            shape = in_units(names, scale, part.values, around, at)
-            mode = replace(mine[i].mode, shape=shape)
-            found.append(_merged(mode, part, groups[j], setups, references, 2 * len(groups)))
+            one = poles[i]
+            mode = replace(mine[i].mode, shape=in_units(names, scale, one.part.values, one.covariance, one.reference))
+            found.append(_merged(mode, one.part, groups[j], setups, references, 2 * len(groups)))
     return sorted(found, key=lambda m: m.mode.frequency_hz)
 
 
