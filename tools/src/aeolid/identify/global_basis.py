@@ -83,7 +83,7 @@ def observability(A: Array, C: Array, blocks: int) -> Array:
 
 
 def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joint:
-    """Return one realisation of the order n from models of n_j ≥ n states, by i blocks of observability.
+    """Return one realisation of the order n from models of n_j states, by i blocks of observability.
 
     Raises NotIdentifiable where the references observe fewer than n states. Cost: (i r)² Σ n_j operations.
     """
@@ -167,7 +167,11 @@ def _turned(joint: Joint, j: int, dM: Array) -> Array:
 
 
 def _inverse_moved(Z: Array, dZ: Array) -> tuple[Array, Array]:
-    """Return Z⁺ (k, n) and ΔZ⁺ (d, k, n) where Z (n, k), of full row rank, moves by dZ (d, n, k)."""
+    """Return Z⁺ (k, n) and ΔZ⁺ (d, k, n) where Z (n, k) moves by dZ (d, n, k) and keeps its rank.
+
+    Its derivative is that of Golub and Pereyra (1973).
+    """
     plus = np.linalg.pinv(Z, rcond=RANK)
-    turned = dZ.transpose(0, 2, 1) @ (plus.T @ plus)  # ΔZᵀ (Z Zᵀ)⁻¹
-    return plus, turned - plus @ (Z @ turned) - plus @ (dZ @ plus)
+    turned = dZ.transpose(0, 2, 1)
+    left, right = turned @ (plus.T @ plus), plus @ plus.T @ turned
+    return plus, left - plus @ (Z @ left) + right - right @ Z @ plus - plus @ (dZ @ plus)

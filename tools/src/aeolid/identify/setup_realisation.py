@@ -1,11 +1,11 @@
 """Merge set-ups to one realisation by their references (modular PreGER) and find its modes.
 
-The models are those of the longest window of each set-up, whose bias is the least, and of SURE states more than
-predict, or more where the realisation has more; `global_basis` joins them. The order of the realisation is the largest
-that predicts in a set-up, made even, unless it is given. Its poles are modes where at least two set-ups show them by
-themselves: matched by frequency and by the shape on the references as in `setups`. The others describe noise, or what
-shakes one set-up alone. The deviations are those of the models, pushed through the merging; where set-ups differ in a
-mode by more than chance explains they are widened as in `setups`.
+Modes that at least two set-ups show by themselves, matched by frequency and by the shape on the references as in
+`setups`, make the order: two states each. Every set-up gives its model of the longest window, whose bias is the least,
+restricted to these modes (`setup_states`), and `global_basis` joins them. Poles of noise, and of what colours the
+excitation of one set-up, have no part in it. A mode of the realisation is told where it is one of those. The deviations
+are those of the models, pushed through; where set-ups differ in a mode by more than chance explains they are widened
+as in `setups`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.errors import UsageError
-from aeolid.identify.diagram import SURE, Pole
+from aeolid.errors import NotIdentifiable
+from aeolid.identify.diagram import Pole
 from aeolid.identify.global_basis import Joint, Part, join, spreads
 from aeolid.identify.modal import Modal
 from aeolid.identify.setup_matching import (
@@ -29,133 +29,163 @@ from aeolid.identify.setup_matching import (
     distance,
     least_assurance,
     matched,
+    mean,
     set_up,
 )
 from aeolid.identify.setup_shapes import PartShape
+from aeolid.identify.setup_states import chosen_model, part_of
 from aeolid.identify.setups import MergedModal, MergedMode, gathered, in_units
 from aeolid.identify.shape_spread import shape_covariance
-from aeolid.identify.uncertainty import covariance_of, matrix_spread, pole_covariance
+from aeolid.identify.uncertainty import covariance_of, pole_covariance
 from aeolid.models.modes import Mode, continuous_poles, frequency_and_damping, pushed_to_modes
-from aeolid.models.shapes import assurance, reference_outputs, scaled_to
+from aeolid.models.shapes import Shape, assurance
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-SAME_STEP = 1e-6  # relative: of sample times that are one
 CONFIRMED = 2  # set-ups that show a mode by themselves
+Groups = Sequence[Sequence[Seen]]
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Hold a pole of the realisation, its shape of all sensors, the entry that is 1, covariances (L, 2, 2)."""
+    """Hold a pole of the realisation, its shape of all sensors, the entry that is 1, covariances (L, 2, 2).
+
+    place: of the group of modes that it is nearest to; shown (L,): which sensors are of set-ups that have these.
+    """
 
     pole: Pole
     part: PartShape
     reference: int
     covariance: Array
+    place: int
+    shown: NDArray[np.bool_]
 
 
-def realise(
-    modals: Sequence[Modal], references: Sequence[str], reference: str | None = None, order: int | None = None
-) -> MergedModal:
-    """Merge set-ups to one realisation; parameters as in `setups.merge`; order: its states, default by the data.
+@dataclass(frozen=True, eq=False)
+class Realised:
+    """Hold a realisation, the parts it is made of, and which set-up's model has which mode (set-ups, modes)."""
 
-    Raises UsageError where sample times differ or a set-up has no model of such an order, NotIdentifiable where the
-    references do not observe the states.
+    joint: Joint
+    parts: list[Part]
+    has: NDArray[np.bool_]
+
+    def shown(self, place: int) -> NDArray[np.bool_]:
+        """Return at which sensors (L,) a mode is shown: the references, and those of set-ups whose models have it."""
+        count = self.joint.references
+        moved = [np.full(len(p.C) - count, h) for p, h in zip(self.parts, self.has[:, place], strict=True)]
+        return np.concatenate([np.ones(count, dtype=bool), *moved])
+
+
+def realise(modals: Sequence[Modal], references: Sequence[str], reference: str | None = None) -> MergedModal:
+    """Merge set-ups to one realisation; parameters as in `setups.merge`.
+
+    Raises NotIdentifiable where no two set-ups show the same mode, or the references do not observe one that is shown.
     """
-    setups = set_up(modals, references)
-    steps = [s.modal.diagram.sample_time_s for s in setups]
-    other = next((i for i, h in enumerate(steps) if abs(h / steps[0] - 1) > SAME_STEP), None)
-    if other is not None:
-        raise UsageError(
-            f"set-up 1 has a sample time of {steps[0]:g} s and set-up {other + 1} of {steps[other]:g} s: one "
-            "realisation has one; resample the recordings, or merge mode by mode (--merge-by poser)"
+    setups, count = set_up(modals, references), len(references)
+    groups = [g for g in matched(setups, count) if len(g) >= CONFIRMED]
+    groups.sort(key=lambda group: mean(group, "frequency_hz"))
+    if not groups:
+        told = ", ".join(f"{len(s.modal.listed)} in {s.number}" for s in setups)
+        raise NotIdentifiable(
+            f"no two set-ups show the same mode by frequency and by its shape on the references (modes: {told}), so "
+            "that one realisation has no order; record longer, or choose references that move in the modes"
         )
-    states = _order(setups, order)
-    names = [*references, *(n for s in setups for n in s.outputs[len(references) :])]
+    used = [s for s in setups if any(one.setup is s for g in groups for one in g)]
+    names = [*references, *(n for s in used for n in s.outputs[count:])]
     at = names.index(reference) if reference in names else None
-    poles = _poles(setups, states, len(references), at)
-    return gathered(_confirmed(poles, setups, references, names), setups, references, by="preger", order=states)
+    whole = _realised(used, groups, count, 0, True)
+    poles = _poles(whole, _realised(used, groups, count, 1, False).joint, groups, min(_steps(used)), at)
+    modes, lost = _confirmed(poles, groups, used, setups, names)
+    notes = [
+        f"mode at {mean(g, 'frequency_hz'):.4g} Hz: in set-ups {', '.join(str(s.setup.number) for s in g)} by "
+        "themselves, and not in their realisation; the references hardly move in it, or two modes are too near"
+        for g in lost
+    ]
+    found = gathered(modes, setups, references, by="preger", order=len(whole.joint.A))
+    return replace(found, notes=(*found.notes, *notes))
 
 
-def _order(setups: Sequence[Setup], order: int | None) -> int:
-    """Return the order of the realisation: the given one, or the largest that predicts, even, as far as models go."""
-    most = [max(s.modal.diagram.sources[s.modal.diagram.windows[-1]].orders) for s in setups]
-    least = int(np.argmin(most))
-    if order is None:
-        wanted = max(s.modal.diagram.order for s in setups)
-        return min(wanted + wanted % 2, max(most[least] - SURE, 2))
-    if order < 2:
-        raise UsageError(f"--order {order} is not at least 2: a mode has two states")
-    if order > most[least]:
-        raise UsageError(
-            f"--order {order}: set-up {least + 1} ({setups[least].source}) has models of up to {most[least]} states, "
-            "and all set-ups need one order; lower --order, or raise --largest-order or --past"
-        )
-    return order
+def _steps(setups: Sequence[Setup]) -> list[float]:
+    return [s.modal.diagram.sample_time_s for s in setups]
 
 
-def _joint(setups: Sequence[Setup], states: int, references: int, back: int, known: bool) -> tuple[list[Part], Joint]:
-    """Return the models of the window that is `back` before the longest, and their realisation; known: with spread."""
-    windows = [s.modal.diagram.windows[-1 - min(back, len(s.modal.diagram.windows) - 1)] for s in setups]
-    parts = [_part(s, w, states, known) for s, w in zip(setups, windows, strict=True)]
-    blocks = max(min(windows), -(-states // references) + 1)
-    return parts, join(parts, references, states, blocks)
+def _realised(setups: Sequence[Setup], groups: Groups, references: int, back: int, known: bool) -> Realised:
+    """Return the realisation of the models of the window that is `back` before the longest; known: with spreads."""
+    parts, reach, step = [], [], min(_steps(setups))
+    has = np.zeros((len(setups), len(groups)), dtype=bool)
+    for i, s in enumerate(setups):
+        diagram = s.modal.diagram
+        window = diagram.windows[-1 - min(back, len(diagram.windows) - 1)]
+        mine = [(j, one) for j, g in enumerate(groups) for one in g if one.setup is s]
+        order, poles = chosen_model(s, [s.modal.modes.index(one.mode) for _, one in mine], window)
+        has[i, [j for (j, _), p in zip(mine, poles, strict=True) if p is not None]] = True
+        parts.append(part_of(s, window, order, [p for p in poles if p is not None], step, known))
+        reach.append(window * diagram.sample_time_s)
+    states = 2 * len(groups)
+    blocks = max(round(min(reach) / step), -(-states // references) + 1)
+    return Realised(join(parts, references, states, blocks), parts, has)
 
 
-def _part(setup: Setup, window: int, states: int, known: bool) -> Part:
-    """Return the model of a set-up, outputs with the references first in comparable scales, and its spread."""
-    diagram = setup.modal.diagram
-    source = diagram.sources[window]
-    order = min(states + SURE, max(source.orders))
-    model = diagram.model(window, order).model
-    places = [diagram.outputs.index(n) for n in setup.outputs]
-    unit = diagram.scaling.scale[places] / setup.scale
-    size = np.sqrt(source.basis.singular_values[:order] * np.sqrt(source.whole.windows))  # of the rows of X = S ΓK Z
-    part = Part(model.A, model.C[places] * unit[:, None], np.diag(size), source.whole.windows)
-    if not known:
-        return part
-    spread = matrix_spread(source.whole, source.basis, model, source.estimate, (), states=True)
-    root = spread.root.reshape(len(spread.root), -1, order)
-    of_A, of_C, of_X = np.split(root, [order, order + len(places)], axis=1)
-    root = np.concatenate([of_A, of_C[:, places] * unit[:, None], of_X / size], axis=1)  # ΔS Sᵀ = ΔX Xᵀ
-    return replace(part, root=root if np.isfinite(root).all() else None)
-
-
-def _poles(setups: Sequence[Setup], states: int, references: int, reference: int | None) -> list[Found]:
-    """Return the poles above the real axis with shapes of all sensors and covariances.
+def _poles(whole: Realised, shorter: Joint, groups: Groups, step: float, reference: int | None) -> list[Found]:
+    """Return the poles above the real axis with shapes of the sensors that show them, and covariances.
 
     Added to these is the square of what the next shorter windows move a pole by: what a window leaves out falls with
     its length, so that the difference bounds what the longest still leaves out.
     """
-    parts, joint = _joint(setups, states, references, 0, True)
-    step = setups[0].modal.diagram.sample_time_s
-    n, (values, shapes, at) = len(joint.A), _eigen(joint, reference)
-    around, beside = np.zeros((n, 2, 2)), np.zeros((n, len(joint.C), 2, 2))
-    for spread in spreads(parts, joint):
-        around += pole_covariance(joint.A, spread)
-        beside += shape_covariance(joint.model, spread, reference)
-    if any(p.root is None for p in parts):
-        around[:], beside[:] = np.nan, np.nan
-    others, turned, _ = _eigen(_joint(setups, states, references, 1, False)[1], reference)
+    joint = whole.joint
+    values, raw = _eigen(joint)
+    others, turned = _eigen(shorter)
+    up = np.flatnonzero(values.imag > 0)
+    places = [_nearest(values[i], raw[: joint.references, i], groups, step) for i in up]
+    shown = [whole.shown(j) for j in places]
+    at = [int(np.argmax(abs(raw[:, i]) * keep)) if reference is None or not keep[reference] else reference
+          for i, keep in zip(up, shown, strict=True)]  # fmt: skip
+    around, beside = _covariances(whole, up, at)
     found = []
-    for i in np.flatnonzero((values.imag > 0) & np.isfinite(shapes).all(axis=0)):
-        alike = assurance(shapes[:, i : i + 1], turned)[0]
-        near = int(np.argmin(abs(others - values[i]) + 1 - alike))
-        around[i] += covariance_of(np.array([others[near] - values[i]]))
-        beside[i] += covariance_of((turned[:, near] / turned[at[i], near] - shapes[:, i])[None])
+    for k, i in enumerate(up):
+        shape = raw[:, i] / raw[at[k], i]
+        near = int(np.argmin(abs(others - values[i]) + 1 - assurance(shape[:, None], turned)[0]))
+        around[k] += covariance_of(np.array([others[near] - values[i]]))
+        beside[k] += covariance_of((turned[:, near] / turned[at[k], near] - shape)[None])
         s = complex(continuous_poles(values[i : i + 1], step)[0])
-        told = (*frequency_and_damping(s), *pushed_to_modes(complex(values[i]), s, step, around[i]))
-        pole = Pole(0, n, complex(values[i]), *told, shapes[:, i])
-        found.append(Found(pole, _part_shape(shapes[:, i], beside[i], references), int(at[i]), beside[i]))
+        told = (*frequency_and_damping(s), *pushed_to_modes(complex(values[i]), s, step, around[k]))
+        pole = Pole(0, len(values), complex(values[i]), *told, shape)
+        part = _part_shape(shape, beside[k], joint.references)
+        found.append(Found(pole, part, at[k], beside[k], places[k], shown[k]))
     return found
 
 
-def _eigen(joint: Joint, reference: int | None) -> tuple[ComplexArray, ComplexArray, NDArray[np.intp]]:
-    """Return eigenvalues, shapes (L, n) that are 1 at their reference, and these."""
+def _eigen(joint: Joint) -> tuple[ComplexArray, ComplexArray]:
+    """Return eigenvalues and shapes (L, n)."""
     values, right = np.linalg.eig(joint.A)
-    raw = joint.C @ right
-    at = reference_outputs(raw, reference)
-    return values.astype(complex), scaled_to(raw.astype(complex), at), at
+    return values.astype(complex), (joint.C @ right).astype(complex)
+
+
+def _nearest(value: complex, shared: ComplexArray, groups: Groups, step: float) -> int:
+    """Return the place of the modes that a pole is nearest to in frequency and shape (r,) on the references."""
+    hertz = abs(np.log(value)) / (2 * np.pi * step)
+    far = [
+        min(
+            abs(s.mode.frequency_hz / hertz - 1) + 1 - assurance(s.part.shared[:, None], shared[:, None])[0, 0]
+            for s in g
+        )
+        for g in groups
+    ]
+    return int(np.argmin(far))
+
+
+def _covariances(whole: Realised, up: NDArray[np.intp], at: Sequence[int]) -> tuple[Array, Array]:
+    """Return those of poles (k, 2, 2) and of the entries of their shapes (k, L, 2, 2), each beside its own entry."""
+    joint = whole.joint
+    around, beside = np.zeros((len(up), 2, 2)), np.zeros((len(up), len(joint.C), 2, 2))
+    if any(p.root is None for p in whole.parts):
+        return around * np.nan, beside * np.nan
+    for spread in spreads(whole.parts, joint):
+        around += pole_covariance(joint.A, spread)[up]
+        for entry in set(at):
+            mine = [k for k, a in enumerate(at) if a == entry]
+            beside[mine] += shape_covariance(joint.model, spread, entry)[up[mine]]
+    return around, beside
 
 
 def _part_shape(shape: ComplexArray, around: Array, references: int) -> PartShape:
@@ -164,40 +194,41 @@ def _part_shape(shape: ComplexArray, around: Array, references: int) -> PartShap
 
 
 def _confirmed(
-    poles: Sequence[Found], setups: Sequence[Setup], references: Sequence[str], names: Sequence[str]
-) -> list[MergedMode]:
-    """Return the modes of the realisation that at least two set-ups show by themselves, by frequency."""
-    from scipy.optimize import linear_sum_assignment  # half a second to load
+    poles: Sequence[Found], groups: Groups, used: Sequence[Setup], setups: Sequence[Setup], names: Sequence[str]
+) -> tuple[list[MergedMode], list[Sequence[Seen]]]:
+    """Return the modes of the realisation that are those of the groups, by frequency, and the groups without one."""
+    criteria, duration = used[0].modal.criteria, min(s.modal.diagram.duration_s for s in used)
+    found, lost = [], dict(enumerate(groups))
+    for one in sorted(poles, key=lambda p: p.pole.frequency_std_hz):
+        mode = _mode(one, used, names)
+        group = lost.get(one.place)
+        if group is None or not criteria.admits(one.pole, duration):
+            continue
+        if distance(Seen(used[0], mode, one.part), group) < FAR:
+            found.append(_merged(mode, one.part, group, setups, 2 * len(groups)))
+            del lost[one.place]
+    return sorted(found, key=lambda m: m.mode.frequency_hz), list(lost.values())
 
-    count = len(references)
-    groups = [g for g in matched(setups, count) if len(g) >= CONFIRMED]
-    criteria, duration = setups[0].modal.criteria, min(s.modal.diagram.duration_s for s in setups)
-    poles = [p for p in poles if criteria.admits(p.pole, duration)]
-    if not groups or not poles:
-        return []
-    mine = [Seen(setups[0], _mode(p.pole, names), p.part) for p in poles]
-    far = np.array([[distance(one, group) for group in groups] for one in mine])
+
+def _mode(found: Found, setups: Sequence[Setup], names: Sequence[str]) -> Mode:
+    pole, size = found.pole, abs(found.pole.shape) * found.shown
+    shares = {n: float(v / size.sum()) for n, v, keep in zip(names, size, found.shown, strict=True) if keep}
+    shape = _shape(found, setups, names)
+    stds = (pole.frequency_std_hz, pole.damping_std)
+    return Mode(pole.frequency_hz, pole.damping, pole.eigenvalue, *stds, shares, shape=shape)
+
+
+def _shape(found: Found, setups: Sequence[Setup], names: Sequence[str]) -> Shape:
+    """Return the shape at the references and at the sensors of set-ups whose models have the mode."""
+    count = found.part.references
     scale = np.concatenate([setups[0].scale[:count], *(s.scale[count:] for s in setups)])
-    found = []
-    for i, j in zip(*linear_sum_assignment(far), strict=True):
-        if far[i, j] < FAR:
-            one = poles[i]
-            mode = replace(mine[i].mode, shape=in_units(names, scale, one.part.values, one.covariance, one.reference))
-            found.append(_merged(mode, one.part, groups[j], setups, references, 2 * len(groups)))
-    return sorted(found, key=lambda m: m.mode.frequency_hz)
+    keep = np.flatnonzero(found.shown)
+    at = int(np.searchsorted(keep, found.reference))
+    kept = [n for n, here in zip(names, found.shown, strict=True) if here]
+    return in_units(kept, scale[keep], found.part.values[keep], found.covariance[keep], at)
 
 
-def _mode(pole: Pole, names: Sequence[str]) -> Mode:
-    size = abs(pole.shape)
-    shares = dict(zip(names, map(float, size / size.sum()), strict=True))
-    return Mode(
-        pole.frequency_hz, pole.damping, pole.eigenvalue, pole.frequency_std_hz, pole.damping_std, shares
-    )  # fmt: skip
-
-
-def _merged(
-    mode: Mode, part: PartShape, group: Sequence[Seen], setups: Sequence[Setup], references: Sequence[str], tests: int
-) -> MergedMode:
+def _merged(mode: Mode, part: PartShape, group: Sequence[Seen], setups: Sequence[Setup], tests: int) -> MergedMode:
     """Return a mode with what each set-up says of it, widened where they disagree, and its sentences."""
     group = sorted(group, key=lambda s: s.setup.number)
     hertz, damping = (combined(group, quantity, tests)[2] for quantity in ("frequency_hz", "damping"))
@@ -206,21 +237,19 @@ def _merged(
         frequency_std_hz=None if mode.frequency_std_hz is None else mode.frequency_std_hz * hertz,
         damping_std=None if mode.damping_std is None else mode.damping_std * damping,
     )
-    notes = _notes(mode, part, group, setups, references) + disagreements(mode, group, hertz, damping)
+    notes = _notes(mode, part, group, setups) + disagreements(mode, group, hertz, damping)
     return MergedMode(mode, tuple(group), least_assurance(group), tuple(notes))
 
 
-def _notes(
-    mode: Mode, part: PartShape, group: Sequence[Seen], setups: Sequence[Setup], references: Sequence[str]
-) -> list[str]:
-    """Say which set-ups do not show the mode by themselves, and whether the references are at a node of it."""
+def _notes(mode: Mode, part: PartShape, group: Sequence[Seen], setups: Sequence[Setup]) -> list[str]:
+    """Say in which set-ups the mode is not found, and whether the references are at a node of it."""
     notes, here = [], f"mode at {mode.frequency_hz:.4g} Hz"
     met = {s.setup.number for s in group}
     for setup in setups:
-        others = ", ".join(setup.outputs[len(references) :])
+        others = ", ".join(setup.outputs[part.references :])
         if setup.number not in met:
-            weak = f"; its shape at {others} rests on what is common to the set-ups" if others else ""
-            notes.append(f"{here}: not found in set-up {setup.number} ({setup.source}) by itself{weak}")
+            without = f"; its shape is without {others}" if others else ""
+            notes.append(f"{here}: not found in set-up {setup.number} ({setup.source}){without}")
     if not part.shows:
         notes.append(
             f"{here}: the references hardly move, a node of the mode; its shape at the other sensors is little "
