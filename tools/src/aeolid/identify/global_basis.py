@@ -174,4 +174,5 @@ def _inverse_moved(Z: Array, dZ: Array) -> tuple[Array, Array]:
     plus = np.linalg.pinv(Z, rcond=RANK)
     turned = dZ.transpose(0, 2, 1)
     left, right = turned @ (plus.T @ plus), plus @ plus.T @ turned
-    return plus, left - plus @ (Z @ left) + right - right @ Z @ plus - plus @ (dZ @ plus)
+    moved: Array = left - plus @ (Z @ left) + right - right @ Z @ plus - plus @ (dZ @ plus)
+    return np.asarray(plus, dtype=np.float64), moved

@@ -89,7 +89,7 @@ def restricted(part: Part, eigenvalues: Sequence[complex], power: float = 1.0) -
     return Part(A, _real(part.C @ V @ real), square, part.samples, np.concatenate(moved, axis=1))
 
 
-def _real(matrix: ComplexArray) -> Array:
+def _real(matrix: ComplexArray | Array) -> Array:
     out: Array = np.ascontiguousarray(matrix.real)
     return out
 

@@ -58,7 +58,7 @@ class MergedMode:
 
 @dataclass(frozen=True, eq=False)
 class MergedModal:
-    """Hold the modes of several set-ups, merged by their references."""
+    """Hold the modes of several set-ups, merged by their references; order: of the realisation, by "preger"."""
 
     modes: tuple[MergedMode, ...]
     setups: tuple[Setup, ...]
@@ -82,7 +82,8 @@ class MergedModal:
         """Return the facts for machines; "setups" holds those of each set-up as a modal analysis of its own."""
         return {
             "references": list(self.references), "outputs": list(self.outputs), "sample_time_s": self.sample_time_s,
-            "modes": [m.to_json() for m in self.modes], "notes": list(self.notes),
+            "merged_by": self.by, "order": self.order, "modes": [m.to_json() for m in self.modes],
+            "notes": list(self.notes),
             "setups": [s.modal.to_json() | {"level": s.level} for s in self.setups],
         }  # fmt: skip
 
@@ -95,6 +96,8 @@ class MergedModal:
                 f"  set-up {s.number} ({s.source}): {others}; {len(s.modal.listed)} modes, "
                 f"{len(s.modal.modes) - len(s.modal.listed)} harmonics and steady sines, level {s.level:.2g}"
             )
+        if self.order is not None:
+            lines.append(f"  one realisation of {self.order} states (PreGER)")
         lines += mode_lines(self.listed, self.sample_time_s)
         if self.listed:
             lines += ["  in set-ups, and shapes (amplitude beside the reference, phase in degrees):"]
