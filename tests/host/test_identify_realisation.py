@@ -16,7 +16,7 @@ from aeolid.formats import write_table
 from aeolid.identify.global_basis import Part, join, spreads
 from aeolid.identify.modal import find_modal
 from aeolid.identify.setup_realisation import realise
-from aeolid.identify.setup_states import restricted
+from aeolid.identify.setup_states import balanced, restricted
 from aeolid.models.shapes import assurance
 from aeolid.plants.structure import mass_chain
 
@@ -28,7 +28,7 @@ HERTZ, DAMPING, SHAPES = CHAIN.modes()
 REFERENCES, ROAMING = study.REFERENCES, study.ROAMING
 SENSORS = [CHAIN.names.index(n) for n in (*REFERENCES, *(n for names in ROAMING for n in names))]
 STATES, BLOCKS = 2 * len(HERTZ), 20
-SHORT = 0.02  # of a row of the spread, to move poles by
+SMALL = 1e-9  # of the entries of a spread: differences are of its size
 
 
 def exact_part(random, i, own=0, power=1.0):
@@ -47,7 +47,7 @@ def exact_part(random, i, own=0, power=1.0):
     outputs = np.hstack([C[rows], random.standard_normal((len(rows), own))])
     Q = np.eye(n) + 0.2 * random.standard_normal((n, n)) / np.sqrt(n)
     S = random.uniform(0.1, 10) * random.standard_normal((n, n)) / np.sqrt(n)
-    return Part(Q @ wide @ np.linalg.inv(Q), outputs @ np.linalg.inv(Q), S, int(random.integers(1000, 9000)))
+    return Part(Q @ wide @ np.linalg.inv(Q), outputs @ np.linalg.inv(Q), S)
 
 
 def pairs(joint):
@@ -115,72 +115,68 @@ def test_references_at_a_node_of_a_mode_are_refused():
         join([blind(exact_part(random, i)) for i in range(3)], 2, STATES, BLOCKS)
 
 
-def noisy(random, part, size=1e-5):
-    """Return a part whose exact model is off by a little, with a spread of 30 draws about it."""
+def spread_about(random, part, off=0.0):
+    """Return a part off its model by a little, with a spread of 3 rows."""
     n, outputs = len(part.A), len(part.C)
-    root = size * random.standard_normal((30, 2 * n + outputs, n))
-    off = size * random.standard_normal((n + outputs, n))
-    return replace(part, A=part.A + off[:n], C=part.C + off[n:], root=root)
+    change = off * random.standard_normal((n + outputs, n))
+    root = SMALL * random.standard_normal((3, n + outputs, n))
+    return replace(part, A=part.A + change[:n], C=part.C + change[n:], root=root)
 
 
 def moved(part, by):
-    """Return a part moved by one row of its spread; samples such that the gain stays, which is held fixed."""
-    dA, dC, dS = np.split(by, [len(part.A), len(part.A) + len(part.C)])
-    return replace(part, A=part.A + dA, C=part.C + dC, S=part.S + dS, root=None)
+    """Return a part moved by one row of its spread."""
+    dA, dC = np.split(by, [len(part.A)])
+    return replace(part, A=part.A + dA, C=part.C + dC, root=None)
 
 
-def gained(part, other):
-    """Return `other` with samples that give it the gain of `part`."""
-    return replace(other, samples=part.samples * (level(other) / level(part)) ** 2)
-
-
-def level(part):
-    rows = [part.C[:2]]
-    for _ in range(BLOCKS - 1):
-        rows.append(rows[-1] @ part.A)
-    return np.linalg.norm(np.vstack(rows) @ part.S)
-
-
-def test_the_spread_is_what_differences_say():
-    """Central differences that move poles by 1e-4 are off by the square of it, and by rounding of some 1e-6."""
-    random = np.random.default_rng(6)
-    parts = [noisy(random, exact_part(random, i, 4)) for i in range(3)]
-    small = [restricted(p, eigenvalues()) for p in parts]
+def require_differences(parts, reduced):
+    """Compare the spread with central differences: off by the square of what poles move by, some 1e-5, and rounding."""
+    small = [reduced(p) for p in parts]
     joint = join(small, 2, STATES, BLOCKS)
-    given = np.concatenate([s.root for s in spreads(small, joint)]).reshape(3, -1, STATES + len(SENSORS), STATES)
+    given = np.concatenate([s.root for s in spreads(small, joint)]).reshape(3, 3, STATES + len(SENSORS), STATES)
     for j, part in enumerate(parts):
-        for k, row in enumerate(part.root[:3]):
+        for k, row in enumerate(part.root):
             sides = []
-            for by in (SHORT * row, -SHORT * row):
-                others = list(small)
-                others[j] = gained(small[j], restricted(moved(part, by), eigenvalues()))
-                sides.append(join(others, 2, STATES, BLOCKS))
+            for by in (row, -row):
+                other = replace(reduced(moved(part, by)), S=small[j].S)
+                sides.append(join([*small[:j], other, *small[j + 1 :]], 2, STATES, BLOCKS))
             (up, above), (down, below) = map(pairs, sides)
-            want = (up - down) / (2 * SHORT), (above / above[0] - below / below[0]) / (2 * SHORT)
+            want = (up - down) / 2, (above / above[0] - below / below[0]) / 2
             for a, b in zip(first_order(joint, *np.split(given[j, k], [STATES])), want, strict=True):
                 assert abs(a - b).max() < 1e-4 * abs(b).max()
 
 
+def test_the_spread_of_set_ups_that_disagree_is_what_differences_say():
+    random = np.random.default_rng(6)
+    require_differences([spread_about(random, exact_part(random, i), 1e-6) for i in range(3)], lambda p: p)
+
+
+def test_the_spread_of_a_restricted_model_is_what_differences_say():
+    """Of models that agree, as the weights S then do not matter, which are held fixed."""
+    random = np.random.default_rng(8)
+    parts = [spread_about(random, exact_part(random, i, 4)) for i in range(3)]
+    require_differences(parts, lambda p: balanced(restricted(p, eigenvalues()), range(1, 8), 2, BLOCKS))
+
+
 def first_order(joint, dA, dC):
     """Return what continuous poles and shapes beside the first reference move by, as `pairs` has them."""
-    step = 1e-3
+    step = 1e-5 / max(abs(dA).max(), abs(dC).max())
     sides = [replace(joint, A=joint.A + sign * step * dA, C=joint.C + sign * step * dC) for sign in (1, -1)]
     (up, above), (down, below) = map(pairs, sides)
     return (up - down) / (2 * step), (above / above[0] - below / below[0]) / (2 * step)
 
 
 def test_a_change_of_basis_moves_nothing():
-    """ΔA = X A − A X, ΔC = −C X, ΔS = X S: the same model. A spread that held S fixed would take it for noise."""
+    """ΔA = X A − A X, ΔC = −C X is the same model, whatever X; 1e-6 is rounding, of some 1e-12, over the step 1e-5."""
     random = np.random.default_rng(7)
-    wide = [noisy(random, exact_part(random, i, 4)) for i in range(3)]
+    wide = [exact_part(random, i, 4) for i in range(3)]
     X = random.standard_normal((STATES + 4, STATES + 4)) / 10
-    turned = np.concatenate([X @ wide[1].A - wide[1].A @ X, -wide[1].C @ X, X @ wide[1].S])[None]
-    wide[1] = replace(wide[1], root=turned)
+    wide[1] = replace(wide[1], root=np.concatenate([X @ wide[1].A - wide[1].A @ X, -wide[1].C @ X])[None])
     parts = [restricted(p, eigenvalues()) for p in wide]
     joint = join(parts, 2, STATES, BLOCKS)
-    given = next(iter(spreads([replace(parts[0], root=None), *parts[1:]], joint))).root[0].reshape(-1, STATES)
+    given = next(iter(spreads(parts, joint))).root[0].reshape(-1, STATES)
     for change, size in zip(first_order(joint, *np.split(given, [STATES])), pairs(joint), strict=True):
-        assert abs(change).max() < 1e-7 * abs(size).max()  # rounding, of what differences of 1e-3 leave
+        assert abs(change).max() < 1e-6 * abs(size).max()
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,7 @@ rows, to which every set-up gives its part; those of moved sensors would count t
 
 First-order spread: ΔO_{k+1} = ΔO_k A_j + O_k ΔA_j, and for the leading left singular vectors, b beyond n,
     u_bᵀ ΔU = (u_bᵀ ΔM V Σ + σ_b v_bᵀ ΔMᵀ U)(Σ² − σ_b²)⁻¹;
-turns within the n columns change the basis only. S_j moves with its model, or another basis of it would seem another
-model; g_j is held fixed, a weight of what agrees. Set-ups add.
+turns within the n columns change the basis only. S_j is held fixed: a weight of what agrees. Set-ups add.
 """
 
 from __future__ import annotations
@@ -35,15 +34,14 @@ CHUNK_NUMBERS = 4_000_000  # held at a time where spreads are pushed through
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Hold the model of a set-up: A (n_j, n_j), C (l, n_j) with the references first, S (n_j, n_j) of the states.
+    """Hold the model of a set-up: A (n_j, n_j), C (l, n_j) references first, S (n_j, k) that weights the states.
 
-    samples: by which it counts; root (d, n_j + l + n_j, n_j): what white noise moves [A; C; S] by, None if not known.
+    root (d, n_j + l, n_j): what white noise moves [A; C] by, None where that is not known.
     """
 
     A: Array
     C: Array
     S: Array
-    samples: int
     root: Array | None = None
 
 
@@ -58,8 +56,7 @@ class Joint:
     C: Array
     references: int
     observed: tuple[Array, ...]
-    weighted: tuple[Array, ...]
-    gains: tuple[float, ...]
+    weights: tuple[Array, ...]
     U: Array
     sigma: Array
     V: Array
@@ -89,12 +86,8 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
     """
     observed = tuple(observability(p.A, p.C, blocks) for p in parts)
     seen = [o[:, :references].reshape(blocks * references, -1) for o in observed]
-    gains = [
-        float(np.sqrt(p.samples)) / max(float(np.linalg.norm(o @ p.S)), np.finfo(float).tiny)
-        for p, o in zip(parts, seen, strict=True)
-    ]
-    weighted = tuple(g * p.S for p, g in zip(parts, gains, strict=True))
-    U, sigma, Vt = np.linalg.svd(np.hstack([o @ w for o, w in zip(seen, weighted, strict=True)]), full_matrices=False)
+    weights = tuple(p.S for p in parts)
+    U, sigma, Vt = np.linalg.svd(np.hstack([o @ w for o, w in zip(seen, weights, strict=True)]), full_matrices=False)
     rank = int(np.count_nonzero(sigma > RANK * sigma[0]))
     if rank < order or (blocks - 1) * references < order:
         raise NotIdentifiable(
@@ -103,12 +96,12 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
         )
     basis = U[:, :order]
     maps = tuple(
-        w @ np.linalg.pinv(basis.T @ o @ w, rcond=RANK) for o, w in zip(seen, weighted, strict=True)
+        w @ np.linalg.pinv(basis.T @ o @ w, rcond=RANK) for o, w in zip(seen, weights, strict=True)
     )  # fmt: skip
     up, down = basis[:-references], basis[references:]
     A = np.linalg.lstsq(up, down, rcond=None)[0]
     C = np.vstack([basis[:references], *(p.C[references:] @ T for p, T in zip(parts, maps, strict=True))])
-    return Joint(A, C, references, observed, weighted, tuple(gains), U, sigma, Vt.T, maps)
+    return Joint(A, C, references, observed, weights, U, sigma, Vt.T, maps)
 
 
 def spreads(parts: Sequence[Part], joint: Joint) -> Iterator[MatrixSpread]:
@@ -119,7 +112,7 @@ def spreads(parts: Sequence[Part], joint: Joint) -> Iterator[MatrixSpread]:
     for j, part in enumerate(parts):
         if part.root is None:
             continue
-        size = joint.observed[j].size + len(joint.U) * (len(joint.A) + len(joint.weighted[j].T)) + joint.C.size
+        size = joint.observed[j].size + len(joint.U) * (len(joint.A) + len(joint.weights[j].T)) + joint.C.size
         step = max(1, CHUNK_NUMBERS // (2 * size))
         for first in range(0, len(part.root), step):
             rows = _moved(parts, joint, j, part.root[first : first + step])
@@ -127,15 +120,14 @@ def spreads(parts: Sequence[Part], joint: Joint) -> Iterator[MatrixSpread]:
 
 
 def _moved(parts: Sequence[Part], joint: Joint, j: int, moved: Array) -> Array:
-    """Return Δ[A; C] (d, n + L, n) of the realisation where [A; C; S] of one set-up moves, (d, 2 n_j + l, n_j)."""
-    r, n, own_n = joint.references, len(joint.A), len(parts[j].A)
-    dA, dC, dS = np.split(moved, [own_n, moved.shape[1] - own_n], axis=1)
-    dS = dS * joint.gains[j]
+    """Return Δ[A; C] (d, n + L, n) of the realisation where [A; C] of one set-up moves, (d, n_j + l, n_j)."""
+    r, n = joint.references, len(joint.A)
+    dA, dC = np.split(moved, [len(parts[j].A)], axis=1)
     steps = [dC]
     for block in joint.observed[j][:-1]:
         steps.append(steps[-1] @ parts[j].A + block @ dA)
     seen = np.stack([s[:, :r] for s in steps], axis=1).reshape(len(dA), len(joint.U), -1)  # of O_j
-    dM = seen @ joint.weighted[j] + joint.observed[j][:, :r].reshape(len(joint.U), -1) @ dS
+    dM = seen @ joint.weights[j]
     dU = _turned(joint, j, dM)
     basis = joint.U[:, :n]
     up, rest = basis[:-r], basis[r:] - basis[:-r] @ joint.A
@@ -143,19 +135,18 @@ def _moved(parts: Sequence[Part], joint: Joint, j: int, moved: Array) -> Array:
     rows = [inverse @ (dU[:, r:] - dU[:, :-r] @ joint.A) + inverse @ inverse.T @ dU[:, :-r].transpose(0, 2, 1) @ rest]
     rows.append(dU[:, :r])
     for k, part in enumerate(parts):
-        M = joint.observed[k][:, :r].reshape(len(basis), -1) @ joint.weighted[k]
+        M = joint.observed[k][:, :r].reshape(len(basis), -1) @ joint.weights[k]
         dZ = dU.transpose(0, 2, 1) @ M + (basis.T @ dM if k == j else 0.0)
-        plus, dplus = _inverse_moved(basis.T @ M, dZ)
-        own = part.C[r:] @ (joint.weighted[k] @ dplus)
-        rows.append(own + dC[:, r:] @ joint.maps[k] + part.C[r:] @ (dS @ plus) if k == j else own)
+        own = part.C[r:] @ (joint.weights[k] @ _inverse_moved(basis.T @ M, dZ))
+        rows.append(own + dC[:, r:] @ joint.maps[k] if k == j else own)
     return np.concatenate(rows, axis=1)
 
 
 def _turned(joint: Joint, j: int, dM: Array) -> Array:
     """Return ΔU (d, i r, n) of the leading singular vectors where M_j moves by dM (d, i r, k), but for turns."""
     n = len(joint.A)
-    first = sum(w.shape[1] for w in joint.weighted[:j])
-    V = joint.V[first : first + joint.weighted[j].shape[1]]
+    first = sum(w.shape[1] for w in joint.weights[:j])
+    V = joint.V[first : first + joint.weights[j].shape[1]]
     U, rest, sigma, tail = joint.U[:, :n], joint.U[:, n:], joint.sigma[:n], joint.sigma[n:]
     forward = dM @ V[:, :n] * sigma  # (d, i r, n): ΔM V Σ
     back = (V[:, n:].T @ dM.transpose(0, 2, 1)) @ U * tail[:, None]  # (d, q − n, n)
@@ -166,8 +157,8 @@ def _turned(joint: Joint, j: int, dM: Array) -> Array:
     return out
 
 
-def _inverse_moved(Z: Array, dZ: Array) -> tuple[Array, Array]:
-    """Return Z⁺ (k, n) and ΔZ⁺ (d, k, n) where Z (n, k) moves by dZ (d, n, k) and keeps its rank.
+def _inverse_moved(Z: Array, dZ: Array) -> Array:
+    """Return ΔZ⁺ (d, k, n) where Z (n, k) moves by dZ (d, n, k) and keeps its rank.
 
     Its derivative is that of Golub and Pereyra (1973).
     """
@@ -175,4 +166,4 @@ def _inverse_moved(Z: Array, dZ: Array) -> tuple[Array, Array]:
     turned = dZ.transpose(0, 2, 1)
     left, right = turned @ (plus.T @ plus), plus @ plus.T @ turned
     moved: Array = left - plus @ (Z @ left) + right - right @ Z @ plus - plus @ (dZ @ plus)
-    return np.asarray(plus, dtype=np.float64), moved
+    return moved

@@ -122,7 +122,7 @@ def least_assurance(group: Sequence[Seen]) -> float | None:
     return min(told, default=None)
 
 
-def _weights(group: Sequence[Seen], quantity: str) -> tuple[Array, Array, Array]:
+def weights_of(group: Sequence[Seen], quantity: str) -> tuple[Array, Array, Array]:
     """Return values, deviations and weights ζ_i/σ_i² of a quantity in a group."""
     std = "frequency_std_hz" if quantity == "frequency_hz" else "damping_std"
     values = np.array([getattr(s.mode, quantity) for s in group])
@@ -134,13 +134,13 @@ def _weights(group: Sequence[Seen], quantity: str) -> tuple[Array, Array, Array]
 
 def mean(group: Sequence[Seen], quantity: str) -> float:
     """Return the weighted mean of a quantity, "frequency_hz" or "damping"."""
-    values, _, weights = _weights(group, quantity)
+    values, _, weights = weights_of(group, quantity)
     return float(weights @ values / weights.sum())
 
 
 def combined(group: Sequence[Seen], quantity: str, tests: int) -> tuple[float, float, float]:
     """Return mean and deviation of a quantity, and by how much it is to be widened: 1 unless beyond chance."""
-    values, spread, weights = _weights(group, quantity)
+    values, spread, weights = weights_of(group, quantity)
     middle = float(weights @ values / weights.sum())
     deviation = float(np.sqrt(weights**2 @ spread**2) / weights.sum())
     free = len(values) - 1

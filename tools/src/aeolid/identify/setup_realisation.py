@@ -2,10 +2,11 @@
 
 Modes that at least two set-ups show by themselves, matched by frequency and by the shape on the references as in
 `setups`, make the order: two states each. Every set-up gives its model of the longest window, whose bias is the least,
-restricted to these modes (`setup_states`), and `global_basis` joins them. Poles of noise, and of what colours the
-excitation of one set-up, have no part in it. A mode of the realisation is told where it is one of those. The deviations
-are those of the models, pushed through; where set-ups differ in a mode by more than chance explains they are widened
-as in `setups`.
+restricted to these modes (`setup_states`), and `global_basis` joins them. In each set-up a mode counts by the weight
+ζ/σ² of its frequency, as in `setups`, and all modes alike: by their energy weak ones would be lost in what strong ones
+disagree by. Poles of noise, and of what colours the excitation of one set-up, have no part in it. A mode of the
+realisation is told where it is one of those. The deviations are those of the models, pushed through; where set-ups
+differ in a mode by more than chance explains they are widened as in `setups`.
 """
 
 from __future__ import annotations
@@ -31,9 +32,10 @@ from aeolid.identify.setup_matching import (
     matched,
     mean,
     set_up,
+    weights_of,
 )
 from aeolid.identify.setup_shapes import PartShape
-from aeolid.identify.setup_states import chosen_model, part_of
+from aeolid.identify.setup_states import balanced, chosen_model, part_of
 from aeolid.identify.setups import MergedModal, MergedMode, gathered, in_units
 from aeolid.identify.shape_spread import shape_covariance
 from aeolid.identify.uncertainty import covariance_of, pole_covariance
@@ -111,18 +113,22 @@ def _steps(setups: Sequence[Setup]) -> list[float]:
 
 def _realised(setups: Sequence[Setup], groups: Groups, references: int, back: int, known: bool) -> Realised:
     """Return the realisation of the models of the window that is `back` before the longest; known: with spreads."""
-    parts, reach, step = [], [], min(_steps(setups))
+    parts, reach, shares, step = [], [], [], min(_steps(setups))
     has = np.zeros((len(setups), len(groups)), dtype=bool)
+    weights = [weights_of(g, "frequency_hz")[2] for g in groups]
     for i, s in enumerate(setups):
         diagram = s.modal.diagram
         window = diagram.windows[-1 - min(back, len(diagram.windows) - 1)]
-        mine = [(j, one) for j, g in enumerate(groups) for one in g if one.setup is s]
-        order, poles = chosen_model(s, [s.modal.modes.index(one.mode) for _, one in mine], window)
-        has[i, [j for (j, _), p in zip(mine, poles, strict=True) if p is not None]] = True
-        parts.append(part_of(s, window, order, [p for p in poles if p is not None], step, known))
+        mine = [(j, k, one) for j, g in enumerate(groups) for k, one in enumerate(g) if one.setup is s]
+        order, poles = chosen_model(s, [s.modal.modes.index(one.mode) for *_, one in mine], window)
+        kept = [(j, k, p) for (j, k, _), p in zip(mine, poles, strict=True) if p is not None]
+        has[i, [j for j, *_ in kept]] = True
+        parts.append(part_of(s, window, order, [p for *_, p in kept], step, known))
+        shares.append([float(np.sqrt(weights[j][k] / weights[j].sum())) for j, k, _ in kept])
         reach.append(window * diagram.sample_time_s)
     states = 2 * len(groups)
     blocks = max(round(min(reach) / step), -(-states // references) + 1)
+    parts = [balanced(p, share, references, blocks) for p, share in zip(parts, shares, strict=True)]
     return Realised(join(parts, references, states, blocks), parts, has)
 
 
@@ -252,7 +258,7 @@ def _notes(mode: Mode, part: PartShape, group: Sequence[Seen], setups: Sequence[
             notes.append(f"{here}: not found in set-up {setup.number} ({setup.source}){without}")
     if not part.shows:
         notes.append(
-            f"{here}: the references hardly move, a node of the mode; its shape at the other sensors is little "
-            "known; choose a reference elsewhere"
+            f"{here}: the references move by little more than their deviations, at a node of the mode or because "
+            "another is near; its shape is little known; add a reference elsewhere"
         )
     return notes

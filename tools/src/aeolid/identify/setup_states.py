@@ -1,9 +1,7 @@
 """Restrict the model of a set-up to its modes, in coordinates of its outputs that set-ups share, with its spread.
 
 With A V = V Λ over the modes that stay and A W = W Ω over what is left out, [V W]⁻¹ = [L; N],
-    A' = Λ,  C' = C V,  S' = L S,
-    ΔA' = L ΔA V,   ΔC' = ΔC V + C W X,   ΔS' = L ΔS + Y N S,
-    X_ab = (N ΔA V)_ab/(λ_b − ω_a),   Y_ab = (L ΔA W)_ab/(λ_a − ω_b),
+    A' = Λ,   C' = C V,   ΔA' = L ΔA V,   ΔC' = ΔC V + C W X,   X_ab = (N ΔA V)_ab/(λ_b − ω_a),
 first order, in a basis that moves by W alone (Stewart and Sun 1990, chapter V). Poles of noise, and of what colours the
 excitation of one set-up, are left out so. Another sample time makes λ^(h/h') of λ, and of ΔA' what the divided
 differences of this function say (Daleckii and Krein 1965).
@@ -12,12 +10,13 @@ differences of this function say (Daleckii and Krein 1965).
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.identify.diagram import Pole
-from aeolid.identify.global_basis import Part
+from aeolid.identify.global_basis import Part, observability
 from aeolid.identify.setup_matching import Setup
 from aeolid.identify.uncertainty import matrix_spread
 
@@ -49,17 +48,21 @@ def part_of(setup: Setup, window: int, order: int, poles: Sequence[Pole], step: 
     model = diagram.model(window, order).model
     places = [diagram.outputs.index(n) for n in setup.outputs]
     unit = (diagram.scaling.scale[places] / setup.scale)[:, None]
-    size = np.sqrt(source.basis.singular_values[:order] * np.sqrt(source.whole.windows))  # of the rows of X = S ΓK Z
     root = None
     if known:
-        spread = matrix_spread(source.whole, source.basis, model, source.estimate, (), states=True)
-        of_A, of_C, of_X = np.split(
-            spread.root.reshape(len(spread.root), -1, order), [order, order + len(places)], axis=1
-        )
-        root = np.concatenate([of_A, of_C[:, places] * unit, of_X / size], axis=1)  # ΔS Sᵀ = ΔX Xᵀ
+        spread = matrix_spread(source.whole, source.basis, model, source.estimate, ())
+        root = spread.root.reshape(len(spread.root), -1, order)
+        root = np.concatenate([root[:, :order], root[:, [order + p for p in places]] * unit], axis=1)
         root = root if np.isfinite(root).all() else None
-    part = Part(model.A, model.C[places] * unit, np.diag(size), source.whole.windows, root)
+    part = Part(model.A, model.C[places] * unit, np.eye(order), root)
     return restricted(part, [p.eigenvalue for p in poles], step / diagram.sample_time_s)
+
+
+def balanced(part: Part, weights: Sequence[float], references: int, blocks: int) -> Part:
+    """Return a part whose pairs of states count by weights, whatever excites them: S of the size of O S in each."""
+    seen = observability(part.A, part.C[:references], blocks).reshape(-1, len(weights), 2)
+    sizes = np.linalg.norm(seen, axis=(0, 2))
+    return replace(part, S=np.diag(np.repeat(np.array(weights) / np.maximum(sizes, np.finfo(float).tiny), 2)))
 
 
 def restricted(part: Part, eigenvalues: Sequence[complex], power: float = 1.0) -> Part:
@@ -74,29 +77,19 @@ def restricted(part: Part, eigenvalues: Sequence[complex], power: float = 1.0) -
     real = np.kron(np.eye(len(kept) // 2), np.array([[0.5, -0.5j], [0.5, 0.5j]]))  # [v v̄] real = [Re v, Im v]
     inner, outer = values[kept], values[rest]
     powers = inner**power
-    S = _real(np.linalg.inv(real) @ L @ part.S)
-    square = _root(S @ S.T)
     A = _real(np.linalg.inv(real) @ (powers[:, None] * real))
+    C, S = _real(part.C @ V @ real), np.eye(len(kept))
     if part.root is None:
-        return Part(A, _real(part.C @ V @ real), square, part.samples)
-    n = len(values)
-    dA, dC, dS = np.split(part.root, [n, n + len(part.C)], axis=1)
+        return Part(A, C, S)
+    dA, dC = np.split(part.root, [len(values)], axis=1)
     X = (N @ dA @ V) / (inner - outer[:, None])
-    Y = (L @ dA @ W) / (inner[:, None] - outer)
     of_A = np.linalg.inv(real) @ ((L @ dA @ V) * _divided(inner, powers, power)) @ real
-    of_S = _real(np.linalg.inv(real) @ (L @ dS + Y @ (N @ part.S)))
-    moved = [_real(of_A), _real((dC @ V + part.C @ W @ X) @ real), of_S @ S.T @ np.linalg.inv(square).T]
-    return Part(A, _real(part.C @ V @ real), square, part.samples, np.concatenate(moved, axis=1))
+    moved = [_real(of_A), _real((dC @ V + part.C @ W @ X) @ real)]
+    return Part(A, C, S, np.concatenate(moved, axis=1))
 
 
 def _real(matrix: ComplexArray | Array) -> Array:
     out: Array = np.ascontiguousarray(matrix.real)
-    return out
-
-
-def _root(covariance: Array) -> Array:
-    values, vectors = np.linalg.eigh(covariance)
-    out: Array = vectors * np.sqrt(np.maximum(values, np.finfo(float).eps * values[-1]))
     return out
 
 

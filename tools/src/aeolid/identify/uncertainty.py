@@ -58,14 +58,9 @@ class MatrixSpread:
 
 
 def matrix_spread(
-    factor: WindowFactor, basis: StateBasis, model: ScaledModel, markov: MarkovEstimate, through: tuple[bool, ...],
-    *, states: bool = False,
-) -> MatrixSpread:  # fmt: skip
-    """Return the first-order spread of [A B; C D] in scaled units; through: inputs with feedthrough.
-
-    states: below it that of ΔX Xᵀ (n, n + r, zeros right of n), for what depends on the states' covariance, too; of a
-    batch, whose Ξ has no bias.
-    """
+    factor: WindowFactor, basis: StateBasis, model: ScaledModel, markov: MarkovEstimate, through: tuple[bool, ...]
+) -> MatrixSpread:
+    """Return the first-order spread of [A B; C D] in scaled units; through: inputs with feedthrough."""
     n, r, outputs = len(model.A), factor.inputs, factor.outputs
     width = factor.past * factor.channels
     S = basis.selector(n).reshape(n, -1, outputs).transpose(1, 0, 2)  # (f, n, l): S_i
@@ -85,18 +80,15 @@ def matrix_spread(
         return out
 
     if not np.isfinite(markov.spread).all():
-        return MatrixSpread(np.full((1, (n + outputs + n * states) * (n + r)), np.nan), n, r)
+        return MatrixSpread(np.full((1, (n + outputs) * (n + r)), np.nan), n, r)
 
-    J = np.zeros((n + outputs + n * states, n + r, outputs, markov.spread.shape[1]))
+    J = np.zeros((n + outputs, n + r, outputs, markov.spread.shape[1]))
     J[:n] = moved(after) - _times(model.A, moved(before)) + _times(model.K @ model.C, moved(rest))
     J[:n] += _times(model.K, plain(direct))
     columns = [*range(n), *(n + i for i, t in enumerate(through) if t)]
-    J[n : n + outputs, columns] = plain(fitted) - _times(model.C, moved(now))
-    if states:
-        Z = factor.R[:, :width]
-        J[n + outputs :, :n] = moved(Z.T @ (Z @ basis.state_map(n).T))
+    J[n:, columns] = plain(fitted) - _times(model.C, moved(now))
     J = np.einsum("abcr,cd->abdr", J, root_of(markov.residual_covariance))
-    rows = J.reshape(len(J) * (n + r), -1).T
+    rows = J.reshape((n + outputs) * (n + r), -1).T
     if markov.bias is not None:  # as if it were a deviation; the fit to all windows has none
         shift = _shift(markov.bias, S, model, (before, after, rest, now), columns, factor.channels)
         rows = np.vstack([rows, shift.ravel()])
