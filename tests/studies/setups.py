@@ -1,13 +1,13 @@
 """Merge three set-ups of a structure in both ways: are modes found, are errors small, are the bands held?
 
-    python tests/studies/setups.py [--runs 40] [--case levels|colour|near] [--out FILE]
+    python tests/studies/setups.py [--runs 40] [--case levels|colour|near] [--apart 0.02] [--out FILE]
 
 Ten minutes at 10 Hz a set-up, sensor noise 3 %; what shakes the structure is 1, 5 and 0.3 times as strong. levels: a
 chain of seven masses, the sensors at levels 6 and 2 stay, levels 1, 3 / 4, 5 / 7 roam. colour: there the forces of the
 second set-up are white noise through a lag of 1 Hz. near: four levels that move in two directions, their pairs of modes
-2 % apart; both sensors at the top stay, those at levels 1 / 2 / 3 roam. Bands are ± 1.96 deviations of frequency and
-damping, and the 95 % ellipse of each entry of a shape beside its reference; the assurance is that of the whole shape
-and the exact one, over modes that every set-up shows.
+`--apart` from each other; both sensors at the top stay, those at levels 1 / 2 / 3 roam. Bands are ± 1.96 deviations of
+frequency and damping, and the 95 % ellipse of each entry of a shape beside its reference; the assurance is that of the
+whole shape and the exact one, over modes that every set-up shows.
 """
 
 from __future__ import annotations
@@ -130,9 +130,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=40)
     parser.add_argument("--case", choices=("levels", "colour", "near"), default="levels")
+    parser.add_argument("--apart", type=float, default=APART, help="of the frequencies of --case near, relative")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
-    structure = mast() if given.case == "near" else mass_chain()
+    structure = mast(given.apart) if given.case == "near" else mass_chain()
     found = [draw(structure, seed, given.case) for seed in range(given.runs)]
     text = "\n".join(f"{way}\n{report(structure, [compare(structure, f[way]) for f in found])}" for way in found[0])
     print(text)
