@@ -79,7 +79,7 @@ def test_the_order_of_set_ups_does_not_matter(found, modals):
 @pytest.mark.nightly
 def test_bands_hold_over_forty_draws():
     """2 % beyond the standard error of 280 modes, 1.3 %, on either side of 95 %; shapes are as many entries of few."""
-    rows = [row for seed in range(40) for row in study.compare(CHAIN, study.draw(CHAIN, seed))]
+    rows = [row for seed in range(40) for row in study.compare(CHAIN, study.draw(CHAIN, seed)["poser"])]
     for key in ("z", "damping_z"):
         assert 0.91 < np.mean([abs(r[key]) <= study.NORMAL for r in rows]) < 0.99
     assert 0.91 < sum(r["inside"] for r in rows) / sum(r["entries"] for r in rows) < 0.995

@@ -140,12 +140,13 @@ def merge_setups(
     largest_order: int | None = None,
     decimate: int = 1,
     reference: str | None = None,
+    by: str = "poser",
 ) -> MergedModes:
     """Find the modes of set-ups of sensors by outputs alone, and merge them.
 
     The same as `aeolid modes SETUP… --references`: each set-up is analysed as by `modes`; modes are matched by
     frequency and by their shapes on the references, which scale the shapes of the others (PoSER: Reynders, Magalhães,
-    De Roeck and Cunha 2009).
+    De Roeck and Cunha 2009), or make one realisation of all set-ups (PreGER: Döhler, Andersen and Mevel 2010).
 
     Parameters
     ----------
@@ -163,6 +164,10 @@ def merge_setups(
         Factor by which the sample rate is lowered first.
     reference : str, optional
         Output that shapes are scaled to; default the one that moves most in each mode.
+    by : str
+        "poser" merges mode by mode: modes of a single set-up are kept, and frequency and damping are weighted by what
+        each set-up knows of them. "preger" merges the models, restricted to modes of two set-ups or more, to one
+        realisation: for modes near each other, whose shapes mix differently in each set-up.
 
     Returns
     -------
@@ -175,7 +180,8 @@ def merge_setups(
     DataError
         Where recordings are inconsistent.
     NotIdentifiable
-        Where a set-up has too few samples.
+        Where a set-up has too few samples; by "preger" where no two set-ups show the same mode, or the references do
+        not observe one.
     """
     from aeolid.identify.choose_past import read_past
     from aeolid.identify.setup_request import find_merged
@@ -187,6 +193,6 @@ def merge_setups(
     kept, used = ([n] if isinstance(n, str) else n for n in (references, outputs))
     result = find_merged(
         found, list(kept or []), outputs=None if used is None else list(used), past=windows, largest=largest_order,
-        decimation=decimate, reference=reference,
+        decimation=decimate, reference=reference, by=by,
     )  # fmt: skip
     return MergedModes(result)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def read_merged(
     recordings: Sequence[Path], roles: Sequence[Path], references: Sequence[str], resample: str | None,
     blades: Sequence[str] | None, *, outputs: list[str] | None, past: str, largest: int | None, decimate: int,
-    reference: str | None, quiet: bool,
+    reference: str | None, by: str, quiet: bool,
 ) -> MergedModes:  # fmt: skip
     """Read one recording a set-up and merge their modes; roles: one of all, or one a set-up in the same order.
 
@@ -39,8 +39,9 @@ def read_merged(
             console.print(extent(record), markup=False, soft_wrap=True)
     with waiting("finding the modes of each set-up"):
         return merge_setups(
-            records, names, outputs=outputs, past=past, largest_order=largest, decimate=decimate, reference=reference
-        )
+            records, names, outputs=outputs, past=past, largest_order=largest, decimate=decimate, reference=reference,
+            by=by,
+        )  # fmt: skip
 
 
 def _records(recordings: Sequence[Path], roles: Sequence[Path], resample: str | None) -> list[Record]:

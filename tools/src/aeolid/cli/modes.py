@@ -29,6 +29,7 @@ EXAMPLES = (
     "aeolid modes monday.csv tuesday.csv --roles roles.toml --decimate 2 --report modes.html --picture modes.svg",
     "aeolid modes turbine.csv --roles roles.toml --blades flap_moment_1..3 --blades edge_moment_1..3",
     "aeolid modes low.csv middle.csv high.csv --roles sensors.toml --references top_x,top_y --report tower.html",
+    "aeolid modes low.csv middle.csv high.csv --roles sensors.toml --references top_x,top_y --merge-by preger",
 )
 
 
@@ -76,6 +77,14 @@ def modes(
     reference: Annotated[
         str | None, typer.Option("--reference", help="Output that shapes are scaled to; default the largest of each.")
     ] = None,
+    merge_by: Annotated[
+        str | None,
+        typer.Option(
+            "--merge-by",
+            help="How set-ups of --references are merged: poser, mode by mode, the default; or preger, to one model.",
+            autocompletion=one_of("poser", "preger"),
+        ),
+    ] = None,
     blades: BladesOption = None,
     report: Annotated[Path | None, typer.Option("--report", help="Write a self-contained HTML page.")] = None,
     picture: Annotated[
@@ -101,10 +110,12 @@ def modes(
     if references:
         merged = read_merged(
             recordings, roles, references, resample, blades, outputs=outputs, past=past, largest=largest_order,
-            decimate=decimate, reference=reference, quiet=json_target == "-",
+            decimate=decimate, reference=reference, by=merge_by or "poser", quiet=json_target == "-",
         )  # fmt: skip
         show_merged(merged, report, picture, json_target)
         return
+    if merge_by is not None:
+        raise UsageError(f"--merge-by {merge_by} is of set-ups; name the sensors that they share, --references")
     if len(roles) > 1:
         raise UsageError("several --roles are of set-ups with sensors of their own; name what they share, --references")
     from aeolid.api.frames import draw_below, height_of

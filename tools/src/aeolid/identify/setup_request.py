@@ -8,23 +8,28 @@ from collections.abc import Sequence
 from aeolid.errors import DataError, UsageError
 from aeolid.geometry import united
 from aeolid.identify.modal import Modal, find_modal
+from aeolid.identify.setup_realisation import realise
 from aeolid.identify.setups import MergedModal, merge
 from aeolid.record import Record
 
 MOST = 200  # set-ups
+WAYS = ("poser", "preger")  # of merging: mode by mode, or to one realisation
 
 
 def find_merged(
     setups: Sequence[Sequence[Record]], references: Sequence[str], *, outputs: Sequence[str] | None = None,
     past: Sequence[int | None] | None = None, largest: int | None = None, decimation: int = 1,
-    reference: str | None = None,
+    reference: str | None = None, by: str = "poser",
 ) -> MergedModal:  # fmt: skip
     """Find the modes of each set-up by its outputs alone and merge them; each is a sequence of recordings.
 
     references: outputs that every set-up has; outputs: which to use, default all of the role; past: window of each
-    set-up in samples; largest, decimation: as in `find_modal`; reference: sensor that shapes are scaled to. Sample
-    times may differ. Raises UsageError, DataError and NotIdentifiable. Cost: that of `find_modal` for each set-up.
+    set-up in samples; largest, decimation: as in `find_modal`; reference: sensor that shapes are scaled to; by:
+    "poser", mode by mode, or "preger", to one realisation. Sample times may differ. Raises UsageError, DataError and
+    NotIdentifiable. Cost: that of `find_modal` for each set-up.
     """
+    if by not in WAYS:
+        raise UsageError(f"--merge-by {by}: set-ups are merged by {' or '.join(WAYS)}")
     used = outputs_of(setups, references, outputs)
     if reference is not None and not any(reference in names for names in used):
         raise UsageError(f"--reference {reference}: no set-up has such an output in use")
@@ -34,7 +39,7 @@ def find_merged(
         find_modal(records, outputs=names, past=window, largest=largest, decimation=decimation, blades="none")
         for records, names, window in zip(setups, used, windows, strict=True)
     ]
-    return merge(found, references, reference)
+    return (realise if by == "preger" else merge)(found, references, reference)
 
 
 def outputs_of(

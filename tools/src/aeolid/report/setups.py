@@ -19,7 +19,9 @@ def render_setups(facts: Facts, path: str | Path, title: str) -> None:
     """Write one page from the facts of merged set-ups (`MergedModal.to_json`)."""
     modes, setups = facts["modes"], facts["setups"]
     found = f"{len(modes)} mode{'s' if len(modes) != 1 else ''} of {len(facts['outputs'])} sensors in {len(setups)} "
-    found += f"set-ups, merged by the references {', '.join(facts['references'])}."
+    found += f"set-ups, merged by the references {', '.join(facts['references'])}"
+    order = facts["order"]
+    found += ", mode by mode (PoSER)." if order is None else f", to one realisation of {order} states (PreGER)."
     notes = [*(note for m in modes for note in m["notes"]), *facts["notes"]]
     write_page(
         path, title, tag("h1", title), tag("p", found),
