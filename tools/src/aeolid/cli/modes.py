@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -118,9 +118,7 @@ def modes(
         raise UsageError(f"--merge-by {merge_by} is of set-ups; name the sensors that they share, --references")
     if len(roles) > 1:
         raise UsageError("several --roles are of set-ups with sensors of their own; name what they share, --references")
-    from aeolid.api.frames import draw_below, height_of
     from aeolid.api.modal import modes as find
-    from aeolid.api.pictures import draw_stabilisation as draw
     from aeolid.formats import read_record
 
     with waiting("reading"):
@@ -138,9 +136,16 @@ def modes(
     if report is not None:
         found.report(report)
     if picture is not None:
-        facts = found.to_json()
-        write_picture(
-            picture, (10.6, 4.6 + height_of(facts)),
-            lambda figure: draw_below(facts, figure, lambda upper: draw(facts, upper.subplots())),
-        )  # fmt: skip
+        _draw(found.to_json(), picture)
     emit_json(found.to_json(), json_target)
+
+
+def _draw(facts: dict[str, Any], picture: Path) -> None:
+    """Write the stabilisation diagram of JSON facts, and below it the shapes where sensors have positions."""
+    from aeolid.api.frames import draw_below, height_of
+    from aeolid.api.pictures import draw_stabilisation as draw
+
+    write_picture(
+        picture, (10.6, 4.6 + height_of(facts)),
+        lambda figure: draw_below(facts, figure, lambda upper: draw(facts, upper.subplots())),
+    )  # fmt: skip
