@@ -1,7 +1,7 @@
 """Kernels with CAN interfaces, of which the host needs none: User-Mode Linux, else a PC that QEMU emulates.
 
-User-Mode Linux is the faster one. On processors whose registers outgrow its buffers (AMX) it ends in a panic; then, and
-wherever else it ends without a result, the emulated PC runs the same steps, on any x86-64 and without virtualisation.
+User-Mode Linux is the faster one. Where it ends without a result (before Linux 6.13 on processors with AMX, whose
+registers outgrow its buffers), the emulated PC runs the same steps, on any x86-64 and without virtualisation.
 AEOLID_CAN_GUEST=uml or =qemu allows one of them alone.
 """
 
