@@ -33,7 +33,7 @@ LEAST_SHARE = 0.1  # of what was lost: less leaves the pair as different as befo
 FURTHER = 0.05  # of the first effect's gain that a further one must have
 _RIVAL = 0.97  # of the best gain from which another kind is not told from it …
 _RIVAL_NATS = 8.0  # … or this near in nats
-_RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
+RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
 _GROWN = 1.2  # by which a missing mode that has a name must make the errors of its output grow
 _AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
@@ -162,7 +162,7 @@ def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | Non
     fit = [s for s in table if s.weight >= least or s.nats > (MOVED_SHARE if s.hypothesis.of else SHARE) * lost]
     if not fit:
         return None
-    return max(fit, key=lambda s: s.nats - _RICHER * (len(s.values) - 1))
+    return max(fit, key=lambda s: s.nats - RICHER * (len(s.values) - 1))
 
 
 def rivals_of(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
