@@ -32,6 +32,7 @@ class Heard:
     names: tuple[str, ...]
     table: tuple[Scored, ...]
 
+
 def with_replicated(
     pair: Pair, x: Explanation, units: Mapping[str, str], tick: Callable[[str], None]
 ) -> Explanation:  # fmt: skip
