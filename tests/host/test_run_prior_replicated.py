@@ -39,13 +39,15 @@ def heard(*tables: tuple[Scored, ...]) -> list[Heard]:
         (((scored(DELAY, 22, 0.2),), (scored(DELAY, 23, 0.28),), (scored(DELAY, 99, 0.38),)), "c"),
         # both ran to the end of what was looked through
         (((scored(DELAY, 48, 1.2),), (scored(DELAY, 25, 1.2),)), ""),
+        # alike everywhere and small: the mode itself, as a lag of less than a sample
+        (((scored(DELAY, 43, 0.3),), (scored(DELAY, 36, 0.3),), (scored(DELAY, 35, 0.3),)), ""),
         # a group that puts another effect first says nothing of this one
-        (((scored(SECOND, 99, 0.3, 1.2), scored(DELAY, 60, 0.3)), (scored(DELAY, 35, 0.3),)), "b"),
+        (((scored(SECOND, 99, 0.3, 1.2), scored(DELAY, 60, 0.3)), (scored(DELAY, 65, 0.3),)), "b"),
         # too little, or nothing at all, is not told
         (((scored(DELAY, 186, 0.3),), (scored(DELAY, 14, 0.3),), ()), "a"),
         ((), ""),
         # a richer form does not take the first place by what its second value gains
-        (((scored(SECOND, 40, 0.3, 1.2), scored(DELAY, 35, 0.3)), (scored(DELAY, 60, 0.31),)), "ab"),
+        (((scored(SECOND, 40, 0.3, 1.2), scored(DELAY, 35, 0.3)), (scored(DELAY, 61, 0.31),)), "ab"),
     ],
 )
 def test_groups_agree_on_one_value(tables: tuple[tuple[Scored, ...], ...], told: str) -> None:
