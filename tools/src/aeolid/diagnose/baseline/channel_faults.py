@@ -16,6 +16,7 @@ import numpy as np
 
 from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, Wiring, judge_of
 from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
 
 RATIOS: tuple[tuple[float, str, tuple[str, ...]], ...] = (  # factor, its words, units of which one is exchanged
@@ -34,7 +35,6 @@ _AGAIN = 6  # hypotheses that are asked again
 _LEAST = 20.0  # nats, beyond the logarithm of the number of hypotheses
 _RATE = 0.06  # nats a sample and output: a wrong sign turns what most of a recording shows; 0.08 to 0.4 are usual
 _EXPLAINED = 0.7  # of what inputs with free weights would gain over the wiring as declared
-_SURE = 2.33  # deviations of the gain's parts
 _ALIKE = 3.0  # nats: less tells no two faults apart
 _OF_SIGN = 0.15  # of a sign's gain must be that over no response at all; a quarter is expected
 _ASIDE = 1e3  # a factor with which a response does not count
@@ -137,6 +137,7 @@ def _scaled(base: Wiring, kind: str, role: str, number: int, factor: float, word
 
 def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hypothesis]] | None:
     """Return the change that a wiring asks for, its nats, and what the data do not tell from it; None mostly."""
+    evidence = in_force().evidence
     asked = list(_hypotheses(judge, base))
     declared = judge.worth(base, _COARSE)[0]
     if declared == -np.inf:
@@ -152,7 +153,9 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     gain, steps = after - before, of_best - parts
     if gain < max(_LEAST + np.log(len(asked)), _RATE * judge.rows):
         return None
-    if gain < _SURE * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(judge, best, after, before):
+    if gain < evidence.one_percent_z * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(
+        judge, best, after, before
+    ):
         return None
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
     if after - plain < _EXPLAINED * (free - plain):

@@ -11,6 +11,7 @@ import numpy as np
 from aeolid.diagnose.candidates.candidate import at_bound
 from aeolid.diagnose.hypotheses.parts.base import Z90, Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
 _MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
@@ -19,7 +20,6 @@ _FIRST = 1e-3  # of a change's squares: what comes before is the ramp that stand
 _FORM = 0.01  # of an effect's size, by which real machines differ from its equation
 _MOMENT = 7.7 / Z90  # rows that carry one square of a change: deviation of its moment; 7.7 hold it in 90 %
 _DRIVEN = 4.5  # deviations of what drives a mode: the 10 nats by which a name must be ahead of another
-_CLEAR = 20.0  # nats beyond one a parameter: no chance, though two values that trade may each be uncertain
 
 
 def values_of(
@@ -59,6 +59,7 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). What changes
     at a time must be seen both ways: else a value is wrong, and nothing changes.
     """
+    evidence = in_force().evidence
     for a in attachments:
         free = _free_slots([a], fit, model)
         for slot, place in free:
@@ -71,8 +72,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.local and s.label and (not a.essential or s.name in a.essential)]
-        trading = not a.essential and gain - parameters > _CLEAR
-        if sizes and not trading and not any(_differs(s, p, fit, model, 2.0) for s, p in sizes):
+        trading = not a.essential and gain - parameters > evidence.clear_nats
+        if sizes and not trading and not any(_differs(s, p, fit, model, evidence.differs_deviations) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
     return ""
 

@@ -13,12 +13,11 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.refit import MAX_FINALISTS, Begun, begin, finalists, finish, left_behind
 from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row
 
 Array = NDArray[np.float64]
-_LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
 _ALONE = 0.01  # chance of a score that high, of one entry for itself
-_CLEAR = 20.0  # nats on the fit data beyond one a parameter: the selection data need only not refute it
 # Brief fits of a simulator's run reached at least a quarter of what full fits gain (OpenFAST pairs, 12 hypotheses).
 _FAR_SHARE, _FAR = 0.1, 200.0  # less than this share of the leader's gain, and so many nats below it: out of the race
 
@@ -98,12 +97,13 @@ def is_accepted(candidate: Candidate) -> bool:
     speak for it beyond what its parameters cost: where a simulator's model was bent to the fit data, two values worth
     5 nats there gained 36 and 126 on the other parts, of a recording that lacked nothing.
     """
+    evidence = in_force().evidence
     if not candidate.plausible or candidate.fit_gain <= candidate.handicap:
         return False
     spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
-    proven = candidate.select_gain > max(_LEAST_GAIN, 1.64 * spread)
+    proven = candidate.select_gain > max(evidence.selection_nats, evidence.five_percent_z * spread)
     # a candidate with a smaller noise model than the baseline has fewer parameters, which is no gain of its own
-    clear = candidate.fit_gain - max(candidate.parameters, 1) > _CLEAR
+    clear = candidate.fit_gain - max(candidate.parameters, 1) > evidence.clear_nats
     return proven or (clear and candidate.select_gain > -spread)
 
 

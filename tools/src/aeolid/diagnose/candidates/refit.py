@@ -21,6 +21,7 @@ from aeolid.diagnose.predictor.explore import TRIED, core, explore, fit_briefly,
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap
 
 Array = NDArray[np.float64]
@@ -32,7 +33,6 @@ _LOST = 0.1  # nats a sample and output below the baseline, from which a start d
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
-_TIED = 1.0  # nats: fits this close are equally good …
 _RIDGE = 0.25  # … and this close the same, with values that the data leave open
 ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
@@ -202,11 +202,12 @@ def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Pr
     spill then thrice what was spilt, the most that can be) were 0.002 nats apart. Of fits on one ridge the effects'
     values that moved least from `before` (np,) are taken.
     """
+    evidence = in_force().evidence
     slots = [s for a in attachments for s in a.slots]
     places = [prepared.extended.index(s.name) for s in slots]
     width = np.array([s.high - s.low for s in slots])
     most = max((f.log_posterior for f in fits), default=0.0)
-    near = [f for f in fits if f.log_posterior > most - _TIED]
+    near = [f for f in fits if f.log_posterior > most - evidence.tied_nats]
     ends = [sum(at_bound(float(f.point.theta[i]), s) for i, s in zip(places, slots, strict=True)) for f in near]
     inside = [f for f, e in zip(near, ends, strict=True) if e == min(ends)]
     most = max((f.log_posterior for f in inside), default=0.0)

@@ -34,13 +34,12 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
+from aeolid.diagnose.rules import in_force
 from aeolid.models.integrate import Compiled
 from aeolid.models.intersample import FILTER, FILTERED, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
-_PROMISE = 2.0  # nats that a score promises, two deviations: below that nothing is tried
-_EXACT = 2.0  # nats, two deviations: what a whole sample may be short of the best offset and still be it
 _BEYOND = 1.5  # samples: what is likelier there than within one is no habit
 _PAST = 40  # samples of an input's own past: longer than steps are held
 _MOVED = 0.1  # samples by which an offset beside an effect is another than that of the baseline alone
@@ -102,7 +101,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     if prepared.surrogate is not None or not prepared.sampling.holds:
         return None
     stage, choice = _stage(prepared, winner), choice_of(case, prepared)
-    best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None
+    best = _likelier(stage, choice) if max(stage.promised) >= in_force().evidence.two_deviations_nats else None
     if winner is None:
         return best
     plain = _as_plain(stage, choice, 0.0 if best is None else best.gain)
@@ -292,7 +291,7 @@ def _nearly_whole(stage: _Stage, sampling: Sampling) -> Sampling:
     free = stage.tried(replace(sampling, free=True), _THOROUGH)
     near = float(np.rint(free.offset_s / stage.step)) * stage.step
     exact = stage.tried(replace(free, offset_s=near, free=False), _THOROUGH)
-    return exact if exact.gain > free.gain - _EXACT else free
+    return exact if exact.gain > free.gain - in_force().evidence.two_deviations_nats else free
 
 
 def _goes_on(stage: _Stage, best: Sampling) -> bool:

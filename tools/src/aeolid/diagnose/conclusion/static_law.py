@@ -20,8 +20,8 @@ from scipy.optimize import least_squares
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations, Parameter
 from aeolid.models.integrate import compile_equations, simulate
@@ -33,7 +33,6 @@ _MOST = 4  # declared values; more are not told apart by a scatter plot
 _BETTER = 0.9  # of the mean absolute error before, in every fold: a tenth is visible in any plot
 _RIGHT = 0.25  # of an output's spread: where the mean absolute error stays above it, the law itself is not right
 _END = 0.01  # relative distance from the end of a declared range at which a value has none
-_SURE = 3.0  # deviations between folds by which a value must have moved
 _PASSES = 3  # fits, each scaled by the errors of the one before
 _NORMAL = 1.4826  # median of absolute errors to a standard deviation
 
@@ -133,6 +132,12 @@ def _folds(case: Case, model: Equations) -> list[_Fold]:
     return [f for f in whole if int(np.all(np.isfinite(f.y), axis=1).sum()) >= _FEWEST]
 
 
+def _moved(factors: Array, std: Array) -> list[int]:
+    """Return the places of values that moved: by more than between folds, and enough to be seen."""
+    deviations = in_force().evidence.moved_deviations
+    return [i for i, f in enumerate(factors) if abs(f - 1) > deviations * std[i] and abs(f - 1) > 1 - _BETTER]
+
+
 def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
     gains, before, after = [], [], []
     for k, fold in enumerate(folds):
@@ -150,8 +155,8 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
     interval = block_interval(total, seed)
     own = np.array([law.fit([f]) for f in folds])
     all_of_them, std = law.fit(folds), own.std(axis=0, ddof=1)
-    sure = [i for i, f in enumerate(all_of_them) if abs(f - 1) > _SURE * std[i] and abs(f - 1) > 1 - _BETTER]
-    if interval[0] <= PROVEN or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > _RIGHT:
+    sure, proven = _moved(all_of_them, std), interval[0] > in_force().evidence.proven_nats
+    if not proven or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > _RIGHT:
         return None
     theta = {law.model.parameters[p].name: float(law.declared[i] * all_of_them[i]) for i, p in enumerate(law.places)}
     parameters = tuple(replace(p, value=theta.get(p.name, p.value)) for p in law.model.parameters)

@@ -20,11 +20,12 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.localise.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import minimum_detectable
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
-from aeolid.diagnose.validation.proof import PROVEN, Proof, is_material
+from aeolid.diagnose.validation.proof import Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
 
 Array = NDArray[np.float64]
@@ -100,7 +101,8 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
 
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     """Return the same of what was not left out."""
-    if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
+    evidence = in_force().evidence
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > evidence.proven_nats:
         if not (is_material(study.proof, is_static(study.prepared)) or study.shows_elsewhere):
             return "immaterial", [], None
         if study.winner.unlisted:
@@ -127,7 +129,7 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     declared = study.declared_proof
     if (
         declared is not None
-        and declared.interval[0] > PROVEN
+        and declared.interval[0] > evidence.proven_nats
         and is_material(declared, is_static(study.prepared))
         and contradicted(study)
     ):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.explain import HELD, SHARE, Explanation, Found, chosen, limit_of, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Modal
@@ -18,7 +19,6 @@ from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.diagnose.run_prior.proof import prove
 from aeolid.diagnose.run_prior.resonances import SEEN, resonances
 from aeolid.diagnose.run_prior.search import Scored, Search
-from aeolid.diagnose.validation.proof import PROVEN
 
 _PLACES = ("input:", "rotor")  # of effects that other outputs show as well as the mode's own
 
@@ -46,7 +46,7 @@ def with_beside(
         return x
     found = Found(best, None, rivals_of(best, table), seen_in=rest)
     alone = replace(x, found=(found,), change=best.change.after(search.found), weight=search.base.weight)
-    if prove(rest, alone, search.ridge).interval[0] <= PROVEN:
+    if prove(rest, alone, search.ridge).interval[0] <= in_force().evidence.proven_nats:
         return x
     return replace(x, found=(*x.found, found), table=(*x.table, *table), change=best.change)
 

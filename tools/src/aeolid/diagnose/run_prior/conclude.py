@@ -15,6 +15,7 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
@@ -27,7 +28,6 @@ from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.shown import sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.diagnose.validation.divergent import diverging
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
@@ -47,7 +47,7 @@ class RunStudy:
     @property
     def is_borne_out(self) -> bool:
         """Tell whether the sealed part bears the effects out."""
-        return self.proof.interval[0] > PROVEN
+        return self.proof.interval[0] > in_force().evidence.proven_nats
 
 
 def study_run(

@@ -26,15 +26,14 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.point import Point
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.colour import survives_colour
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
-_SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
 _TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
-_LOST = 2.0  # nats, two deviations: what a reading of the inputs may lose on the selection data
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
 _FITTING = 1  # more of them, which gain more than the last of these on the fit data
@@ -81,7 +80,7 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
     lost = float(
         _select_density(found.winner, found.prepared).sum() - _select_density(again.winner, again.prepared).sum()
     )
-    return found if lost > short + _LOST else again
+    return found if lost > short + in_force().evidence.two_deviations_nats else again
 
 
 def _select_density(candidate: Candidate, prepared: Prepared) -> Array:
@@ -105,7 +104,7 @@ def settled_stage(case: Case, most: int | None = None, deadline: Deadline | None
     if again.fit.log_posterior <= prepared.fit.log_posterior:
         return prepared
     lost = float(select_density(prepared).sum() - select_density(again).sum())
-    return prepared if lost > _LOST else again
+    return prepared if lost > in_force().evidence.two_deviations_nats else again
 
 
 def _look(
@@ -244,16 +243,20 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     A fit that stopped short would make a finding of what any further step gains (110 nats on a recording that lacks
     nothing).
     """
+    evidence = in_force().evidence
     bare = prepared.only(())
     points = [
         _without_effects(carry_point(c.fit.point, c.predictor.compiled.model, bare.extended), bare) for c in candidates
     ]
     starts = sorted(points, key=bare.predictor.objective)[:1]
-    if not starts or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - _SHORT:
+    if (
+        not starts
+        or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - evidence.tied_nats
+    ):
         return None
     predictor = bare.predictor.with_order(bare.predictor.choose_var_order(starts[0]))
     fit = fit_quietly(predictor, starts[0], bare.free)
-    if fit is None or fit.log_posterior < bare.fit.log_posterior + _SHORT:
+    if fit is None or fit.log_posterior < bare.fit.log_posterior + evidence.tied_nats:
         return None
     return replace(bare, predictor=predictor, fit=fit)
 

@@ -11,10 +11,10 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 _EVEN = 2.0  # |Vuong z| below which two models are not told apart …
-_TIED = 1.0  # nats over all data: candidates this close are equally good
 _SURE = float(np.log(20.0))  # nats that tell two models apart, however evenly they come: odds of 20 to 1
 _RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
 _COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by just so much that it fits
@@ -100,7 +100,7 @@ def stands_for(factor: Candidate, form: Candidate) -> bool:
     """
     (first, *more) = factor.attachments
     if form.unlisted and not more and first.entry == "sensor_bias":
-        return form.score > factor.score - _TIED and not tells_apart(factor, form)
+        return form.score > factor.score - in_force().evidence.tied_nats and not tells_apart(factor, form)
     if not form.unlisted or more or first.entry != "sensor_scale":
         return False
     value = factor.values[first.key]["factor"][0]
@@ -127,6 +127,7 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
     value is wrong: the best of them stands for all. A second-order drive or filter that nothing tells from the lag at
     its place, and that may be damped critically, leaves the lead to the lag.
     """
+    evidence = in_force().evidence
     candidates = [c for c in candidates if not c.unlisted] or candidates
     scores = _taken_together(candidates, standings(candidates))
     order = [*(e.id for e in ENTRIES), unlisted.ID]
@@ -134,8 +135,10 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
         return None
     best = candidates[int(np.argmax(scores))]
     tied = [
-        c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED or _is_all_of(c, best)
-    ]  # fmt: skip
+        c
+        for c, s in zip(candidates, scores, strict=True)
+        if max(scores) - s < evidence.tied_nats or _is_all_of(c, best)
+    ]
 
     def rank(c: Candidate) -> tuple[int, bool, int]:
         last = c.attachments[-1].entry

@@ -16,6 +16,7 @@ from aeolid.diagnose.candidates.refit import as_rows, refit, zones_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.rivals import leading
 
@@ -23,10 +24,8 @@ _MOST = 3  # effects in one model
 _TRIED = 3  # effects that are fitted beside those found
 SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
 _BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
-_CLEAR = 20.0  # nats on the fit data that it must gain where the selection data speak for it, if only softly
 _NEARLY = 0.5  # share of the first effect's gain that one alone must reach to be tried beside it at any score
 KIN = f"{unlisted.ID} kin"  # how the key begins of what is kin to an effect and stands beside it without a name
-_LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, or that leaving one out must cost
 
 
 def further_effects(
@@ -188,6 +187,7 @@ def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
 
 def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
     """Leave out effects, the last one excepted, that the later ones made needless (backward elimination)."""
+    evidence = in_force().evidence
     base_select = select_density(prepared)
     for left_out in full.attachments[:-1]:
         rest = tuple(a for a in full.attachments if a is not left_out)
@@ -198,7 +198,7 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
-        if max(lost) < _LEAST_GAIN:
+        if max(lost) < evidence.selection_nats:
             return smaller.beyond(full)
     return full
 
@@ -209,13 +209,16 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     A part in which the further effect never acts (a tank that does not run over) can neither show nor refute it; then
     the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
     """
+    evidence = in_force().evidence
     added = more.select_gain - fewer.select_gain
     difference = more.select_difference - fewer.select_difference
-    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
-    if added > max(_LEAST_GAIN, spread, SHARE * fewer.select_gain):
+    spread = evidence.one_percent_z * float(np.sqrt(len(difference)) * np.std(difference))
+    if added > max(evidence.selection_nats, spread, SHARE * fewer.select_gain):
         return True
     gained = more.fit.log_posterior - fewer.fit.log_posterior
-    if added > max(_LEAST_GAIN, SHARE * fewer.select_gain) and gained > max(_CLEAR, SHARE * fewer.fit_gain):
+    if added > max(evidence.selection_nats, SHARE * fewer.select_gain) and gained > max(
+        evidence.clear_nats, SHARE * fewer.fit_gain
+    ):
         return True
     return abs(added) < spread and gained > max(_BEYOND_DOUBT, SHARE * fewer.fit_gain)
 
@@ -226,7 +229,7 @@ def corrects(fewer: Candidate, more: Candidate) -> bool:
     more: counted from the smaller set, as refitted beside it.
     """
     gained = more.fit.log_posterior - fewer.fit.log_posterior - more.handicap
-    return min(gained, more.select_gain - fewer.select_gain) > _LEAST_GAIN
+    return min(gained, more.select_gain - fewer.select_gain) > in_force().evidence.selection_nats
 
 
 def is_another(a: Attachment, b: Attachment) -> bool:

@@ -16,10 +16,11 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.generic.places import Read, places
 from aeolid.diagnose.hypotheses.generic.shapes import NARROW, shapes
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.scoring.waves import waves
 from aeolid.diagnose.selection.rivals import leads, rivals_of
-from aeolid.diagnose.validation.proof import PROVEN, Proof
+from aeolid.diagnose.validation.proof import Proof
 from aeolid.models import expressions as ex
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ def form_beyond(
     one or a mass 4 % off, 213 and 184 nats). A form must then explain far more, else more. None on a simulator's run,
     of which any linear model leaves something over.
     """
-    borne_out = proof is not None and proof.interval[0] > PROVEN
+    borne_out = proof is not None and proof.interval[0] > in_force().evidence.proven_nats
     if prepared.surrogate is not None:
         return None, []
     if borne_out and not all(_may_be_values(c, candidates) for c in named):

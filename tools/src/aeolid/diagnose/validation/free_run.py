@@ -17,11 +17,11 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 _APART = 0.05  # of a sensor's zero must lie outside what the other values can do
-_EVEN = 1.64  # deviations by which selection data bear a choice out, as they do an effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,4 +124,4 @@ def _is_better(before: Array, after: Array, spreads: Array) -> bool:
     """Tell whether errors are smaller, one-sided at 5 %: the sum of squares over its deviation, from N^(1/2) blocks."""
     gained = np.nansum((before**2 - after**2) / spreads**2, axis=1)
     blocks = np.add.reduceat(gained, np.arange(0, len(gained), max(1, int(np.sqrt(len(gained))))))
-    return bool(blocks.sum() > _EVEN * np.sqrt(len(blocks)) * np.std(blocks) > 0)
+    return bool(blocks.sum() > in_force().evidence.five_percent_z * np.sqrt(len(blocks)) * np.std(blocks) > 0)

@@ -19,7 +19,6 @@ from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.forecast import Forecast, errors_ahead, restarted
 
 Array = NDArray[np.float64]
-PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _LEAST_ROWS = 20  # of a prediction restarted from the filtered state
 _MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
 _VISIBLE = 0.002  # … if it is also this share of the output's own spread

@@ -19,10 +19,10 @@ from aeolid.diagnose.data.split import segments_of
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.rivals import are_kin, rivals_of
 from aeolid.diagnose.stats.blocks import block_interval
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
@@ -79,7 +79,7 @@ class Rotation:
     def proves(self) -> bool:
         """Tell whether the folds together bear out what is named, by enough to be seen in predictions."""
         samples = sum(len(f.difference) for f in self.folds)
-        return self.agrees and self.interval[0] > PROVEN and self.gain > _MATERIAL * samples
+        return self.agrees and self.interval[0] > in_force().evidence.proven_nats and self.gain > _MATERIAL * samples
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `rotation` in diagnosis.json."""
@@ -91,7 +91,7 @@ class Rotation:
 
 def is_silent(interval: tuple[float, float]) -> bool:
     """Tell whether a sealed part neither bears out nor refutes."""
-    return interval[0] <= PROVEN and interval[1] > _SILENT
+    return interval[0] <= in_force().evidence.proven_nats and interval[1] > _SILENT
 
 
 def rotate(
@@ -131,6 +131,7 @@ def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: in
     Both are fitted anew without each part. Asked where the sealed part alone is silent; a bias of a sensor beside an
     effect is not asked about: any curve that is left has a mean.
     """
+    evidence = in_force().evidence
     names = [s.name for s in prepared.frame.working.inputs], [o.name for o in prepared.declared.outputs]
     parts = folds_of(prepared.records, *names, prepared.settle_s, prepared.predictor.segments[0].stride)
     if len(parts) < _FEWEST_FOLDS or prepared.surrogate is not None or more.attachments[-1].entry == "sensor_bias":
@@ -146,7 +147,7 @@ def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: in
         less, greater = (predictor.score_elsewhere(fit, held)[0] for predictor, fit in (pair[0], pair[1]))
         gained.append(np.where(np.isfinite(greater), greater, -1e3) - np.where(np.isfinite(less), less, -1e3))
     every, better = np.concatenate(gained), sum(float(g.sum()) > 0 for g in gained)
-    proven = block_interval(every, seed)[0] > PROVEN and float(every.sum()) > _MATERIAL * len(every)
+    proven = block_interval(every, seed)[0] > evidence.proven_nats and float(every.sum()) > _MATERIAL * len(every)
     return proven and better >= _AGREE * len(parts)
 
 
