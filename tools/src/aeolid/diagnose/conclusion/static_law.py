@@ -155,8 +155,8 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
     interval = block_interval(total, seed)
     own = np.array([law.fit([f]) for f in folds])
     all_of_them, std = law.fit(folds), own.std(axis=0, ddof=1)
-    sure, proven = _moved(all_of_them, std), interval[0] > in_force().evidence.proven_nats
-    if not proven or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > _RIGHT:
+    sure, unproven = _moved(all_of_them, std), interval[0] <= in_force().evidence.proven_nats
+    if unproven or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > _RIGHT:
         return None
     theta = {law.model.parameters[p].name: float(law.declared[i] * all_of_them[i]) for i, p in enumerate(law.places)}
     parameters = tuple(replace(p, value=theta.get(p.name, p.value)) for p in law.model.parameters)

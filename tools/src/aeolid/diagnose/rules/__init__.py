@@ -16,6 +16,7 @@ from typing import Any
 
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
+from aeolid.diagnose.rules.structure import StructureRules
 from aeolid.text_files import check_keys, load_toml
 
 
@@ -24,6 +25,7 @@ class DecisionRules:
     """Hold every number that decides, in sections: one a room, and `evidence` for what several rooms share."""
 
     evidence: EvidenceRules = field(default_factory=EvidenceRules)
+    structure: StructureRules = field(default_factory=StructureRules)
 
 
 _DEFAULTS = DecisionRules()
