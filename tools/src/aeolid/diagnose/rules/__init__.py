@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from aeolid.diagnose.rules.data import DataRules
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
 from aeolid.diagnose.rules.structure import StructureRules
@@ -25,6 +26,7 @@ class DecisionRules:
     """Hold every number that decides, in sections: one a room, and `evidence` for what several rooms share."""
 
     evidence: EvidenceRules = field(default_factory=EvidenceRules)
+    data: DataRules = field(default_factory=DataRules)
     structure: StructureRules = field(default_factory=StructureRules)
 
 

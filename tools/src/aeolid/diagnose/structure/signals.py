@@ -211,8 +211,8 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     shifted = [Memory(n, unit, ex.parse(x, "derivative"), position) for n, x in zip(past, lagged, strict=False)]
     rated = Memory(f"{tag}_rate", f"{unit}/s", ex.parse(f"({speed})/{STEP}", "derivative"), ast.Constant(0.0))
     v = tuple(np.convolve(np.concatenate([np.full(len(past), x[0]), x]), weights, "valid") / step for x in values)
-    position = float(np.std(np.concatenate(values)))
-    reach = float(max(rules.turned_deviations * noise * step, rules.turned_share * position))
+    spread = float(np.std(np.concatenate(values)))
+    reach = float(max(rules.turned_deviations * noise * step, rules.turned_share * spread))
     slid, way = _followed(tag, unit, position, reach)
     return Coordinate(name, unit, position, ast.Name(id=rated.name), values, v, (slid, rated, *reversed(shifted)), way)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
@@ -104,12 +105,16 @@ def is_continuous(values: Array) -> bool:
     return len(np.unique(values)) >= _MANY
 
 
-@lru_cache(maxsize=4)
 def likeness(site: Site) -> Array:
     """Return (l, 2): correlation of each output with a free run of the model, and its spread over that of the run.
 
     Zeros where the model cannot run free over the data.
     """
+    return _likeness(site, in_force().data.compared_rows)
+
+
+@lru_cache(maxsize=4)
+def _likeness(site: Site, least_rows: int) -> Array:
     none = np.zeros((len(site.output_names), 2))
     try:
         if site.linear is not None:
@@ -123,7 +128,7 @@ def likeness(site: Site) -> Array:
     free = free[::stride][: len(site.y)]
     for j, (y, m) in enumerate(zip(site.y[: len(free)].T, free.T, strict=True)):
         good = np.isfinite(y)
-        if np.all(np.isfinite(m)) and good.sum() > 50 and spread_of(m) > 0 and spread_of(y) > 0:
+        if np.all(np.isfinite(m)) and good.sum() > least_rows and spread_of(m) > 0 and spread_of(y) > 0:
             none[j] = np.corrcoef(y[good], m[good])[0, 1], spread_of(y) / spread_of(m)
     return none
 
