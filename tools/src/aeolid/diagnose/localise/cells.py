@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.special import ndtri
 
+from aeolid.diagnose.rules import in_force
+
 Array = NDArray[np.float64]
 LEVEL = 0.01  # false-alarm level of each map as a whole
 _BLOCKS, _PARTS = 8, 4  # blocks of one stretch of time: its spread is that of their sums; pieces of each at the most
@@ -23,7 +25,6 @@ ORDERS = range(1, 7)
 _NEAR, _FAR, _NEIGHBOURS = 0.25, 0.45, 5  # where the neighbours of an order lie, and how many on each side at most
 _TURNS = 20  # of the rotor in all: fewer do not tell an order from what is a quarter beside it
 _PIECES, _FEWEST_PIECES = 24, 8  # of the recording whose phases are compared
-_NYQUIST = 0.8  # of half the sampling frequency that an order may reach
 
 
 @dataclass(frozen=True)
@@ -205,10 +206,11 @@ def azimuth_cells(white: Sequence[Array], angle: Sequence[Array]) -> list[Cell]:
     Its amplitudes in up to 24 pieces of the recording against their scatter: F(2, 2 S − 2), Victor and Mast (1991),
     which a resonance at that frequency does not pass. Value: amplitude in standard deviations. Šidák over all cells.
     """
+    hypotheses = in_force().hypotheses
     turns = [np.unwrap(a) for a in angle]
     total = sum(abs(float(t[-1] - t[0])) for t in turns if len(t)) / (2 * np.pi)
     rate = max((float(np.median(np.abs(np.diff(t)))) for t in turns if len(t) > 1), default=0.0)
-    orders = [k for k in ORDERS if k * rate < _NYQUIST * np.pi]
+    orders = [k for k in ORDERS if k * rate < hypotheses.nyquist_share * np.pi]
     pieces = [p for w, t in zip(white, turns, strict=True) for p in _pieces(w, t, total)]
     if total < _TURNS or not orders or len(pieces) < _FEWEST_PIECES:
         return []

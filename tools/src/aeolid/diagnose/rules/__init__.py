@@ -17,6 +17,8 @@ from typing import Any
 from aeolid.diagnose.rules.data import DataRules
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
+from aeolid.diagnose.rules.hypotheses import HypothesesRules
+from aeolid.diagnose.rules.predictor import PredictorRules
 from aeolid.diagnose.rules.structure import StructureRules
 from aeolid.text_files import check_keys, load_toml
 
@@ -28,6 +30,8 @@ class DecisionRules:
     evidence: EvidenceRules = field(default_factory=EvidenceRules)
     data: DataRules = field(default_factory=DataRules)
     structure: StructureRules = field(default_factory=StructureRules)
+    predictor: PredictorRules = field(default_factory=PredictorRules)
+    hypotheses: HypothesesRules = field(default_factory=HypothesesRules)
 
 
 _DEFAULTS = DecisionRules()
