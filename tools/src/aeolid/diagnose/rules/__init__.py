@@ -14,11 +14,14 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from aeolid.diagnose.rules.baseline import BaselineRules
 from aeolid.diagnose.rules.data import DataRules
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
 from aeolid.diagnose.rules.hypotheses import HypothesesRules
+from aeolid.diagnose.rules.localise import LocaliseRules
 from aeolid.diagnose.rules.predictor import PredictorRules
+from aeolid.diagnose.rules.scoring import ScoringRules
 from aeolid.diagnose.rules.structure import StructureRules
 from aeolid.text_files import check_keys, load_toml
 
@@ -32,6 +35,9 @@ class DecisionRules:
     structure: StructureRules = field(default_factory=StructureRules)
     predictor: PredictorRules = field(default_factory=PredictorRules)
     hypotheses: HypothesesRules = field(default_factory=HypothesesRules)
+    baseline: BaselineRules = field(default_factory=BaselineRules)
+    scoring: ScoringRules = field(default_factory=ScoringRules)
+    localise: LocaliseRules = field(default_factory=LocaliseRules)
 
 
 _DEFAULTS = DecisionRules()
