@@ -11,8 +11,6 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
-_MATERIAL = 0.02  # share of itself that a declared value must be off to be called wrong
-
 
 @dataclass(frozen=True)
 class Moved:
@@ -37,8 +35,10 @@ class Moved:
     @property
     def is_wrong(self) -> bool:
         """Tell whether the declared value is surely another, by more than values of models are known."""
+        rules = in_force().candidates
         evidence = in_force().evidence
-        return self.deviations > evidence.moved_deviations and self.distance > _MATERIAL * abs(self.parameter.value)
+        far = self.distance > rules.material_share * abs(self.parameter.value)
+        return self.deviations > evidence.moved_deviations and far
 
     @property
     def distance(self) -> float:

@@ -17,9 +17,6 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row
 
 Array = NDArray[np.float64]
-_ALONE = 0.01  # chance of a score that high, of one entry for itself
-# Brief fits of a simulator's run reached at least a quarter of what full fits gain (OpenFAST pairs, 12 hypotheses).
-_FAR_SHARE, _FAR = 0.1, 200.0  # less than this share of the leader's gain, and so many nats below it: out of the race
 
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
@@ -69,7 +66,8 @@ def whispering(bank: Bank) -> list[Row]:
 
     They name nothing; but where values moved surely, something is there, and one of them may be what.
     """
-    quiet = [r for r in bank.rows if r.testable and r.z <= bank.limit(r) and r.p_value <= _ALONE]
+    rules = in_force().candidates
+    quiet = [r for r in bank.rows if r.testable and r.z <= bank.limit(r) and r.p_value <= rules.alone_level]
     return [r for r in quiet if r.attachment.entry not in ("parameter_error", unlisted.ID)]
 
 
@@ -81,9 +79,10 @@ def fit_whispering(prepared: Prepared, bank: Bank, fitted: Sequence[Candidate]) 
 
 def hopeless(gain: float, leader: Candidate | None) -> str:
     """Say why a brief fit's gain leaves no hope; empty where it leaves some."""
-    if gain < -_FAR:
+    rules = in_force().candidates
+    if gain < -rules.far_nats:
         return f"{-gain:.0f} nats below the model without it"
-    if leader is not None and gain < _FAR_SHARE * leader.fit_gain and gain < leader.fit_gain - _FAR:
+    if leader is not None and gain < rules.far_share * leader.fit_gain and gain < leader.fit_gain - rules.far_nats:
         return f"{leader.key} is far ahead"
     return ""
 

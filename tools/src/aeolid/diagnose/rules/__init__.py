@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from aeolid.diagnose.rules.baseline import BaselineRules
+from aeolid.diagnose.rules.candidates import CandidatesRules
 from aeolid.diagnose.rules.data import DataRules
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
@@ -22,6 +23,7 @@ from aeolid.diagnose.rules.hypotheses import HypothesesRules
 from aeolid.diagnose.rules.localise import LocaliseRules
 from aeolid.diagnose.rules.predictor import PredictorRules
 from aeolid.diagnose.rules.scoring import ScoringRules
+from aeolid.diagnose.rules.selection import SelectionRules
 from aeolid.diagnose.rules.structure import StructureRules
 from aeolid.text_files import check_keys, load_toml
 
@@ -38,6 +40,8 @@ class DecisionRules:
     baseline: BaselineRules = field(default_factory=BaselineRules)
     scoring: ScoringRules = field(default_factory=ScoringRules)
     localise: LocaliseRules = field(default_factory=LocaliseRules)
+    candidates: CandidatesRules = field(default_factory=CandidatesRules)
+    selection: SelectionRules = field(default_factory=SelectionRules)
 
 
 _DEFAULTS = DecisionRules()

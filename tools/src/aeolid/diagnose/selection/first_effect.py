@@ -13,7 +13,7 @@ from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import fit_rows, is_accepted, select_density
-from aeolid.diagnose.candidates.refit import ALIKE, finalists, renewed
+from aeolid.diagnose.candidates.refit import finalists, renewed
 from aeolid.diagnose.candidates.settle_sampling import settle, settle_beside
 from aeolid.diagnose.candidates.simulated_share import by_simulation
 from aeolid.diagnose.candidates.switches import paying
@@ -33,7 +33,6 @@ from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
-_TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
 _FITTING = 1  # more of them, which gain more than the last of these on the fit data
@@ -202,7 +201,8 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     found += [r for r in fresh if r not in found and _values(r.attachment) < plainer.get(_identity(r.attachment), 0)]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
-        found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
+        kin = [r for r in fresh if r not in found and r.attachment.entry == first]
+        found += [r for r in kin if r.z > in_force().selection.half_limit_share * bank.limit(r)]
     return found[:_KIN]
 
 
@@ -222,12 +222,13 @@ def _identity(attachment: Attachment) -> tuple[str, str]:
 
 
 def _alike(row: Row, other: Row | None) -> bool:
-    return other is not None and overlap(row, other) > ALIKE
+    return other is not None and overlap(row, other) > in_force().candidates.alike_cos2
 
 
 def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:
     """Tell whether a baseline this much better changes nothing: an effect that survived the control dwarfs it."""
-    return shortfall < _TRIFLE * max((c.fit_gain for c in fitted if c.survived), default=0.0)
+    rules = in_force().selection
+    return shortfall < rules.trifle_share * max((c.fit_gain for c in fitted if c.survived), default=0.0)
 
 
 def against(candidate: Candidate, prepared: Prepared, change: Array) -> Candidate:

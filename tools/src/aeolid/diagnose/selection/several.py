@@ -20,11 +20,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.rivals import leading
 
-_MOST = 3  # effects in one model
 _TRIED = 3  # effects that are fitted beside those found
-SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
-_BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
-_NEARLY = 0.5  # share of the first effect's gain that one alone must reach to be tried beside it at any score
 KIN = f"{unlisted.ID} kin"  # how the key begins of what is kin to an effect and stands beside it without a name
 
 
@@ -35,12 +31,12 @@ def further_effects(
 
     rivals: all that was fitted alone. A set with an effect that a later one made needless goes.
     """
-    chain = [winner]
+    most, chain = in_force().selection.most_effects, [winner]
     while True:
         larger, bank = one_more(prepared, chain[-1], rivals, seed)
         if larger is not None:
             chain.append(larger)
-        if larger is None or len(larger.attachments) == _MOST or prepared.deadline.skips("a further effect"):
+        if larger is None or len(larger.attachments) >= most or prepared.deadline.skips("a further effect"):
             return _needed(prepared, chain), bank
 
 
@@ -50,7 +46,7 @@ def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
     Not of two effects on a simulator's run, where each fit takes half a minute.
     """
     full = chain[-1]
-    if len(full.attachments) < (2 if prepared.surrogate is None else _MOST):
+    if len(full.attachments) < (2 if prepared.surrogate is None else in_force().selection.most_effects):
         return chain
     if prepared.deadline.skips(f"whether each effect of {full.key} is needed"):
         return chain
@@ -76,11 +72,12 @@ def form_beside(prepared: Prepared, chosen: Candidate, seed: int, kin_only: bool
     kin to an effect and acts at its place is a form of that: a circuit's cubic spring has a small quadratic part, a lag
     that is not of first order a dead time. kin_only: no other forms.
     """
+    rules = in_force().selection
     forms = [] if kin_only else [a for a in prepared.hypotheses if a.entry == unlisted.ID]
     kin = [a for a in prepared.hypotheses if any(_completes(a, b) for b in chosen.attachments)]
     forms += [replace(a, entry=unlisted.ID, key=f"{KIN} {a.key}") for a in kin]
     bank = _scored(prepared, chosen, forms, seed)
-    wanted = [r for r in bank.rows if r.testable and r.z > 0.5 * bank.limit(r)][:_TRIED]
+    wanted = [r for r in bank.rows if r.testable and r.z > rules.half_limit_share * bank.limit(r)][:_TRIED]
     return _grown(prepared, chosen, wanted, corrects)
 
 
@@ -110,7 +107,8 @@ def one_more(
     bank = what_is_left(prepared, winner, seed)
     best = {entry(r.attachment.entry).family: r for r in reversed(bank.loud) if not r.attachment.is_switch}
     rows = sorted(best.values(), key=lambda r: -r.z)[:_TRIED]
-    rows += [r for r in zones_of(bank) if r not in rows and r.testable and r.z > 0.5 * bank.limit(r)][:1]
+    zones = [r for r in zones_of(bank) if r not in rows and r.testable]
+    rows += [r for r in zones if r.z > in_force().selection.half_limit_share * bank.limit(r)][:1]
     near = _nearly_as_good(prepared, winner, [c for c in rivals if all(c.key != r.attachment.key for r in rows)])
     larger = _grown(prepared, winner, rows, adds, near)
     return (larger if larger is not None and _stands_beside_a_form(prepared, winner, larger, seed) else None), bank
@@ -141,12 +139,13 @@ def _nearly_as_good(prepared: Prepared, winner: Candidate, rivals: Sequence[Cand
     Two that are missing bend each other's values: the upper of two tanks that run over was given a brim at which all
     is spilt that either spills, and there the lower one scored 1.5. Not on a simulator's run, where a fit takes long.
     """
+    rules = in_force().selection
     if prepared.surrogate is not None or len(winner.attachments) > 1:
         return []
     others = [
         c for c in rivals
         if c.plausible and c.complete and not c.unlisted and not c.attachments[0].is_switch
-        and c.fit_gain > _NEARLY * winner.fit_gain and is_another(c.attachments[0], winner.attachments[0])
+        and c.fit_gain > rules.nearly_share * winner.fit_gain and is_another(c.attachments[0], winner.attachments[0])
     ]  # fmt: skip
     return as_rows(max(others, key=lambda c: c.fit_gain)) if others else []
 
@@ -209,18 +208,18 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     A part in which the further effect never acts (a tank that does not run over) can neither show nor refute it; then
     the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
     """
+    rules = in_force().selection
     evidence = in_force().evidence
     added = more.select_gain - fewer.select_gain
     difference = more.select_difference - fewer.select_difference
     spread = evidence.one_percent_z * float(np.sqrt(len(difference)) * np.std(difference))
-    if added > max(evidence.selection_nats, spread, SHARE * fewer.select_gain):
+    if added > max(evidence.selection_nats, spread, rules.further_share * fewer.select_gain):
         return True
     gained = more.fit.log_posterior - fewer.fit.log_posterior
-    if added > max(evidence.selection_nats, SHARE * fewer.select_gain) and gained > max(
-        evidence.clear_nats, SHARE * fewer.fit_gain
-    ):
+    clear = gained > max(evidence.clear_nats, rules.further_share * fewer.fit_gain)
+    if added > max(evidence.selection_nats, rules.further_share * fewer.select_gain) and clear:
         return True
-    return abs(added) < spread and gained > max(_BEYOND_DOUBT, SHARE * fewer.fit_gain)
+    return abs(added) < spread and gained > max(rules.beyond_doubt_nats, rules.further_share * fewer.fit_gain)
 
 
 def corrects(fewer: Candidate, more: Candidate) -> bool:

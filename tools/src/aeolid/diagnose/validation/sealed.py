@@ -10,7 +10,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.selection.several import SHARE, form_beside
+from aeolid.diagnose.selection.several import form_beside
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.proof import Proof, prove
 
@@ -72,7 +72,7 @@ def hold_against(prepared: Prepared, whole: Prepared, chain: Sequence[Candidate]
 def _is_borne_out(larger: Proof, smaller: Proof, seed: int) -> bool:
     """Tell whether a further effect predicts the sealed data better, by the share that it had to add where chosen."""
     added = larger.difference - smaller.difference
-    return block_interval(added, seed)[0] > 0 and float(added.sum()) > SHARE * smaller.gain
+    return block_interval(added, seed)[0] > 0 and float(added.sum()) > in_force().selection.further_share * smaller.gain
 
 
 def _completed(
