@@ -13,8 +13,6 @@ from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.numbers import finite
 
-_SPEAKS = 4.0  # nats of score from which a form without a name still forbids "the structure is right"
-
 
 def moved(study: Study) -> list[Moved]:
     """Return the re-fitted declared values, the surest move first; at least one."""
@@ -58,10 +56,11 @@ def form_speaking(study: Study) -> Candidate | None:
     on the sealed ones, −3 to 21, made a loss four times too large); or one that makes the declared values right again
     (a spring that relaxes, 21 nats on the fit data, 2 on the selection data, made stiffness and damping too large).
     """
+    rules = in_force().conclusion
     winner = study.winner
     if winner is not None and winner.unlisted and study.proof is not None and study.proof.gain > 0:
         return winner
-    forms = [c for c in study.candidates if c.unlisted and c.plausible and c.complete and c.score > _SPEAKS]
+    forms = [c for c in study.candidates if c.unlisted and c.plausible and c.complete and c.score > rules.nameless_nats]
     found = [c for c in forms if min(c.fit_gain, c.select_gain) > 0 and explains_away(c)]
     return max(found, key=lambda c: c.score, default=None)
 

@@ -16,15 +16,18 @@ from typing import Any
 
 from aeolid.diagnose.rules.baseline import BaselineRules
 from aeolid.diagnose.rules.candidates import CandidatesRules
+from aeolid.diagnose.rules.conclusion import ConclusionRules
 from aeolid.diagnose.rules.data import DataRules
 from aeolid.diagnose.rules.declaring import Rule, checked, rules_in
 from aeolid.diagnose.rules.evidence import EvidenceRules
+from aeolid.diagnose.rules.experiments import ExperimentsRules
 from aeolid.diagnose.rules.hypotheses import HypothesesRules
 from aeolid.diagnose.rules.localise import LocaliseRules
 from aeolid.diagnose.rules.predictor import PredictorRules
 from aeolid.diagnose.rules.scoring import ScoringRules
 from aeolid.diagnose.rules.selection import SelectionRules
 from aeolid.diagnose.rules.structure import StructureRules
+from aeolid.diagnose.rules.validation import ValidationRules
 from aeolid.text_files import check_keys, load_toml
 
 
@@ -42,6 +45,9 @@ class DecisionRules:
     localise: LocaliseRules = field(default_factory=LocaliseRules)
     candidates: CandidatesRules = field(default_factory=CandidatesRules)
     selection: SelectionRules = field(default_factory=SelectionRules)
+    validation: ValidationRules = field(default_factory=ValidationRules)
+    experiments: ExperimentsRules = field(default_factory=ExperimentsRules)
+    conclusion: ConclusionRules = field(default_factory=ConclusionRules)
 
 
 _DEFAULTS = DecisionRules()

@@ -21,7 +21,6 @@ from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-_APART = 0.05  # of a sensor's zero must lie outside what the other values can do
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +95,7 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
 
     A spring's rest or a force of the model may be the same constant, and then the sensor has none of its own.
     """
+    rules = in_force().validation
     part = predictor.with_order(0)
     places = [predictor.compiled.model.index(z) for z in zeros]
     point = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
@@ -108,7 +108,7 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
     for k, name in enumerate(zeros):
         column = columns[:, len(own) + k]
         apart = column - rest @ np.linalg.lstsq(rest, column, rcond=1e-10)[0]
-        if np.linalg.norm(apart) > _APART * np.linalg.norm(column) > 0:
+        if np.linalg.norm(apart) > rules.zero_apart_share * np.linalg.norm(column) > 0:
             told.append(name)
     return told
 
