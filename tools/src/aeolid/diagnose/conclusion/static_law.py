@@ -107,13 +107,10 @@ class _Law:
 
     def at_an_end(self, factors: Array) -> bool:
         """Tell whether a value was driven to the end of its declared range."""
-        rules = in_force().conclusion
+        near = in_force().conclusion.law_end_distance
         values = self.declared * factors
         ends = [(p.minimum, p.maximum) for p in map(self._parameter, self.places)]
-        return any(
-            min(abs(v - e) for e in pair) < rules.law_end_distance * abs(v)
-            for v, pair in zip(values, ends, strict=True)
-        )
+        return any(min(abs(v - e) for e in pair) < near * abs(v) for v, pair in zip(values, ends, strict=True))
 
     def _parameter(self, place: int) -> Parameter:
         return self.model.parameters[place]

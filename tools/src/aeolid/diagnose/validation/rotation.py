@@ -75,13 +75,9 @@ class Rotation:
     @property
     def proves(self) -> bool:
         """Tell whether the folds together bear out what is named, by enough to be seen in predictions."""
-        rules = in_force().validation
         samples = sum(len(f.difference) for f in self.folds)
-        return (
-            self.agrees
-            and self.interval[0] > in_force().evidence.proven_nats
-            and self.gain > rules.material_rate * samples
-        )
+        material = self.gain > in_force().validation.material_rate * samples
+        return self.agrees and self.interval[0] > in_force().evidence.proven_nats and material
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `rotation` in diagnosis.json."""
