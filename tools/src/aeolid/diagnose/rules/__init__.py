@@ -24,6 +24,8 @@ from aeolid.diagnose.rules.experiments import ExperimentsRules
 from aeolid.diagnose.rules.hypotheses import HypothesesRules
 from aeolid.diagnose.rules.localise import LocaliseRules
 from aeolid.diagnose.rules.predictor import PredictorRules
+from aeolid.diagnose.rules.run_modes import RunModesRules
+from aeolid.diagnose.rules.run_prior import RunPriorRules
 from aeolid.diagnose.rules.scoring import ScoringRules
 from aeolid.diagnose.rules.selection import SelectionRules
 from aeolid.diagnose.rules.structure import StructureRules
@@ -48,6 +50,8 @@ class DecisionRules:
     validation: ValidationRules = field(default_factory=ValidationRules)
     experiments: ExperimentsRules = field(default_factory=ExperimentsRules)
     conclusion: ConclusionRules = field(default_factory=ConclusionRules)
+    run_prior: RunPriorRules = field(default_factory=RunPriorRules)
+    run_modes: RunModesRules = field(default_factory=RunModesRules)
 
 
 _DEFAULTS = DecisionRules()

@@ -59,7 +59,9 @@ class DataRules:
         0.8, "correlation", "correlation with a free run from which channels are recognised"
     )
     swapped_lead: float = rule(0.3, "correlation", "by how much the correlation of swapped channels must stand out")
-    unit_ratio: float = rule(3.0, "times", "factor from which a channel may be in another unit")
+    unit_ratio: float = rule(
+        3.0, "times", "factor from which a channel is in another unit: no tolerance of a gain is that large"
+    )
     known_ratio_distance: float = rule(0.03, "share", "relative distance at which a known ratio of units is said")
     folded_below: float = rule(0.01, "share", "how far below zero an absolute value may read, of the range")
     folded_above: float = rule(

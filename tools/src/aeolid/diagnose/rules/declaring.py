@@ -21,7 +21,7 @@ LEVEL = "level"
 _RANGES = {
     "share": (0.0, 1.0), "chance": (0.0, 1.0), "cos²": (0.0, 1.0), "cosine": (-1.0, 1.0), "correlation": (-1.0, 1.0),
 }  # fmt: skip
-_ABOVE_ZERO = ("chance", "times", "odds")  # what is divided by, or has a logarithm
+_ABOVE_ZERO = ("chance", "times", "odds", "minutes", "log")  # what is divided by, or has a logarithm
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ def checked(found: Field[Any], value: Any, key: str) -> int | float:
     if not is_number(value) or (whole and not isinstance(value, int)):
         raise DataError(f"{key} = {shown(value)}: a finite {'whole ' if whole else ''}number is needed here")
     unit = found.metadata["unit"]
-    low, high = _RANGES.get(unit, (0.0, math.inf))
+    low, high = (1, math.inf) if whole else _RANGES.get(unit, (0.0, math.inf))
     if not low <= value <= high or (value == 0 and unit in _ABOVE_ZERO):
-        least = "above 0" if unit in _ABOVE_ZERO else f"of at least {low:g}"
+        least = "above 0" if unit in _ABOVE_ZERO and not whole else f"of at least {low:g}"
         most = f" and at most {high:g}" if math.isfinite(high) else ""
         raise DataError(f"{key} = {shown(value)}: a number {least}{most} is needed here [{unit}]")
     return value if whole else float(value)

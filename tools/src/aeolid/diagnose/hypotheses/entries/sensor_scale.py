@@ -13,7 +13,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 _LARGEST = 2000.0
-_UNITS_ONLY = 3.0  # from here on a factor is no tolerance of a gain
+_UNITS_ONLY = 3.0  # where the range of a factor of units begins: no tolerance of a gain is that large
 _UNITS = ((", larger unit", _UNITS_ONLY, _LARGEST), (", smaller unit", 1 / _LARGEST, 1 / _UNITS_ONLY))
 
 
@@ -42,9 +42,9 @@ def _attach(site: Site) -> list[Attachment]:
 
 def _credible(values: Mapping[str, float]) -> str:
     """Refuse a factor that is neither a gauge's tolerance nor, within a tenth, a ratio of units."""
-    close, factor = in_force().hypotheses.unit_tolerance, abs(values["factor"])
+    close, unit, factor = in_force().hypotheses.unit_tolerance, in_force().data.unit_ratio, abs(values["factor"])
     known = any(abs(factor * r - 1) < close or abs(factor / r - 1) < close for r, _ in RATIOS)
-    if known or 1 / _UNITS_ONLY < factor < _UNITS_ONLY:
+    if known or 1 / unit < factor < unit:
         return ""
     return f"a factor of {factor:.3g} is neither a gauge's tolerance nor a ratio of units"
 
@@ -56,7 +56,8 @@ def _ratios(low: float, high: float) -> list[float]:
 def _is_clear(site: Site, j: int) -> bool:
     """Tell whether a free run resembles the output in all but size: a fitted baseline may hide that from the scores."""
     alike, ratio = likeness(site)[j]
-    return bool(alike > in_force().hypotheses.unit_correlation and (ratio > _UNITS_ONLY or ratio < 1 / _UNITS_ONLY))
+    unit = in_force().data.unit_ratio
+    return bool(alike > in_force().hypotheses.unit_correlation and (ratio > unit or ratio < 1 / unit))
 
 
 def _any_factor(j: int, name: str, clear: bool, alike: bool) -> Attachment:
