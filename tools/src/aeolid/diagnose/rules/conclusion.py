@@ -37,9 +37,9 @@ class ConclusionRules:
     recovered_by_parameter: float = rule(
         0.8, "share", 'the same where only values are wrong: "the structure is right" is a claim about all that is left'
     )
-    ceiling_nats: float = rule(10.0, "nats", "a model-free correction that gains less shows nothing worth describing …")
+    ceiling_nats: float = rule(10.0, "nats", "gain of a model-free correction below which nothing is worth describing")
     ceiling_rate: float = rule(
-        0.02, "nats a sample and output", "… nor one that shrinks the one-step errors by less than 2 %"
+        0.02, "nats a sample and output", "the same a sample and output: one-step errors 2 % smaller"
     )
     indistinct_correlation: float = rule(
         0.99, "correlation", "correlation of two estimates above which the data hardly tell them apart"

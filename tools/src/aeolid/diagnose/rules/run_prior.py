@@ -24,23 +24,25 @@ class RunPriorRules:
     excluded_nats: float = rule(
         60.0, "nats", "by which the evidence must fall for an effect to be excluded", RUN_DECISIONS
     )
-    named_nats: float = rule(30.0, "nats", "gain on the training data that an effect must have …", RUN_DECISIONS)
+    named_nats: float = rule(
+        30.0, "nats", "gain on the training data that an effect must have to be named", RUN_DECISIONS
+    )
     held_weight: float = rule(
         0.1,
         "weight",
-        "… with the run's weight back at least here: what remains is then no more than nulls show …",
+        "weight of the run, with the effect, from which it explains: what remains is no more than nulls show",
         RUN_DECISIONS,
     )
     explained_share: float = rule(
         0.5,
         "share",
-        "… or with so much of what was lost explained: what acts between samples leaves a rest in short blocks …",
+        "part of what was lost that an effect may gain instead: what acts between samples leaves a rest in blocks",
         RUN_DECISIONS,
     )
     moved_mode_share: float = rule(
         0.25,
         "share",
-        "… or with this of it by a mode that moved: what else it does to the outputs is not told by poles",
+        "the same of a mode that moved: what else it does to the outputs is not told by poles",
         RUN_DECISIONS,
     )
     least_share: float = rule(
@@ -53,14 +55,16 @@ class RunPriorRules:
         0.05, "share", "part of the first effect's gain that a further one must have", RUN_DECISIONS
     )
     rival_share: float = rule(
-        0.97, "share", "part of the best gain from which another kind is not told from it …", RUN_DECISIONS
+        0.97, "share", "part of the best gain from which another kind is not told from it", RUN_DECISIONS
     )
-    rival_nats: float = rule(8.0, "nats", "… or this near", RUN_DECISIONS)
+    rival_nats: float = rule(
+        8.0, "nats", "distance to the best gain within which another kind is not told from it", RUN_DECISIONS
+    )
     richer_nats: float = rule(10.0, "nats", "gain a form must have over a simpler one that it holds", RUN_DECISIONS)
     refined_share: float = rule(
-        0.15, "share", "part of the best gain from which a hypothesis is refined …", RUN_DECISIONS
+        0.15, "share", "part of the best gain from which a hypothesis is refined", RUN_DECISIONS
     )
-    refined_nats: float = rule(3.0, "nats", "… and its gain", RUN_DECISIONS)
+    refined_nats: float = rule(3.0, "nats", "least gain of a hypothesis that is refined", RUN_DECISIONS)
     held_input_share: float = rule(
         0.4,
         "share",

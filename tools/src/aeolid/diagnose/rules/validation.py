@@ -15,9 +15,9 @@ class ValidationRules:
         0.05, "share", "part of a sensor's zero that must lie outside what the other values can do"
     )
     material_error_share: float = rule(
-        0.005, "share", "relative improvement of the prediction error at some horizon that is worth a word …"
+        0.005, "share", "relative improvement of the prediction error, at some horizon, that is worth a word"
     )
-    visible_spread_share: float = rule(0.002, "share", "… if it is also this part of the output's own spread")
+    visible_spread_share: float = rule(0.002, "share", "least such improvement, of the output's own spread")
     fewest_folds: int = rule(3, "count", "folds without which none is left out in turn")
     undecided_nats: float = rule(0.0, "nats", "a sealed part whose interval holds it neither proves nor refutes")
     agreeing_share: float = rule(
