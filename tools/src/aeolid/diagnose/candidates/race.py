@@ -100,7 +100,7 @@ def is_accepted(candidate: Candidate) -> bool:
     if not candidate.plausible or candidate.fit_gain <= candidate.handicap:
         return False
     spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
-    proven = candidate.select_gain > max(evidence.selection_nats, evidence.five_percent_z * spread)
+    proven = candidate.select_gain > max(evidence.validation_nats, evidence.five_percent_z * spread)
     # a candidate with a smaller noise model than the baseline has fewer parameters, which is no gain of its own
     clear = candidate.fit_gain - max(candidate.parameters, 1) > evidence.clear_nats
     return proven or (clear and candidate.select_gain > -spread)

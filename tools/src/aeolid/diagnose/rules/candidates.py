@@ -11,7 +11,9 @@ from aeolid.diagnose.rules.declaring import LEVEL, rule
 class CandidatesRules:
     """Hold the numbers of this section; each says what it means."""
 
-    run_gain_ratio: float = rule(2.0, "times", "gain a sample on the recording over that on the simulator's own run")
+    run_gain_ratio: float = rule(
+        2.0, "times", "gain a sample on the recording that an effect must have, over that on the simulator's own run"
+    )
     material_share: float = rule(0.02, "share", "part of itself that a declared value must be off to be called wrong")
     mute_ranges: float = rule(
         10.0, "ranges", "deviation of a value, in its ranges, that says that the data do not know it"
@@ -31,19 +33,25 @@ class CandidatesRules:
         "deviations of what drives a mode: the 10 nats by which a name must be ahead of another",
         "measured: eddies beside a sensor's filter that was missing were driven by 3.4",
     )
-    alone_level: float = rule(0.01, "chance", "chance of a score that high, of one entry for itself", LEVEL)
+    alone_level: float = rule(
+        0.01, "chance", "chance of a score that high, of one entry for itself, up to which it is fitted", LEVEL
+    )
     far_share: float = rule(
         0.1,
         "share",
         "part of the leader's gain below which a hypothesis is out of the race, if it is far behind, too",
         "measured: brief fits of a simulator's run reached at least a quarter of what full fits gain",
     )
-    far_nats: float = rule(200.0, "nats", "what is far behind the leader, or below the baseline")
+    far_nats: float = rule(
+        200.0, "nats", "distance behind the leader, or below the baseline, from which a hypothesis is out of the race"
+    )
     mode_windows: int = rule(30, "times", "length of the recording, in windows, from which a mode is identified in it")
     mode_off_chi2: float = rule(
         9.21, "chi-squared", "squared difference of two values that chance exceeds once in a hundred", LEVEL
     )
-    mode_difference_share: float = rule(0.5, "share", "part of the deviation that the difference has at least")
+    mode_difference_share: float = rule(
+        0.5, "share", "part of its deviation that the difference of a mode in the fit and in the recording has at least"
+    )
     mode_distance: float = rule(0.15, "share", "part of the fitted frequency beyond which a mode is another one")
     dear_share: float = rule(
         0.1,
@@ -64,7 +72,7 @@ class CandidatesRules:
         1.5, "samples", "an offset that is likelier there than within one sample is no habit of a logger"
     )
     offset_moved_samples: float = rule(
-        0.1, "samples", "by which an offset beside an effect is another than that of the baseline alone"
+        0.1, "samples", "distance by which an offset beside an effect is another than that of the baseline alone"
     )
     feedback_left_share: float = rule(
         0.25,
@@ -77,6 +85,7 @@ class CandidatesRules:
     loud_force_sizes: float = rule(
         10.0,
         "sizes",
-        "the same of a force with a memory, in sizes of what it acts against",
+        "amplitude of a force with a memory, in sizes of what it acts against, above which it stands in for what is "
+        "missing",
         "measured: at 0.39 and 0.62 a thermocouple's lag gained 0.3 nats, 180 from a quiet start",
     )

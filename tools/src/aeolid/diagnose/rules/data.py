@@ -22,7 +22,7 @@ class DataRules:
         "samples of an output that are stuck, from which that is the answer where nothing else is found behind it",
     )
     rail_share: float = rule(0.005, "share", "samples at one extreme, from which the range ends there")
-    rail_run: int = rule(5, "samples", "samples in a row at that extreme, once at least")
+    rail_run: int = rule(5, "samples", "samples in a row, once at least, at an extreme where the range ends")
     fine_share: float = rule(0.9, "share", "different values from which a channel is finely resolved")
     fine_repeats: int = rule(
         3, "count", "times that the extreme of a finely resolved channel comes, from which the range ends there"
@@ -30,7 +30,7 @@ class DataRules:
     pile_width: float = rule(
         0.005, "share", "width of a pile at the end of the range that noise has blurred, of the range"
     )
-    pile_share: float = rule(0.02, "share", "samples in such a pile")
+    pile_share: float = rule(0.02, "share", "samples in a pile at the end of the range that noise has blurred")
     grid_miss: float = rule(0.01, "share", "part of a step by which rounding of the numbers themselves may miss a grid")
     grid_distinct_share: float = rule(
         0.2, "share", "different values above which the values of a channel are not said to be a spacing apart"
@@ -68,20 +68,20 @@ class DataRules:
         0.03, "share", "how far above zero the lowest value of a folded channel may lie, of the range"
     )
     folded_near: float = rule(0.05, "share", "what counts as near zero for a folded channel, of the range")
-    folded_visits: int = rule(3, "count", "times that a folded channel comes near zero")
+    folded_visits: int = rule(3, "count", "times that a folded channel comes near zero, at the least")
     folded_inside: float = rule(0.4, "share", "samples near zero above which a channel rests there rather than turns")
     offset_prior: float = rule(
         0.5,
         "samples",
-        "deviation of an offset in time: loggers differ by half a sample as a rule; a dead time beside it is then the "
-        "dead time's",
+        "deviation of an offset in time: loggers differ by half a sample as a rule; a dead time beside it is then "
+        "the dead time's",
     )
     repeats_share: float = rule(0.5, "share", "samples equal to the one before, above which an input is held")
     rough_from: float = rule(
         0.75, "share", "part of the Nyquist frequency beyond which the power of an input is looked at"
     )
     rough_share: float = rule(
-        0.05, "share", "power beyond it above which an input is rough; white noise has five times as much"
+        0.05, "share", "power beyond that frequency above which an input is rough; white noise has five times as much"
     )
     spectrum_samples: int = rule(8, "samples", "samples without which nothing is said of an input's spectrum")
     fewest_rows: int = rule(20, "rows", "rows with a measurement below which a recording among several is not used")
@@ -96,14 +96,18 @@ class DataRules:
     whole_recordings: int = rule(
         3,
         "count",
-        "number of recordings above which parts are whole recordings; one of so many is for selection, the others for "
+        "number of recordings above which parts are whole recordings: one of so many for validation, the others for "
         "training",
     )
     standstill_samples: int = rule(
         20, "samples", "equal samples in a row of a channel that else never repeats: noise does not, to the last digit"
     )
-    coarse_standstill_samples: int = rule(50, "samples", "the same where values are so coarse that they repeat anyhow")
-    coarse_standstill_share: float = rule(0.2, "share", "the same, of the recording")
+    coarse_standstill_samples: int = rule(
+        50, "samples", "equal samples in a row of a channel whose values are so coarse that they repeat anyhow"
+    )
+    coarse_standstill_share: float = rule(
+        0.2, "share", "part of the recording that such a channel must repeat one value"
+    )
     alive_share: float = rule(
         0.01, "share", "samples equal to their predecessor elsewhere, up to which a channel is never quite still"
     )
@@ -119,13 +123,15 @@ class DataRules:
     ordinary_quantile: float = rule(0.95, "share", "quantile of a channel's steps that is an ordinary one")
     end_distance: float = rule(0.02, "share", "distance, of the deviation, as good as zero, or as the end of the range")
     steppy_share: float = rule(0.3, "share", "ordinary step, of the deviation, above which a jump shows nothing")
-    sustained_samples: int = rule(5, "samples", "samples for which an input is sustained")
-    left_often: int = rule(3, "count", "times that a machine has left where it stood")
+    sustained_samples: int = rule(5, "samples", "samples for which an input must be sustained to move a machine")
+    left_often: int = rule(
+        3, "count", "times that a machine must have left where it stood for a standstill to be doubted"
+    )
     arriving_samples: int = rule(
         5, "samples", "samples before a standstill that are looked at: what comes to rest slows"
     )
-    slow_ratio: float = rule(0.25, "share", "their steps, in ordinary ones, below which a machine slows")
+    slow_ratio: float = rule(0.25, "share", "steps before a standstill, in ordinary ones, below which a machine slows")
     stray_spreads: float = rule(
         30.0, "spreads", "robust spreads from the median: no signal of a machine goes there for one sample"
     )
-    stray_share: float = rule(1e-3, "share", "samples that far off from which they are no strays")
+    stray_share: float = rule(1e-3, "share", "part of the samples so far off from which they are no strays")

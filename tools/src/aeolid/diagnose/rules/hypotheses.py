@@ -14,8 +14,8 @@ class HypothesesRules:
     side_over_fore_aft: float = rule(
         1.5,
         "times",
-        "shown ratio of side-side to fore-aft up to which an imbalance is of the air's forces: near once a turn the "
-        "modes of one tower may swell one more than the other",
+        "side-side over fore-aft motion up to which an imbalance is of the air's forces: near once a turn the modes "
+        "of one tower may swell one more than the other",
     )
     crossing_share: float = rule(
         0.05, "share", "samples that must lie on either side of zero for a dead zone to mean anything"
@@ -29,13 +29,19 @@ class HypothesesRules:
         "spacing of a converter that rounds, of the spread: a finer one is far below what any model predicts",
     )
     truncated_spacing: float = rule(
-        1e-3, "share", "the same of one that truncates, which leaves half of it as a bias that adds up over a recording"
+        1e-3,
+        "share",
+        "spacing of a converter that truncates, of the spread: half of it is a bias, which adds up over a recording",
     )
     rectified_deviations: float = rule(
         5.0, "deviations", "deviations of the noise that is added to an absolute value: so far below zero it may read"
     )
-    rectified_least: float = rule(0.02, "share", "the same at the least, of the range")
-    rectified_most: float = rule(0.1, "share", "the same at the most, of the range")
+    rectified_least: float = rule(
+        0.02, "share", "how far below zero an absolute value may read at the least, of the range"
+    )
+    rectified_most: float = rule(
+        0.1, "share", "how far below zero an absolute value may read at the most, of the range"
+    )
     rectified_touches: float = rule(
         0.05, "share", "lowest value, of the range, up to which an absolute value touches zero"
     )
@@ -50,8 +56,8 @@ class HypothesesRules:
     sign_correlation: float = rule(
         -0.5,
         "correlation",
-        "correlation with a free run below which a sign is asked: a fitted baseline may hide it so well that no score "
-        "is left",
+        "correlation with a free run below which a sign is asked: a fitted baseline may hide it so well that no "
+        "score is left",
     )
     wave_rotor_distance: float = rule(
         0.07, "share", "relative distance to the rotor's speed within which a band may be the rotor's"
@@ -74,7 +80,9 @@ class HypothesesRules:
     same_frequency: float = rule(
         0.01, "share", "relative distance of the frequency within which a mode is one that the model has"
     )
-    same_damping: float = rule(0.1, "share", "relative distance of the damping within which it is that one")
+    same_damping: float = rule(
+        0.1, "share", "relative distance of the damping within which a mode is one that the model has"
+    )
     range_end: float = rule(0.999, "share", "part of a range's upper end from which a fitted mode stands at it")
     excited_share: float = rule(1e-4, "share", "power of an input, of its largest, above which a frequency is excited")
     mode_variance_share: float = rule(
@@ -92,11 +100,11 @@ class HypothesesRules:
     fading_ratio: float = rule(
         0.3,
         "share",
-        "size of an output's response at a tenth of the frequency above which it is steady: that of a speed falls to "
-        "a tenth",
+        "size of an output's response at a tenth of the frequency above which it is steady: that of a speed falls "
+        "to a tenth",
     )
     signal_values: int = rule(
-        20, "count", "different values of an input: fewer are a test signal's levels or a counter's"
+        20, "count", "different values from which an input is a signal: fewer are a test signal's levels or a counter's"
     )
     force_reach: float = rule(
         0.1, "share", "part of an output's direction that must lie outside the reach of forces to count"

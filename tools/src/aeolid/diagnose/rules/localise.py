@@ -14,9 +14,9 @@ class LocaliseRules:
     false_alarm_level: float = rule(
         0.01, "chance", "false-alarm level of each map, and of each question to the equations, as a whole", LEVEL
     )
-    stretch_samples: int = rule(48, "samples", "least length of a stretch of time")
+    stretch_samples: int = rule(48, "samples", "least length of a stretch of time in a map")
     fewest_bins: int = rule(3, "count", "edges of bins up to which no map over a channel is drawn")
-    bin_samples: int = rule(20, "samples", "samples in a bin at the least")
+    bin_samples: int = rule(20, "samples", "samples in a bin of a map at the least")
     turns: int = rule(
         20, "turns", "turns of the rotor in all: fewer do not tell an order from what is a quarter beside it"
     )
@@ -39,6 +39,6 @@ class LocaliseRules:
     tail_ratio: float = rule(
         2.5,
         "times",
-        "by which marks of paths were too many at the level itself, with loud stretches that both channels have",
+        "by what the level is divided for maps of paths: loud stretches that both channels have mark too many",
         "measured: 2.5 % of 1000",
     )

@@ -13,5 +13,5 @@ class PredictorRules:
 
     quiet_process_sizes: float = rule(0.3, "sizes", "process noise below which a fit is tried from a larger one")
     loud_sensor_sizes: float = rule(10.0, "sizes", "sensor noise above which a fit is tried from a smaller one")
-    moved_noise_nats: float = rule(0.5, "nats", "what such a move must bring")
-    unheard_noise_nats: float = rule(0.1, "nats", "what all quieter noise together may cost")
+    moved_noise_nats: float = rule(0.5, "nats", "gain that a fit from another noise must bring")
+    unheard_noise_nats: float = rule(0.1, "nats", "what all noise that is made quieter together may cost")

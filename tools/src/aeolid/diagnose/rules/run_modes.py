@@ -21,11 +21,18 @@ class RunModesRules:
         0.5, "revolutions", "order of the rotor from which a frequency may be its multiple", RUN_DECISIONS
     )
     multiple_distance: float = rule(
-        0.04, "revolutions", "distance from a whole order within which it is one; more at high orders", RUN_DECISIONS
+        0.04,
+        "revolutions",
+        "distance from a whole order of the rotor within which a frequency is its multiple; more at high orders",
+        RUN_DECISIONS,
     )
     sharp_damping: float = rule(0.1, "damping ratio", "most damping of a mode that is compared", RUN_DECISIONS)
-    sharp_spread: float = rule(0.01, "share", "most deviation of its frequency, relative", RUN_DECISIONS)
-    partner_damping: float = rule(0.3, "damping ratio", "most damping of a partner", RUN_DECISIONS)
+    sharp_spread: float = rule(
+        0.01, "share", "most deviation of the frequency, relative, of a mode that is compared", RUN_DECISIONS
+    )
+    partner_damping: float = rule(
+        0.3, "damping ratio", "most damping of a mode that another one is compared with", RUN_DECISIONS
+    )
     same_distance: float = rule(0.06, "share", "relative distance within which modes are one", RUN_DECISIONS)
     same_cosine: float = rule(0.6, "cosine", "cosine between the outputs' shares of modes that are one", RUN_DECISIONS)
     passing_distance: float = rule(
@@ -37,7 +44,7 @@ class RunModesRules:
     highest_share: float = rule(
         0.4,
         "share",
-        "part of the blocks' rate: nearer to half of it a mode may be the image of a faster one",
+        "highest frequency compared, of the blocks' rate: nearer to half of it a mode may be the image of a faster one",
         RUN_DECISIONS,
     )
     shown_share: float = rule(
@@ -47,7 +54,7 @@ class RunModesRules:
         RUN_DECISIONS,
     )
     named_growth: float = rule(
-        1.2, "times", "growth of its output's errors by a missing mode that has a name", RUN_DECISIONS
+        1.2, "times", "growth of its output's errors from which a missing mode that has a name is said", RUN_DECISIONS
     )
     whirl_distance: float = rule(
         0.06,
@@ -59,7 +66,10 @@ class RunModesRules:
         1.5, "times", "growth of the errors from which a missing mode without a name is said", RUN_DECISIONS
     )
     shown_growth_share: float = rule(
-        0.5, "share", "part of the largest growth that its output must have", RUN_DECISIONS
+        0.5,
+        "share",
+        "part of the largest growth that the output of a missing mode without a name must have",
+        RUN_DECISIONS,
     )
     movable_damping: float = rule(0.15, "damping ratio", "most damping of a mode that may move", RUN_DECISIONS)
     loose_damping: float = rule(

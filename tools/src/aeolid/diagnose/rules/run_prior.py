@@ -14,16 +14,16 @@ class RunPriorRules:
     lost_nats: float = rule(
         30.0, "nats", "evidence lost from which something separates recording and run", RUN_DECISIONS
     )
-    lost_nats_an_output: float = rule(10.0, "nats", "the same, for each output", RUN_DECISIONS)
+    lost_nats_an_output: float = rule(
+        10.0, "nats", "evidence lost, for each output, from which something separates recording and run", RUN_DECISIONS
+    )
     unsteady_ratio: float = rule(
         1.5,
         "times",
-        "what halves of one side lose under each other, times which must be lost for anything to separate the sides",
+        "evidence lost, over what halves of one side lose under each other, from which something separates the sides",
         RUN_DECISIONS,
     )
-    excluded_nats: float = rule(
-        60.0, "nats", "by which the evidence must fall for an effect to be excluded", RUN_DECISIONS
-    )
+    excluded_nats: float = rule(60.0, "nats", "fall of the evidence from which an effect is excluded", RUN_DECISIONS)
     named_nats: float = rule(
         30.0, "nats", "gain on the training data that an effect must have to be named", RUN_DECISIONS
     )
@@ -42,7 +42,7 @@ class RunPriorRules:
     moved_mode_share: float = rule(
         0.25,
         "share",
-        "the same of a mode that moved: what else it does to the outputs is not told by poles",
+        "part of what was lost that a mode which moved may gain instead: what else it does is not told by poles",
         RUN_DECISIONS,
     )
     least_share: float = rule(
@@ -80,10 +80,19 @@ class RunPriorRules:
         "growth of the power of a rotor disc's moments about the blades' order, from which the flow is uneven",
         RUN_DECISIONS,
     )
-    disc_lines_log: float = rule(1.2, "log", "the same of every output, where no blade is recorded", RUN_DECISIONS)
-    disc_parts_log: float = rule(0.8, "log", "the same in every part of the recording", RUN_DECISIONS)
+    disc_lines_log: float = rule(
+        1.2,
+        "log",
+        "growth of the power of all outputs about the blades' order, where no blade is recorded, from which the "
+        "flow is uneven",
+        RUN_DECISIONS,
+    )
+    disc_parts_log: float = rule(0.8, "log", "growth of that power in every part of the recording", RUN_DECISIONS)
     disc_spread_log: float = rule(
-        0.4, "log", "its deviation between runs of one machine in other wind", "measured: -0.7 to 0.5 in 18 pairs"
+        0.4,
+        "log",
+        "deviation of that growth between runs of one machine in other wind",
+        "measured: -0.7 to 0.5 in 18 pairs",
     )
     worse_share: float = rule(
         0.5, "share", "part of the largest growth of errors from which an output is named beside it", RUN_DECISIONS
@@ -124,9 +133,13 @@ class RunPriorRules:
     )
     law_shared: float = rule(0.4, "share", "part of the recording's means that must be so near", RUN_DECISIONS)
     law_means: int = rule(20, "count", "means of the run, and of both, at the least", RUN_DECISIONS)
-    law_sealed_share: float = rule(0.2, "share", "part of that number that the sealed part must have", RUN_DECISIONS)
+    law_sealed_share: float = rule(
+        0.2, "share", "part of the least number of means that the sealed part must have", RUN_DECISIONS
+    )
     law_sure_deviations: float = rule(6.0, "deviations", "deviations by which a level must have shifted", RUN_DECISIONS)
-    law_sealed_deviations: float = rule(3.0, "deviations", "the same on the sealed part", RUN_DECISIONS)
+    law_sealed_deviations: float = rule(
+        3.0, "deviations", "deviations by which a level must have shifted on the sealed part", RUN_DECISIONS
+    )
     wind_shift: float = rule(0.01, "share", "least shift of a wind at a given state, of its level", RUN_DECISIONS)
     thrust_shift: float = rule(0.03, "share", "least shift of a thrust, of its level", RUN_DECISIONS)
     cyclic_shift: float = rule(
@@ -147,11 +160,15 @@ class RunPriorRules:
         "growth of the errors of a collective flap moment from which the blade itself moves otherwise",
         RUN_DECISIONS,
     )
-    bent_lead: float = rule(0.99, "share", "part of the largest growth that it must have", RUN_DECISIONS)
+    bent_lead: float = rule(
+        0.99, "share", "part of the largest growth of errors that a collective flap moment must have", RUN_DECISIONS
+    )
     thrust_ratio_slack: float = rule(
         0.15, "times", "what the ratio of the shifts of thrust and wind may be off", RUN_DECISIONS
     )
     slowest_turning: float = rule(
         0.4, "share", "least mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
     )
-    fastest_turning: float = rule(1.3, "times", "largest mean speed, of the rated one", RUN_DECISIONS)
+    fastest_turning: float = rule(
+        1.3, "times", "largest mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
+    )

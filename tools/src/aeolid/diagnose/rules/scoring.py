@@ -12,7 +12,7 @@ class ScoringRules:
     """Hold the numbers of this section; each says what it means."""
 
     plain_level: float = rule(0.01, "chance", "family-wise false-alarm level of the bank's plain z", LEVEL)
-    fair_level: float = rule(0.01, "chance", "family-wise false-alarm level of its fair z", LEVEL)
+    fair_level: float = rule(0.01, "chance", "family-wise false-alarm level of the bank's fair z", LEVEL)
     line_level: float = rule(0.01, "chance", "chance that noise shows any line at all", LEVEL)
     absorbed_share: float = rule(
         1e-3, "share", "part of a direction outside the baseline's own below which it says nothing of its own"

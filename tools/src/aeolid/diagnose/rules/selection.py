@@ -14,7 +14,7 @@ class SelectionRules:
     coloured_noise_nats: float = rule(
         20.0,
         "nats",
-        "gain on training and selection data beside a narrow band of noise, beyond what its parameters must gain",
+        "gain on training and validation data beside a narrow band of noise, beyond what its parameters must gain",
     )
     trifle_share: float = rule(
         0.1, "share", "part of the leader's gain below which a better fit of the baseline is not taken up"
@@ -23,7 +23,7 @@ class SelectionRules:
         0.5, "share", "part of the score's limit from which kin of what leads, and forms that complete it, are fitted"
     )
     plain_noise_share: float = rule(
-        0.5, "share", "part of the squared simulation error on the selection data that an effect must take"
+        0.5, "share", "part of the squared simulation error on the validation data that an effect must take"
     )
     vuong_z: float = rule(2.0, "deviations", "Vuong's z below which two models are not told apart")
     told_apart_nats: float = rule(
@@ -48,12 +48,12 @@ class SelectionRules:
         "share",
         "part of its distance to which a declared value must fall for another explanation to make it right",
     )
-    most_effects: int = rule(3, "count", "effects in one model")
+    most_effects: int = rule(3, "count", "effects in one model at the most")
     further_share: float = rule(
         0.1, "share", "part of the gain so far that a further effect must add to be worth a name"
     )
     beyond_doubt_nats: float = rule(
-        50.0, "nats", "gain on the training data that a further effect must have where the selection data are silent"
+        50.0, "nats", "gain on the training data that a further effect must have where the validation data are silent"
     )
     nearly_share: float = rule(
         0.5, "share", "part of the first effect's gain that one alone must reach to be tried beside it at any score"

@@ -17,7 +17,8 @@ class StructureRules:
     unit_factor_distance: float = rule(
         0.05,
         "share",
-        "distance from one up to which the factor between both is one: noise on the position takes a few percent",
+        "distance from one up to which a recorded velocity is in the unit of its position's: noise on the position "
+        "takes a few percent",
     )
     derivative_noise: float = rule(
         0.01,
@@ -27,7 +28,9 @@ class StructureRules:
     turned_deviations: float = rule(
         4.0, "deviations", "deviations of the noise by which a position must come back to have turned"
     )
-    turned_share: float = rule(1e-3, "share", "the same, of the position's deviation")
+    turned_share: float = rule(
+        1e-3, "share", "part of the position's deviation by which it must come back to have turned"
+    )
     least_modulus: float = rule(
         0.2,
         "modulus",

@@ -19,13 +19,17 @@ class ValidationRules:
     )
     visible_spread_share: float = rule(0.002, "share", "least such improvement, of the output's own spread")
     fewest_folds: int = rule(3, "count", "folds without which none is left out in turn")
-    undecided_nats: float = rule(0.0, "nats", "a sealed part whose interval holds it neither proves nor refutes")
+    undecided_nats: float = rule(
+        0.0, "nats", "upper end of the gain's interval on the sealed data above which it does not refute"
+    )
     agreeing_share: float = rule(
         2 / 3,
         "share",
         "folds that must have come to what is named, to its kin, or to what all data do not tell from it",
     )
-    material_rate: float = rule(0.002, "nats a sample", "gain over all folds: one-step errors 0.2 % smaller")
+    material_rate: float = rule(
+        0.002, "nats a sample", "gain over all folds that shows in predictions: one-step errors 0.2 % smaller"
+    )
     estimates_apart: float = rule(
         3.0, "deviations", "difference of two estimates of one value above which one of them is not believed"
     )

@@ -197,7 +197,7 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
-        if max(lost) < evidence.selection_nats:
+        if max(lost) < evidence.validation_nats:
             return smaller.beyond(full)
     return full
 
@@ -213,11 +213,11 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     added = more.select_gain - fewer.select_gain
     difference = more.select_difference - fewer.select_difference
     spread = evidence.one_percent_z * float(np.sqrt(len(difference)) * np.std(difference))
-    if added > max(evidence.selection_nats, spread, rules.further_share * fewer.select_gain):
+    if added > max(evidence.validation_nats, spread, rules.further_share * fewer.select_gain):
         return True
     gained = more.fit.log_posterior - fewer.fit.log_posterior
     clear = gained > max(evidence.clear_nats, rules.further_share * fewer.fit_gain)
-    if added > max(evidence.selection_nats, rules.further_share * fewer.select_gain) and clear:
+    if added > max(evidence.validation_nats, rules.further_share * fewer.select_gain) and clear:
         return True
     return abs(added) < spread and gained > max(rules.beyond_doubt_nats, rules.further_share * fewer.fit_gain)
 
@@ -228,7 +228,7 @@ def corrects(fewer: Candidate, more: Candidate) -> bool:
     more: counted from the smaller set, as refitted beside it.
     """
     gained = more.fit.log_posterior - fewer.fit.log_posterior - more.handicap
-    return min(gained, more.select_gain - fewer.select_gain) > in_force().evidence.selection_nats
+    return min(gained, more.select_gain - fewer.select_gain) > in_force().evidence.validation_nats
 
 
 def is_another(a: Attachment, b: Attachment) -> bool:
