@@ -80,11 +80,10 @@ def undriven(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> s
     drive must be clear: it takes up what else the model lacks, too (eddies beside a sensor's filter that was not in the
     model yet were driven by 3.4 deviations, and had a mode's name; of eight such recordings 1.8 in the mean).
     """
-    rules = in_force().candidates
+    least = in_force().candidates.driven_deviations
     for a in attachments:
         drives = [(s, p) for s, p in _free_slots([a], fit, model) if s.name != a.share and not s.label]
-        clear = any(_differs(s, p, fit, model, rules.driven_deviations) for s, p in drives)
-        if a.gain_states and not a.noise_driven and not clear:
+        if a.gain_states and not a.noise_driven and not any(_differs(s, p, fit, model, least) for s, p in drives):
             return f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return ""
 

@@ -201,8 +201,8 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     found += [r for r in fresh if r not in found and _values(r.attachment) < plainer.get(_identity(r.attachment), 0)]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
-        kin = [r for r in fresh if r not in found and r.attachment.entry == first]
-        found += [r for r in kin if r.z > in_force().selection.half_limit_share * bank.limit(r)]
+        same = [r for r in fresh if r not in found and r.attachment.entry == first]
+        found += [r for r in same if r.z > in_force().selection.half_limit_share * bank.limit(r)]
     return found[:_KIN]
 
 
