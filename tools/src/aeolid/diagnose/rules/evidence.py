@@ -28,7 +28,7 @@ class EvidenceRules:
         "nats",
         "gain on the training data, beyond one nat a parameter, that does not come by chance: the validation data "
         "then need only not refute it",
-        "measured: an effect worth 81 nats gained 7 ± 5 on the selection data",
+        "measured: an effect worth 81 nats gained 7 ± 5 on the validation data",
     )
     validation_nats: float = rule(
         4.0,
