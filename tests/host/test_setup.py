@@ -20,6 +20,7 @@ case "$*" in
     '-m venv '*)
         mkdir -p .venv/bin && cp "$0" .venv/bin/python
         echo "$VERSION" >.venv/version
+        [ -z "${UV:-}" ] || { echo >.venv/bin/uv && chmod +x .venv/bin/uv; }
         echo venv >>"$TREE/log" ;;
     '-m pip --version') ;;
     *install*)
@@ -76,6 +77,28 @@ def test_locked_packages_are_installed_by_hash_and_once(tree: Tree) -> None:
     names = {line.split("==")[0] for line in (tree.folder / "build/locked.txt").read_text().splitlines()}
     assert {"numpy", "asammdf", "scikit-build-core"} <= names and not names & {"pytest", "sphinx", "pip"}
     assert tree.run().returncode == 0 and tree.taken() == []
+
+
+def test_uv_installs_what_is_locked_and_pip_what_uv_cannot(tree: Tree) -> None:
+    """Where uv is there, pip is not asked for packages; where uv fails, pip is, and the environment is kept."""
+    assert tree.run(UV="1").returncode == 0
+    made, *packages, own = tree.taken()
+    assert made == "venv" and all("supply/install.py build/locked.txt" in line for line in packages)
+    assert "-m pip" in own and "--editable ./tools" in own
+    shutil.rmtree(tree.folder / ".venv")
+    assert tree.run(UV="1", FAIL="supply/install.py", SAY="").returncode == 0
+    lines = tree.taken()
+    assert (
+        sum("--require-hashes --only-binary :all:" in line for line in lines) == 2 == sum("supply" in x for x in lines)
+    )
+
+
+def test_an_end_of_uv_by_a_signal_is_not_taken_for_an_answer(tree: Tree) -> None:
+    """What it left is not trusted: the next run makes the environment anew."""
+    assert tree.run(UV="1", FAIL="supply/install.py", SAY="", SIGNAL="1").returncode < 0
+    tree.taken()
+    done = tree.run(UV="1")
+    assert done.returncode == 0 and "interrupted" in done.stderr and tree.taken()[0] == "venv"
 
 
 def test_a_folder_that_becomes_a_package_is_installed(tree: Tree) -> None:

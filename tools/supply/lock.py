@@ -31,6 +31,7 @@ HEAD = """\
 """
 # scipy 1.17 takes 1.8 s of processor to import where 1.16 takes 1.1: every command and every test process pays it.
 HELD = ("scipy<1.17",)
+OLDEST = "3.11.0"  # Debian 12 has 3.11.2, and a package may ask for a later one
 GROUPS = ("pip", "build", "demo", "docs", "tests", "cmake", "ninja")  # a package stands in the first that needs it
 
 
@@ -49,7 +50,7 @@ def requirements() -> dict[str, list[Requirement]]:
         return found
 
     return {
-        "pip": spell_out(["pip"]),
+        "pip": spell_out(["pip", "uv"]),
         "build": spell_out(told["build-system"]["requires"]),
         "cmake": spell_out(["cmake>=3.20"]),
         "ninja": spell_out(["ninja"]),
@@ -77,7 +78,17 @@ def resolve(wanted: list[Requirement], kept: dict[str, str]) -> list[dict[str, A
         report, constraints = Path(folder) / "report.json", Path(folder) / "kept.txt"
         constraints.write_text("".join(f"{name}=={version}\n" for name, version in kept.items()))
         command = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", "install", "--dry-run"]
-        command += ["--ignore-installed", "--only-binary", ":all:", "--report", str(report), "-c", str(constraints)]
+        command += [
+            "--ignore-installed",
+            "--python-version",
+            OLDEST,
+            "--only-binary",
+            ":all:",
+            "--report",
+            str(report),
+            "-c",
+            str(constraints),
+        ]
         subprocess.run([*command, *map(str, wanted)], check=True)
         found: list[dict[str, Any]] = json.loads(report.read_text())["install"]
     return found

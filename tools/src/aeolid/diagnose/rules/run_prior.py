@@ -65,6 +65,16 @@ class RunPriorRules:
         0.15, "share", "part of the best gain from which a hypothesis is refined", RUN_DECISIONS
     )
     refined_nats: float = rule(3.0, "nats", "least gain of a hypothesis that is refined", RUN_DECISIONS)
+    group_nats: float = rule(15.0, "nats", "gain from which a group of outputs tells something alone", RUN_DECISIONS)
+    agreeing_ratio: float = rule(
+        1.15,
+        "times",
+        "ratio of the values up to which groups of outputs agree; windows of one output move a lag by some 5 %",
+        RUN_DECISIONS,
+    )
+    agreeing_groups: int = rule(
+        2, "count", "groups of outputs that must tell the same beside a missing mode", RUN_DECISIONS
+    )
     held_input_share: float = rule(
         0.4,
         "share",

@@ -24,6 +24,7 @@ from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
+from aeolid.diagnose.run_prior.replicated import with_replicated
 from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.shown import sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
@@ -71,7 +72,7 @@ def study_run(
     deadline.enter("full fits")
     found = explain(pair, context, units, deadline, tick)
     if not deadline.passed:
-        found = with_beside(pair, found, context, units, tick)
+        found = with_replicated(pair, with_beside(pair, found, context, units, tick), units, tick)
     standing = standing_of(pair, records, runs, context, found.moved, found.is_apart)
     found = with_standing(found, standing)
     progress("sealed part", 0.82)
