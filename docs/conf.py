@@ -14,7 +14,7 @@ _HEADER = (HERE.parent / "include/aeolid/aeolid.h").read_text(encoding="utf-8")
 release = version = ".".join(re.findall(r"#define AEO_VERSION_(?:MAJOR|MINOR|PATCH) (\d+)", _HEADER))
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx_copybutton", "plain_docstrings", "c_headers", "command_line",
-              "physics", "equations"]  # fmt: skip
+              "physics", "equations", "decision_rules"]  # fmt: skip
 exclude_patterns = ["_ext", "_static"]
 myst_enable_extensions = ["colon_fence", "attrs_inline"]
 myst_heading_anchors = 3

@@ -29,7 +29,8 @@ from aeolid.diagnose.hypotheses.generic.shapes import shapes
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot, location
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.predictor.noise import filter_var
-from aeolid.diagnose.scoring.waves import _LEVEL, _along, _Clock, _in_time, _Score, _scores, _seen
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.scoring.waves import _along, _Clock, _in_time, _Score, _scores, _seen
 from aeolid.diagnose.validation import beyond
 from aeolid.diagnose.validation.beyond import beyond_the_catalogue, form_beyond, reader, ringing
 from aeolid.diagnose.validation.sealed import Held
@@ -185,14 +186,14 @@ def test_noise_shows_a_line_as_seldom_as_the_level_says(colour: float) -> None:
     pulse = np.stack([colour ** np.arange(n), np.sin(0.3 * np.arange(n)) * 0.99 ** np.arange(n)], axis=1)
     clock = _Clock("t", 0.0, 40.0, STEP, np.arange(n))
     follows = Follows("s", "a signal", "s", np.sin(np.arange(n) ** 1.5 / 300) + 0.2)
-    limit = np.log(n / _LEVEL)
+    limit = np.log(n / in_force().scoring.line_level)
     passed = np.zeros(3)
     for _ in range(100):
         residual = rng.standard_normal((n, 2))
         score = _Score(_seen(residual, pulse), pulse)
         passed[0] += _in_time(score, None, clock).height > limit
         passed[1] += _in_time(score, follows, clock).height > limit
-        passed[2] += _along(score, follows, 2.0).height > np.log(400 / _LEVEL)
+        passed[2] += _along(score, follows, 2.0).height > np.log(400 / in_force().scoring.line_level)
     assert np.all(passed <= 5), passed  # 1 in the mean at the level; 6 or more once in 1500 runs
 
 

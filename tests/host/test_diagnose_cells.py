@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.stats import binom
 
-from aeolid.diagnose.localise.cells import LEVEL, Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
+from aeolid.diagnose.localise.cells import Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 ROWS, OUTPUTS = 3000, 3
@@ -61,7 +62,7 @@ def test_of_recordings_without_anything_one_in_a_hundred_has_a_mark_on_a_map() -
     for seed in range(draws):
         for name, cells in maps(*world(1000 + seed)).items():
             hits[name] += any(c.significant for c in cells)
-    most = int(binom.isf(1e-3, draws, LEVEL))
+    most = int(binom.isf(1e-3, draws, in_force().localise.false_alarm_level))
     assert max(hits.values()) <= most, hits
     assert sum(hits.values()) >= 1, "a test that never speaks has no level"
 

@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from small_cases import SWING, SWING_CHANNELS, write_case
 
 from aeolid.diagnose.baseline.prepare import prepare
-from aeolid.diagnose.candidates.moved import SURE
 from aeolid.diagnose.candidates.race import fit_rows
 from aeolid.diagnose.conclusion.declared import explains_away
 from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
 
 Array = NDArray[np.float64]
@@ -47,7 +47,7 @@ def test_an_effect_is_an_answer_only_where_the_declared_values_hold_beside_it(
     names = [prepared.extended.parameters[i].name for i in prepared.free.theta]
     place = names.index(moving)
     value = prepared.fit.point.theta[prepared.free.theta[place]]
-    assert abs(value - {"c": 1.0, "k": 40.0}[moving]) > SURE * prepared.fit.std[place]
+    assert abs(value - {"c": 1.0, "k": 40.0}[moving]) > in_force().evidence.moved_deviations * prepared.fit.std[place]
     bank = score_bank(prepared, prepared.hypotheses, 0)
     rows = [r for r in bank.rows if r.attachment.key == "quadratic_damping state:v"]
     (found,) = fit_rows(prepared, rows)

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from scipy.signal import butter, lfilter
 from scipy.stats import binom
 
-from aeolid.diagnose.localise.cells import LEVEL, Cell
+from aeolid.diagnose.localise.cells import Cell
 from aeolid.diagnose.localise.paths import colourless, path_cells
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 ROWS, SPLIT = 3000, 1300
@@ -47,7 +48,7 @@ def test_where_nothing_is_left_one_map_in_a_hundred_is_marked(kind: str) -> None
         if kind == "closed loop":
             u[1:, 0] += lfilter([0.5], [1, -0.8], e[:-1, 0])
         hits += bool(marked(e, u))
-    assert hits <= binom.isf(1e-3, 200, LEVEL), hits
+    assert hits <= binom.isf(1e-3, 200, in_force().localise.false_alarm_level), hits
 
 
 @pytest.mark.parametrize(("output", "channel"), [(0, 0), (1, 1), (0, 1)])

@@ -12,6 +12,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "tools" / "src" / "aeolid"
 
 # From the ground up; the rooms of one line do not know of each other. A word without a folder is a module of its own.
 FLOORS = (
+    ("rules",),
     ("deadline", "stats"),
     ("data",),
     ("structure",),

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from aeolid.diagnose.deadline import unlimited
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.conclude import diagnosis_of, study_run
 from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
-from aeolid.diagnose.run_prior.explain import LEAST_LOST
 from aeolid.diagnose.run_prior.grams import Moments, lagged_gram
 from aeolid.diagnose.run_prior.hypotheses import all_hypotheses
 from aeolid.diagnose.run_prior.search import Search
@@ -205,11 +205,11 @@ def low_and_high(first_seed: int, lag: float = 0.0) -> list[Record]:
 def test_each_region_of_operation_has_a_predictor_of_its_own() -> None:
     pair = pair_of(low_and_high(20), low_and_high(10), {})
     assert [s.region for s in (*pair.recordings, *pair.runs)] == [0, 1, 0, 1]
-    assert Search(pair).lost < 0.5 * LEAST_LOST
+    assert Search(pair).lost < 0.5 * in_force().run_prior.lost_nats
     # in one region the same machine does not foretell itself: two modes are not one
     swapped = pair_of(low_and_high(20), [rig(10), rig(11)], {})
     assert [s.region for s in swapped.runs] == [0, 0]
-    assert Search(swapped).lost > 10 * LEAST_LOST
+    assert Search(swapped).lost > 10 * in_force().run_prior.lost_nats
 
 
 @pytest.mark.nightly  # by day each region has a predictor of its own

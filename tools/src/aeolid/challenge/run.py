@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,14 @@ KEPT = ("verdict", "statement", "effects", "location", "sealed", "false_alarm", 
 
 
 @dataclass(frozen=True)
+class Rules:
+    """Hold the file of decision rules that diagnoses are to go by, and what differs in it from the defaults."""
+
+    file: str
+    differing: Facts = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Job:
     """Name one case to be diagnosed and how."""
 
@@ -38,15 +46,17 @@ class Job:
     seed: int
     most_s: float
     keep: bool
+    rules: Rules | None = None
 
     def settings(self) -> Facts:
         """Return what a stored result must agree with to be used again."""
-        return {"version": __version__, "sham": self.sham, "seed": self.seed}
+        own = {} if self.rules is None or not self.rules.differing else {"rules": self.rules.differing}
+        return {"version": __version__, "sham": self.sham, "seed": self.seed} | own
 
 
 def run(
     folder: Path, out: Path, pool: Pool, *, sham: int = 0, seed: int = 1, most_s: float = 900.0, keep: bool = False,
-    notice: Notice | None = None,
+    rules: Rules | None = None, notice: Notice | None = None,
 ) -> list[Facts]:  # fmt: skip
     """Diagnose every case of a challenge that has no result yet; returns all results in order.
 
@@ -61,7 +71,7 @@ def run(
     for name, digest in seal["cases"].items():
         if not (folder / name).is_dir() or hash_of(folder / name) != digest:
             raise DataError(f"{folder / name}: is not the case that was sealed; make the challenge anew")
-        jobs.append(Job(str(folder / name), str(out / name), sham, seed, most_s, keep))
+        jobs.append(Job(str(folder / name), str(out / name), sham, seed, most_s, keep, rules))
     make_folder(out)
     results: dict[int, Facts] = {}
     for i, job in enumerate(jobs):
@@ -91,6 +101,7 @@ def diagnose_case(job: Job) -> Facts:
     make_folder(out)
     command = python_command("-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME))
     command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
+    command += [] if job.rules is None else ["--rules", job.rules.file]
     begun = time.perf_counter()
     try:
         code, told = _call(command, job.most_s)

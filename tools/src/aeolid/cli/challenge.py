@@ -17,6 +17,8 @@ from aeolid.output import declare
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from aeolid.challenge.run import Rules
+
 EXAMPLES = (
     "aeolid challenge make proof --cases 60 --seed 7",
     "aeolid challenge make rigs --physics foreign    # needs aeolid[challenge]",
@@ -25,7 +27,7 @@ EXAMPLES = (
 )
 STEPS = {
     "make": ("cases", "seed", "samples", "physics", "chain"),
-    "run": ("workers", "out", "sham", "timeout", "keep"),
+    "run": ("workers", "out", "sham", "timeout", "keep", "rules"),
     "score": ("out", "page", "fail_below"),
 }
 
@@ -89,6 +91,10 @@ def challenge(
     keep: Annotated[
         bool, typer.Option("--keep", help="run: keep the report and the model of every diagnosis.")
     ] = False,
+    rules: Annotated[
+        Path | None,
+        typer.Option("--rules", metavar="FILE", help="run: for studies, a TOML file of decision rules that differ."),
+    ] = None,
     page: Annotated[Path | None, typer.Option("--page", help="score: HTML page; default among the results.")] = None,
     fail_below: Annotated[
         float | None, typer.Option("--fail-below", min=0.0, max=1.0, help="score: exit 1 when the recall lies below.")
@@ -102,8 +108,8 @@ def challenge(
     never opens the answers. score checks the seal and prints what was found, missed and wrongly named.
     """
     given = {"cases": cases, "seed": seed, "samples": samples, "physics": physics, "chain": chain,
-             "workers": workers, "out": out, "sham": sham, "timeout": timeout, "keep": keep or None, "page": page,
-             "fail_below": fail_below}  # fmt: skip
+             "workers": workers, "out": out, "sham": sham, "timeout": timeout, "keep": keep or None, "rules": rules,
+             "page": page, "fail_below": fail_below}  # fmt: skip
     _check(step, {name for name, value in given.items() if value is not None})
     _check_physics(physics, chain)
     target = out or folder / "results"
@@ -127,6 +133,7 @@ def challenge(
             sham or 0,
             900.0 if timeout is None else timeout,
             keep,
+            rules,
             json_target,
         )
     else:
@@ -186,17 +193,19 @@ def _make(
 
 
 def _run(
-    folder: Path, target: Path, workers: int, sham: int, timeout: float, keep: bool, json_target: str | None
-) -> None:
+    folder: Path, target: Path, workers: int, sham: int, timeout: float, keep: bool, rules: Path | None,
+    json_target: str | None,
+) -> None:  # fmt: skip
     if timeout < 1:
         raise UsageError(f"--timeout {timeout:g} is no time of a second or more")
     from aeolid.challenge.run import run
     from aeolid.fleet.workers import open_pool
 
+    own = _read_rules(rules)
     try:
         with open_pool(workers, threads=workers > 1) as pool, _bar("diagnosing") as tell:
             results = run(
-                folder, target, pool, sham=sham, most_s=timeout, keep=keep,
+                folder, target, pool, sham=sham, most_s=timeout, keep=keep, rules=own,
                 notice=lambda done, of, result: tell(done, of),
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -210,6 +219,14 @@ def _run(
         for result in failed:
             console.print(f"  {result['case']}: {result['outcome']}: {result['reason']}", markup=False, soft_wrap=True)
     emit_json(results, json_target)
+
+
+def _read_rules(path: Path | None) -> Rules | None:
+    """Return the decision rules of a file; each diagnosis reads it again, in a process of its own."""
+    from aeolid.challenge.run import Rules
+    from aeolid.diagnose.rules import differing, load_rules
+
+    return None if path is None else Rules(str(path.resolve()), dict(differing(load_rules(path))))
 
 
 def _score(folder: Path, target: Path, page: Path, fail_below: float | None, json_target: str | None) -> None:

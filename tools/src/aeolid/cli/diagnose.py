@@ -18,7 +18,7 @@ from aeolid.cli.common import (
     progress_console,
     read_resample,
 )
-from aeolid.cli.diagnose_piece import FILES, Asked, require_case
+from aeolid.cli.diagnose_piece import FILES, Asked, asked_rules, require_case
 from aeolid.cli.durations import seconds_of
 from aeolid.cli.pools import (
     InsecureOption,
@@ -77,6 +77,10 @@ def run(
         ),
     ] = 3600.0,  # ten times what the slowest recordings known take on two cores; loaded or long ones must not hang
     resample: ResampleOption = None,
+    rules: Annotated[
+        Path | None,
+        typer.Option("--rules", metavar="FILE", help="For studies: a TOML file of decision rules that differ."),
+    ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     tls_ca: TlsCaOption = None,
@@ -96,7 +100,7 @@ def run(
 
     if not 0 < time_limit < float("inf"):
         raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
-    asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report)
+    asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report, _read_rules(rules))
     where = Where(workers, scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
     where.check()
     if len(cases) > 1:
@@ -105,6 +109,13 @@ def run(
         verdicts = [_one(cases[0], out, asked, json_target, force)]
     if fail_on_mismatch and any(v not in ("no_mismatch", "immaterial", "not_testable") for v in verdicts):
         raise typer.Exit(1)
+
+
+def _read_rules(path: Path | None) -> dict[str, dict[str, int | float]]:
+    """Return the decision rules of a file that differ from the defaults, by section and name."""
+    from aeolid.diagnose.rules import differing, load_rules
+
+    return {} if path is None else differing(load_rules(path))
 
 
 def _one(case: Path, out: Path, asked: Asked, json_target: str | None, force: bool) -> str:
@@ -153,7 +164,8 @@ def _many(cases: list[Path], out: Path, asked: Asked, where: Where, json_target:
 
 def _written(case: Path, out: Path, asked: Asked) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose and draw the report; returns the diagnosis and the evidence behind it."""
-    diagnosis, evidence = _diagnosed(case, out, asked)
+    with asked_rules(asked):
+        diagnosis, evidence = _diagnosed(case, out, asked)
     page = out / "report.html"
     discard(page)  # of an earlier run
     if asked.report:

@@ -103,7 +103,10 @@ def settings_of(asked: Asked) -> dict[str, Any]:
     """Return what an answer depends on beside the files of its case."""
     from aeolid import __version__
 
-    return asdict(asked) | {"version": __version__}
+    settings = asdict(asked) | {"version": __version__}
+    if not asked.rules:  # as before there were any
+        del settings["rules"]
+    return settings
 
 
 def written_by(cases: Mapping[str, Path]) -> list[str]:

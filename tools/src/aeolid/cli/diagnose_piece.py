@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,16 @@ class Asked:
     allow_fmu: bool
     resample: float | str | None
     report: bool
+    rules: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # what differs, by section and name
+
+
+@contextmanager
+def asked_rules(asked: Asked) -> Iterator[None]:
+    """Let the decision rules hold that were asked for."""
+    from aeolid.diagnose.rules import rules_of, with_rules
+
+    with with_rules(rules_of(asked.rules, "--rules")):
+        yield
 
 
 def _silent(text: str, share: float) -> None:
@@ -50,7 +61,8 @@ def diagnose_piece(piece: tuple[str, str], asked: Asked, out: str, inside: Seque
         require_case(case)
         declare("diagnose", force=force, inputs=[case], folders={"--out": Path(out)}, inside=inside)
         make_folder(folder)
-        return _diagnosed(name, case, folder, asked)
+        with asked_rules(asked):
+            return _diagnosed(name, case, folder, asked)
     except AeolidError as error:  # what is wrong with one case is a line of the table
         return error
 

@@ -20,6 +20,7 @@ from aeolid.diagnose.data.intersample import sampling_findings
 from aeolid.diagnose.data.masking import masked_case
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.first_effect import settled_stage
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.told_values import free_errors, rms, run_errors, told_values, widened
@@ -27,7 +28,6 @@ from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-_ALIKE = 0.99  # correlation of two estimates from which the data hardly tell them apart
 
 Step = Callable[[str], None]
 
@@ -207,12 +207,14 @@ def _moved(prepared: Prepared, predictor: Predictor, fit: Fit) -> list[Moved]:
 
 def _alike(predictor: Predictor, fit: Fit) -> tuple[tuple[str, str, float], ...]:
     """Return pairs of physical values whose estimates are correlated by more than 0.99, the most alike first."""
+    conclusion = in_force().conclusion
     names = [predictor.compiled.model.parameters[i].name for i in fit.free.theta]
     found = []
     for i, one in enumerate(names):
         for j in range(i):
             correlation = float(fit.correlation[i, j])
-            if abs(correlation) > _ALIKE and not any(n.startswith(NUISANCE) for n in (one, names[j])):
+            nuisance = any(n.startswith(NUISANCE) for n in (one, names[j]))
+            if abs(correlation) > conclusion.indistinct_correlation and not nuisance:
                 found.append((names[j], one, correlation))
     return tuple(sorted(found, key=lambda pair: -abs(pair[2])))
 

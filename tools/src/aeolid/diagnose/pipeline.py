@@ -29,6 +29,7 @@ from aeolid.diagnose.localise.locate import evidence_cells
 from aeolid.diagnose.localise.paths import evidence_paths
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.exchange import Alternative, exchanged
 from aeolid.diagnose.selection.first_effect import find_first, first_effect
@@ -36,7 +37,7 @@ from aeolid.diagnose.selection.plain_noise import looked_at_plainly
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
-from aeolid.diagnose.validation.proof import PROVEN, Proof, imitate, is_material, prove, seen_before
+from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove, seen_before
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
 from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against
 
@@ -158,8 +159,9 @@ def _proven(
     A set that the sealed data do not bear out falls back on its first effect: where the sealed part is silent the folds
     choose one effect, and are asked about further ones apart.
     """
+    evidence = in_force().evidence
     held = hold_against(prepared, unsealed, chain, seed)
-    if held.several is not None and held.proof is not None and held.proof.interval[0] <= PROVEN:
+    if held.several is not None and held.proof is not None and held.proof.interval[0] <= evidence.proven_nats:
         held = hold_against(prepared, unsealed, chain[:1], seed)
     if prepared.deadline.skips("forms outside the catalogue"):
         return held, []
@@ -173,8 +175,9 @@ def _shows_elsewhere(prepared: Prepared, unsealed: Prepared, held: Held, seed: i
     A sensor's range may be reached a hundred times in the one part and twice in the other (174 nats sealed; one row
     ahead 0.113 of the spread became 0.012 elsewhere, 0.0172 became 0.0169 there).
     """
+    evidence = in_force().evidence
     static = is_static(prepared)
-    if held.proof is None or held.proof.interval[0] <= PROVEN or is_material(held.proof, static):
+    if held.proof is None or held.proof.interval[0] <= evidence.proven_nats or is_material(held.proof, static):
         return False
     found = held.completed or held.sets[held.kept]
     before, after = (unsealed.predictor, unsealed.fit), (found.predictor, found.fit)
@@ -200,8 +203,13 @@ def _accused(
     prepared: Prepared, unsealed: Prepared, bank: Bank, candidates: Sequence[Candidate], seed: int
 ) -> tuple[Proof | None, list[Candidate]]:
     """Hold the declared values against the sealed data; where these accuse them, fit also what only whispers."""
+    evidence = in_force().evidence
     declared = declared_against(unsealed, seed)
-    if declared is None or declared.interval[0] <= PROVEN or prepared.deadline.skips("effects under the threshold"):
+    if (
+        declared is None
+        or declared.interval[0] <= evidence.proven_nats
+        or prepared.deadline.skips("effects under the threshold")
+    ):
         return declared, []
     return declared, fit_whispering(prepared, bank, candidates)
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, Wiring, judge_of
 from aeolid.diagnose.data.case import Case
+from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
 
 RATIOS: tuple[tuple[float, str, tuple[str, ...]], ...] = (  # factor, its words, units of which one is exchanged
@@ -31,14 +32,7 @@ RATIOS: tuple[tuple[float, str, tuple[str, ...]], ...] = (  # factor, its words,
 _COARSE, _FINE = 4, 15  # orders of the autoregression: to choose whom to ask again, and to answer
 _MOST = 2  # faults at once
 _AGAIN = 6  # hypotheses that are asked again
-_LEAST = 20.0  # nats, beyond the logarithm of the number of hypotheses
-_RATE = 0.06  # nats a sample and output: a wrong sign turns what most of a recording shows; 0.08 to 0.4 are usual
-_EXPLAINED = 0.7  # of what inputs with free weights would gain over the wiring as declared
-_SURE = 2.33  # deviations of the gain's parts
-_ALIKE = 3.0  # nats: less tells no two faults apart
-_OF_SIGN = 0.15  # of a sign's gain must be that over no response at all; a quarter is expected
 _ASIDE = 1e3  # a factor with which a response does not count
-_BESIDE = 1.6  # a factor is the known one only where one so much larger or smaller says less
 
 
 @dataclass(frozen=True)
@@ -137,6 +131,8 @@ def _scaled(base: Wiring, kind: str, role: str, number: int, factor: float, word
 
 def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hypothesis]] | None:
     """Return the change that a wiring asks for, its nats, and what the data do not tell from it; None mostly."""
+    rules = in_force().baseline
+    evidence = in_force().evidence
     asked = list(_hypotheses(judge, base))
     declared = judge.worth(base, _COARSE)[0]
     if declared == -np.inf:
@@ -150,14 +146,16 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     answers = sorted(((judge.worth(h.wiring, _FINE), h) for h in ranked), key=lambda a: -a[0][0])
     (after, of_best, _), best = answers[0]
     gain, steps = after - before, of_best - parts
-    if gain < max(_LEAST + np.log(len(asked)), _RATE * judge.rows):
+    if gain < max(rules.fault_nats + np.log(len(asked)), rules.fault_rate * judge.rows):
         return None
-    if gain < _SURE * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(judge, best, after, before):
+    if gain < evidence.one_percent_z * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(
+        judge, best, after, before
+    ):
         return None
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
-    if after - plain < _EXPLAINED * (free - plain):
+    if after - plain < rules.fault_explained_share * (free - plain):
         return None
-    return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < _ALIKE]
+    return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < rules.fault_alike_nats]
 
 
 def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) -> bool:
@@ -167,13 +165,15 @@ def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) 
     lower at 0, where the model's response between the channel and the others does not count. Where most of the gain is
     there already, the response is of another kind than the model's and has no sign.
     """
+    rules = in_force().baseline
     if best.kind == "swap":
         return True
     if best.kind == "sign":
         aside = _scaled(best.wiring, "", best.role, best.numbers[0], _ASIDE if best.role == "output" else 1 / _ASIDE)
-        if worth - judge.worth(aside.wiring, _FINE)[0] < _OF_SIGN * (worth - before):
+        if worth - judge.worth(aside.wiring, _FINE)[0] < rules.fault_sign_share * (worth - before):
             return False
-    beside = [_scaled(best.wiring, "", best.role, best.numbers[0], f).wiring for f in (_BESIDE, 1 / _BESIDE)]
+    ratios = (rules.fault_beside_ratio, 1 / rules.fault_beside_ratio)
+    beside = [_scaled(best.wiring, "", best.role, best.numbers[0], f).wiring for f in ratios]
     return all(judge.worth(w, _FINE)[0] < worth for w in beside)
 
 

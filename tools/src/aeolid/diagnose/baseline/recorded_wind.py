@@ -15,6 +15,7 @@ from scipy.special import logit
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.hypotheses.parts.wind import winds
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import expressions as ex
@@ -30,8 +31,7 @@ AHEAD, MEAN = "recorded wind, smoothed, mean of the step to come", f"{PREFIX}mea
 _SPEEDS = ("m/s", "km/h", "kn", "mph", "ft/s")
 _FASTEST = 3.0  # of one a sample: what is forgotten faster is white
 _MOST = 2.0  # an anemometer behind the rotor reads half the wind, not less
-_LAGS, _COMPUTED = 3, 0.9  # share of what a wind does not foretell of itself that others know: then it is theirs
-_MISSING = 0.9  # share of a channel that must be there for it to be asked
+_LAGS = 3  # rows of its past by which a wind is foretold
 _TOLD = "it tells the model's wind of gusts (share, level and rate are free)"
 _STARTS = ((0.9, 0.3), (0.99, 0.3), (0.99, 0.8), (0.999, 0.9))  # poles of wind and smoother to start from
 
@@ -106,7 +106,8 @@ def _is_computed(winds_read: Sequence[Array], seen: Sequence[Array], inputs: int
     from it does not foretell it. An anemometer that hardly errs beside an output that feels the wind at once is taken
     for computed, too. seen: (N, inputs + outputs); what is mostly missing is left out.
     """
-    kept = np.mean(np.isfinite(np.vstack(seen)), axis=0) > _MISSING
+    rules = in_force().baseline
+    kept = np.mean(np.isfinite(np.vstack(seen)), axis=0) > rules.present_share
     own, beside = [], []
     for v, values in zip(winds_read, seen, strict=True):
         lagged = [values[_LAGS - k : len(v) - k, kept] for k in range(1, _LAGS + 1)]
@@ -120,7 +121,7 @@ def _is_computed(winds_read: Sequence[Array], seen: Sequence[Array], inputs: int
     rows, others = rows[whole] - rows[whole].mean(axis=0), others[whole] - others[whole].mean(axis=0)
     others = others / np.maximum(others.std(axis=0), 1e-300)
     left = [_left(rows[:, 0], X) for X in (rows[:, 1:], np.column_stack([rows[:, 1:], others]))]
-    return left[1] < (1 - _COMPUTED) * left[0]
+    return left[1] < (1 - rules.wind_known_share) * left[0]
 
 
 def _left(y: Array, X: Array) -> float:

@@ -13,6 +13,7 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point, Prior, Scales
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.baseline import equations_of, offset_sizes
 from aeolid.diagnose.structure.modal import ModalForm, modal_form
 from aeolid.errors import NotIdentifiable
@@ -25,8 +26,6 @@ Array = NDArray[np.float64]
 _PAST = 40  # samples
 _MOST = 14  # states
 _ITERATIONS = 15
-_FEWEST = 400  # samples of a run, as of a recording
-_RUNAWAY = 1e6  # times its median that no output of a working simulation reaches
 _BLOCK = 100  # samples a block of the sandwich covariance: longer than the innovations' memory
 
 
@@ -91,9 +90,11 @@ def surrogate(run: Record, order: int | None = None, deadline: Deadline | None =
 
 def check_run(run: Record) -> None:
     """Raise NotIdentifiable for a run that no model can be made of: too short, mostly missing, or running away."""
+    rules = in_force().baseline
     y = run.matrix("output")
-    if len(run) < _FEWEST:
-        raise NotIdentifiable(f"{run.source}: {len(run)} samples, a simulation of at least {_FEWEST} is needed")
+    if len(run) < rules.run_samples:
+        least = rules.run_samples
+        raise NotIdentifiable(f"{run.source}: {len(run)} samples, a simulation of at least {least} is needed")
     missing = int(np.sum(~np.all(np.isfinite(y), axis=1)))
     if 2 * missing >= len(run) - 1:
         raise NotIdentifiable(
@@ -103,8 +104,8 @@ def check_run(run: Record) -> None:
     for name, column in zip(run.names("output"), y.T, strict=True):
         size = np.abs(np.nan_to_num(column))
         usual = float(np.median(size))
-        if 0 < _RUNAWAY * usual < size.max():
-            first = int(np.argmax(size > _RUNAWAY * usual))
+        if 0 < rules.runaway_ratio * usual < size.max():
+            first = int(np.argmax(size > rules.runaway_ratio * usual))
             raise NotIdentifiable(f"{run.source}: the simulation diverges, {name} at sample {first + 1}; simulate anew")
 
 

@@ -20,6 +20,7 @@ from scipy.signal import lfilter
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.predictor.riccati import steady_gain
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import compile_equations, simulate
@@ -30,7 +31,6 @@ Array = NDArray[np.float64]
 PARTS = 10  # stretches into which evidence is told
 _LAGS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # time constants of one input's lag, samples; none is off by more than √2
 _MOST_ROWS = 20_000  # of all recordings: more make no sign clearer
-_FEWEST = 200
 _KEPT = 3  # wirings of the inputs whose simulations are kept: some tens of megabytes at most
 
 
@@ -146,12 +146,13 @@ class Judge:
 
 def judge_of(case: Case) -> Judge | None:
     """Return the judge of a case; None where the baseline is no model or the recordings are too short."""
+    rules = in_force().baseline
     model = case.baseline
     if not isinstance(model, StateSpace | Equations) or not model.outputs or not model.inputs:
         return None
     step = case.records[0].sample_time_s
     model = discretise(model, step) if isinstance(model, StateSpace) else model
-    share = max(_MOST_ROWS // len(case.records), _FEWEST)
+    share = max(_MOST_ROWS // len(case.records), rules.wiring_rows)
     blocks = []
     for record in case.records:
         piece = record.slice(0, share)
@@ -164,7 +165,9 @@ def judge_of(case: Case) -> Judge | None:
         except DataError:
             return None
         y = piece.columns([s.name for s in model.outputs])
-        if len(piece) >= _FEWEST and np.isfinite(u).all(axis=1).mean() > 0.9 and np.isfinite(y).mean() > 0.9:
+        there = rules.present_share
+        long = len(piece) >= rules.wiring_rows
+        if long and np.isfinite(u).all(axis=1).mean() > there and np.isfinite(y).mean() > there:
             blocks.append((_filled(u), _filled(y)))
     moving = [np.vstack([b[k] for b in blocks]) for k in (0, 1)] if blocks else []
     if not moving or not all(np.all(np.ptp(part, axis=0) > 0) for part in moving):

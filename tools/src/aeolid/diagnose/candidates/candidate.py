@@ -13,6 +13,7 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 
@@ -80,9 +81,10 @@ class Candidate:
     @property
     def is_plainer(self) -> bool:
         """Tell whether what makes an effect more than a plainer one at its place is none, by two deviations."""
+        evidence = in_force().evidence
         for a in self.attachments:
             own = [self.values[a.key].get(s.label, (s.null, 0.0)) for s in a.slots if s.name in a.essential and s.label]
-            if own and all(abs(value) < 2 * std for value, std in own):
+            if own and all(abs(value) < evidence.differs_deviations * std for value, std in own):
                 return True
         return False
 

@@ -17,10 +17,10 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.data.exogenous import with_time
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.point import Prior
+from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-_TIMES = 2.0  # as much a sample as on the run itself must be gained on the recording
 _ITERATIONS = 8
 
 
@@ -47,7 +47,7 @@ def survives_control(prepared: Prepared, candidate: Candidate) -> bool:
     fits = [trial.fit(start, free, _ITERATIONS) for start in (replace(plain, theta=theta), plain)]
     control = max((f.log_likelihood - base.log_likelihood for f in fits if f is not None), default=0.0)
     rates = candidate.fit_gain / len(candidate.fit_density), control / len(base.per_sample)
-    return rates[0] > _TIMES * max(rates[1], 0.0)
+    return rates[0] > in_force().candidates.run_gain_ratio * max(rates[1], 0.0)
 
 
 def run_segment(prepared: Prepared, run: Record) -> Segment:

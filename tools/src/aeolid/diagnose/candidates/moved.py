@@ -8,10 +8,8 @@ import numpy as np
 
 from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
-
-SURE = 3.0  # standard deviations a declared value must have moved; data that do not determine it accuse nobody
-_MATERIAL = 0.02  # share of itself that a declared value must be off to be called wrong
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,10 @@ class Moved:
     @property
     def is_wrong(self) -> bool:
         """Tell whether the declared value is surely another, by more than values of models are known."""
-        return self.deviations > SURE and self.distance > _MATERIAL * abs(self.parameter.value)
+        rules = in_force().candidates
+        evidence = in_force().evidence
+        far = self.distance > rules.material_share * abs(self.parameter.value)
+        return self.deviations > evidence.moved_deviations and far
 
     @property
     def distance(self) -> float:

@@ -11,15 +11,10 @@ import numpy as np
 from aeolid.diagnose.candidates.candidate import at_bound
 from aeolid.diagnose.hypotheses.parts.base import Z90, Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
-_MUTE = 10.0  # ranges of a value: a deviation that large says that the data do not know it
-_UNDETERMINED = 0.3  # of a shape's range (an even spread over all of it has 0.29): it may be anywhere
-_FIRST = 1e-3  # of a change's squares: what comes before is the ramp that stands for the step
-_FORM = 0.01  # of an effect's size, by which real machines differ from its equation
 _MOMENT = 7.7 / Z90  # rows that carry one square of a change: deviation of its moment; 7.7 hold it in 90 %
-_DRIVEN = 4.5  # deviations of what drives a mode: the 10 nats by which a name must be ahead of another
-_CLEAR = 20.0  # nats beyond one a parameter: no chance, though two values that trade may each be uncertain
 
 
 def values_of(
@@ -47,7 +42,7 @@ def _with_form(slot: Slot, value: float, std: float) -> tuple[float, float]:
     """Add what the form leaves open, in proportion to the distance from none; a moment in time has no such size."""
     none = slot.show(slot.null) if slot.local else 0.0
     size = abs(value - none) if math.isfinite(none) else abs(value)
-    return value, math.hypot(float(std), 0.0 if slot.label == "time_s" else _FORM * size)
+    return value, math.hypot(float(std), 0.0 if slot.label == "time_s" else in_force().candidates.form_share * size)
 
 
 def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gain: float, parameters: int) -> str:
@@ -59,6 +54,7 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). What changes
     at a time must be seen both ways: else a value is wrong, and nothing changes.
     """
+    evidence = in_force().evidence
     for a in attachments:
         free = _free_slots([a], fit, model)
         for slot, place in free:
@@ -71,8 +67,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         if reason := a.credible({label: value for label, (value, _) in values_of(a, fit, model).items()}):
             return f"{a.key}: {reason}"
         sizes = [(s, p) for s, p in free if s.local and s.label and (not a.essential or s.name in a.essential)]
-        trading = not a.essential and gain - parameters > _CLEAR
-        if sizes and not trading and not any(_differs(s, p, fit, model, 2.0) for s, p in sizes):
+        trading = not a.essential and gain - parameters > evidence.clear_nats
+        if sizes and not trading and not any(_differs(s, p, fit, model, evidence.differs_deviations) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
     return ""
 
@@ -84,9 +80,10 @@ def undriven(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> s
     drive must be clear: it takes up what else the model lacks, too (eddies beside a sensor's filter that was not in the
     model yet were driven by 3.4 deviations, and had a mode's name; of eight such recordings 1.8 in the mean).
     """
+    least = in_force().candidates.driven_deviations
     for a in attachments:
         drives = [(s, p) for s, p in _free_slots([a], fit, model) if s.name != a.share and not s.label]
-        if a.gain_states and not a.noise_driven and not any(_differs(s, p, fit, model, _DRIVEN) for s, p in drives):
+        if a.gain_states and not a.noise_driven and not any(_differs(s, p, fit, model, least) for s, p in drives):
             return f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return ""
 
@@ -98,9 +95,10 @@ def undetermined(attachments: Sequence[Attachment], fit: Fit, model: Equations) 
 
 def without_the_mute(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> Fit:
     """Return the fit with sizes that the data say nothing of at none: where they ran to means nothing."""
+    rules = in_force().candidates
     theta = fit.point.theta.copy()
     for slot, place in _free_slots(attachments, fit, model):
-        if slot.local and float(fit.std[place]) > _MUTE * (slot.high - slot.low):
+        if slot.local and float(fit.std[place]) > rules.mute_ranges * (slot.high - slot.low):
             theta[model.index(slot.name)] = slot.null
     return replace(fit, point=replace(fit.point, theta=theta))
 
@@ -134,7 +132,7 @@ def _deviation(slot: Slot, place: int, fit: Fit, model: Equations) -> float:
     name, row_s = slot.change
     size = fit.free.theta.index(model.index(name))
     squares = np.square(fit.jacobian[:, size]).reshape(-1, len(fit.noise.factor)).sum(axis=1)
-    rows = len(squares) - int(np.argmax(np.cumsum(squares) > _FIRST * squares.sum()))
+    rows = len(squares) - int(np.argmax(np.cumsum(squares) > in_force().candidates.ramp_share * squares.sum()))
     z = float(fit.point.theta[model.index(name)]) / float(fit.std[size])
     return min(math.hypot(std, _MOMENT * rows * row_s / max(z * z, 1e-12)), slot.high - slot.low)
 
@@ -144,7 +142,7 @@ def _reaches_an_end(value: float, reach: float, slot: Slot) -> bool:
 
 
 def _is_undetermined(slot: Slot, fit: Fit, place: int) -> bool:
-    return not slot.local and float(fit.std[place]) > _UNDETERMINED * (slot.high - slot.low)
+    return not slot.local and float(fit.std[place]) > in_force().candidates.undetermined_range * (slot.high - slot.low)
 
 
 def _differs(slot: Slot, place: int, fit: Fit, model: Equations, times: float) -> bool:

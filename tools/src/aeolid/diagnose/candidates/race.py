@@ -13,14 +13,10 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.refit import MAX_FINALISTS, Begun, begin, finalists, finish, left_behind
 from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row
 
 Array = NDArray[np.float64]
-_LEAST_GAIN = 4.0  # nats on the selection data: a likelihood ratio of 55
-_ALONE = 0.01  # chance of a score that high, of one entry for itself
-_CLEAR = 20.0  # nats on the fit data beyond one a parameter: the selection data need only not refute it
-# Brief fits of a simulator's run reached at least a quarter of what full fits gain (OpenFAST pairs, 12 hypotheses).
-_FAR_SHARE, _FAR = 0.1, 200.0  # less than this share of the leader's gain, and so many nats below it: out of the race
 
 
 def fit_finalists(prepared: Prepared, bank: Bank, most: int | None = None) -> list[Candidate]:
@@ -70,7 +66,8 @@ def whispering(bank: Bank) -> list[Row]:
 
     They name nothing; but where values moved surely, something is there, and one of them may be what.
     """
-    quiet = [r for r in bank.rows if r.testable and r.z <= bank.limit(r) and r.p_value <= _ALONE]
+    rules = in_force().candidates
+    quiet = [r for r in bank.rows if r.testable and r.z <= bank.limit(r) and r.p_value <= rules.alone_level]
     return [r for r in quiet if r.attachment.entry not in ("parameter_error", unlisted.ID)]
 
 
@@ -82,9 +79,10 @@ def fit_whispering(prepared: Prepared, bank: Bank, fitted: Sequence[Candidate]) 
 
 def hopeless(gain: float, leader: Candidate | None) -> str:
     """Say why a brief fit's gain leaves no hope; empty where it leaves some."""
-    if gain < -_FAR:
+    rules = in_force().candidates
+    if gain < -rules.far_nats:
         return f"{-gain:.0f} nats below the model without it"
-    if leader is not None and gain < _FAR_SHARE * leader.fit_gain and gain < leader.fit_gain - _FAR:
+    if leader is not None and gain < rules.far_share * leader.fit_gain and gain < leader.fit_gain - rules.far_nats:
         return f"{leader.key} is far ahead"
     return ""
 
@@ -98,12 +96,13 @@ def is_accepted(candidate: Candidate) -> bool:
     speak for it beyond what its parameters cost: where a simulator's model was bent to the fit data, two values worth
     5 nats there gained 36 and 126 on the other parts, of a recording that lacked nothing.
     """
+    evidence = in_force().evidence
     if not candidate.plausible or candidate.fit_gain <= candidate.handicap:
         return False
     spread = float(np.sqrt(len(candidate.select_difference)) * np.std(candidate.select_difference))
-    proven = candidate.select_gain > max(_LEAST_GAIN, 1.64 * spread)
+    proven = candidate.select_gain > max(evidence.validation_nats, evidence.five_percent_z * spread)
     # a candidate with a smaller noise model than the baseline has fewer parameters, which is no gain of its own
-    clear = candidate.fit_gain - max(candidate.parameters, 1) > _CLEAR
+    clear = candidate.fit_gain - max(candidate.parameters, 1) > evidence.clear_nats
     return proven or (clear and candidate.select_gain > -spread)
 
 

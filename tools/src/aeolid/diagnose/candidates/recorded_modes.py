@@ -12,6 +12,7 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
 from aeolid.diagnose.predictor.fitted import Fit
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import AeolidError
 from aeolid.identify.plain import identify_plainly
 from aeolid.models.equations import Equations
@@ -22,10 +23,6 @@ Array = NDArray[np.float64]
 Known = dict[str, tuple[float, float]]  # name in the model → value, deviation
 _PERIODS = (1.0, 1.5)  # of the mode, that the past windows span
 _PAST = 40  # samples that a period counts at least: the window of a simulator's run
-_NEEDED = 30  # times the window that the recording must be long
-_OFF = 9.21  # χ² of two values that chance exceeds once in a hundred
-_LEAST = 0.5  # of the deviation, that the difference has at least
-_NEAR = 0.15  # of the fitted frequency: a mode further away is another one
 
 
 def recorded_modes(prepared: Prepared, attachments: Sequence[Attachment], fit: Fit, model: Equations) -> Known:
@@ -57,15 +54,16 @@ def _is_off(fit: Fit, model: Equations, known: Known) -> bool:
 
     The deviation of the difference from a fit that is as sharp as can be is the root of the difference of the squares.
     """
+    rules = in_force().candidates
     squares = 0.0
     for name, (value, std) in known.items():
         index = model.index(name)
         if index not in fit.free.theta:
             return False
         own = float(fit.std[fit.free.theta.index(index)])
-        room = max(std**2 - own**2, (_LEAST * std) ** 2)
+        room = max(std**2 - own**2, (rules.mode_difference_share * std) ** 2)
         squares += (float(fit.point.theta[index]) - value) ** 2 / room
-    return squares > _OFF
+    return squares > rules.mode_off_chi2
 
 
 def _pair(attachment: Attachment) -> tuple[Slot, Slot] | None:
@@ -79,11 +77,12 @@ def _windows(prepared: Prepared, frequency_hz: float) -> list[int]:
     step, rows = prepared.split.fit[0].step, sum(len(s.y) for s in (*prepared.split.fit, *prepared.split.select))
     period = max(_PAST, 1.0 / (frequency_hz * step))
     windows = [round(periods * period) for periods in _PERIODS]
-    return windows if rows >= _NEEDED * windows[-1] else []
+    return windows if rows >= in_force().candidates.mode_windows * windows[-1] else []
 
 
 def _mode(prepared: Prepared, outputs: Sequence[str], damping: Slot, near: float, past: int) -> Mode | None:
     """Return the mode nearest to a frequency (Hz) that shows most in one of these outputs; None where there is none."""
+    rules = in_force().candidates
     segments = [s for s in (*prepared.split.fit, *prepared.split.select) if len(s.y) > 2 * past]
     try:
         modes = identify_plainly(_records(prepared, segments), past=past).modes
@@ -91,7 +90,7 @@ def _mode(prepared: Prepared, outputs: Sequence[str], damping: Slot, near: float
         return None
     own = [
         m for m in modes
-        if abs(m.frequency_hz - near) < _NEAR * near and damping.low < m.damping < damping.high
+        if abs(m.frequency_hz - near) < rules.mode_distance * near and damping.low < m.damping < damping.high
         and max(m.shares, key=m.shares.__getitem__) in outputs and m.damping_std is not None
     ]  # fmt: skip
     return min(own, key=lambda m: abs(m.frequency_hz - near), default=None)

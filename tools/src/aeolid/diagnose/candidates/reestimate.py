@@ -16,8 +16,8 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.reflection import reflected
+from aeolid.diagnose.rules import in_force
 
-_DEAR = 0.1  # of the effect's gain: a mode that costs more as the recording shows it is not what was fitted
 _ITERATIONS = 10  # Gauss–Newton iterations: the start is the best of half the data
 _TO_THE_END, _TOLERANCE = 40, 1e-3  # and nats: a fit that stops this short is within 0.05 deviations of its optimum
 
@@ -73,7 +73,7 @@ def _with_recorded_modes(prepared: Prepared, candidate: Candidate, predictor: Pr
         start = reflected(predictor.compiled, predictor.middle, start, free, fit.noise.covariance, step)
     held = fit_quietly(predictor, start, free, iterations=_ITERATIONS)
     gain = candidate.fit_gain * len(fit.per_sample) / len(candidate.fit_density)  # on all the data of this fit
-    if held is None or fit.log_posterior - held.log_posterior > _DEAR * gain:
+    if held is None or fit.log_posterior - held.log_posterior > in_force().candidates.dear_share * gain:
         return fit, {}
     return without_the_mute(candidate.attachments, held, model), known
 

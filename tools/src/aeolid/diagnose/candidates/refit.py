@@ -21,6 +21,7 @@ from aeolid.diagnose.predictor.explore import TRIED, core, explore, fit_briefly,
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap
 
 Array = NDArray[np.float64]
@@ -28,13 +29,9 @@ MAX_FINALISTS = 6
 _FAMILIES = 10  # of which one is fitted, where so many speak
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
 _ZONES, _LOOPS, _SENSORS = 2, 1, 2  # dead zones, hysteretic forces and lags of sensors beside these
-_LOST = 0.1  # nats a sample and output below the baseline, from which a start does not come back
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
-_TIED = 1.0  # nats: fits this close are equally good …
-_RIDGE = 0.25  # … and this close the same, with values that the data leave open
-ALIKE = 0.9  # cos² from which two hypotheses must both be fitted: the score cannot tell them apart
 
 
 def finalists(bank: Bank) -> list[Row]:
@@ -44,6 +41,7 @@ def finalists(bank: Bank) -> list[Row]:
     bent springs, a drag and a shadow stood before the tower's own mode; a sensor that clips, worth 1,488 nats, was the
     seventh family of seven).
     """
+    rules = in_force().candidates
     over = bank.loud
     chosen = [r for r in bank.rows if r.attachment.always_fit or r.attachment.shown]
     most = len(chosen) + MAX_FINALISTS
@@ -54,7 +52,7 @@ def finalists(bank: Bank) -> list[Row]:
             families.add(family)
             chosen.append(row)
     for row in over:
-        for peer in [row] + [r for r in bank.rows if overlap(row, r) > ALIKE]:
+        for peer in [row] + [r for r in bank.rows if overlap(row, r) > rules.alike_cos2]:
             if peer not in chosen and len(chosen) < most:
                 chosen.append(peer)
     stepped = [r for r in bank.rows if r.attachment.stepped and r.testable and r not in chosen] if over else []
@@ -152,7 +150,7 @@ def _without_the_lost(begun: Begun) -> Begun:
     """
     if begun.prepared.surrogate is None or begun.gain <= 0:
         return begun
-    limit = begun.found[0][0] + begun.gain + _LOST * len(begun.base.residual)
+    limit = begun.found[0][0] + begun.gain + in_force().candidates.lost_rate * len(begun.base.residual)
     return replace(begun, found=tuple(f for f in begun.found if f[0] < limit))
 
 
@@ -202,15 +200,17 @@ def best_of(fits: Sequence[Fit], attachments: Sequence[Attachment], prepared: Pr
     spill then thrice what was spilt, the most that can be) were 0.002 nats apart. Of fits on one ridge the effects'
     values that moved least from `before` (np,) are taken.
     """
+    rules = in_force().candidates
+    evidence = in_force().evidence
     slots = [s for a in attachments for s in a.slots]
     places = [prepared.extended.index(s.name) for s in slots]
     width = np.array([s.high - s.low for s in slots])
     most = max((f.log_posterior for f in fits), default=0.0)
-    near = [f for f in fits if f.log_posterior > most - _TIED]
+    near = [f for f in fits if f.log_posterior > most - evidence.tied_nats]
     ends = [sum(at_bound(float(f.point.theta[i]), s) for i, s in zip(places, slots, strict=True)) for f in near]
     inside = [f for f, e in zip(near, ends, strict=True) if e == min(ends)]
     most = max((f.log_posterior for f in inside), default=0.0)
-    ridge = [f for f in inside if f.log_posterior > most - _RIDGE]
+    ridge = [f for f in inside if f.log_posterior > most - rules.ridge_nats]
     moved = [float(np.sum(((f.point.theta - before)[places] / width) ** 2)) for f in ridge]
     return min(zip(moved, range(len(ridge)), ridge, strict=True), default=(0.0, 0, None))[2]
 

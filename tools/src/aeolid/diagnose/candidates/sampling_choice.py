@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.intersample import Sampling, traits_of
+from aeolid.diagnose.rules import in_force
 from aeolid.models.intersample import FILTERED, HOLDS
 
 TINY = 1e-4  # samples: step of a finite difference
-_LATEST = 0.9  # samples by which a command may be late: a lag longer than a sample is fitted best by more
 MIDDLE = 0.5  # samples: delay of a filter from which fits start, corner 0.9 of the Nyquist frequency
 
 
@@ -55,7 +55,7 @@ class Choice:
         """
         held = [h in (HOLDS[0], FILTERED) for _, h in sampling.holds]
         if all(held):
-            most = _LATEST * step if self.late else 0.0
+            most = in_force().candidates.latest_samples * step if self.late else 0.0
             fits = sampling.late_s <= most or abs(sampling.late_s - step) < TINY * step
             return fits and (not self.whole or sampling.offset_s > -TINY * step or not sampling.free)
         return (self.any_offset and not any(held)) or sampling.offset_s <= 0

@@ -34,21 +34,17 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, theta_variant
+from aeolid.diagnose.rules import in_force
 from aeolid.models.integrate import Compiled
 from aeolid.models.intersample import FILTER, FILTERED, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
-_PROMISE = 2.0  # nats that a score promises, two deviations: below that nothing is tried
-_EXACT = 2.0  # nats, two deviations: what a whole sample may be short of the best offset and still be it
-_BEYOND = 1.5  # samples: what is likelier there than within one is no habit
 _PAST = 40  # samples of an input's own past: longer than steps are held
-_MOVED = 0.1  # samples by which an offset beside an effect is another than that of the baseline alone
 _LEADERS = 4  # kinds of effects beside which it is looked again
 _KNOWN = 1e-9  # share below which an input's own past foretells all of it: a sequence that no output can add to
 _LEVELS = 5  # samples of a held input's own past
 _ROWS = 20_000  # rows that show feedback
-_LEFT = 0.25  # of what innovations tell of inputs: where less is left under another reading, it was no feedback
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +98,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
     if prepared.surrogate is not None or not prepared.sampling.holds:
         return None
     stage, choice = _stage(prepared, winner), choice_of(case, prepared)
-    best = _likelier(stage, choice) if max(stage.promised) >= _PROMISE else None
+    best = _likelier(stage, choice) if max(stage.promised) >= in_force().evidence.two_deviations_nats else None
     if winner is None:
         return best
     plain = _as_plain(stage, choice, 0.0 if best is None else best.gain)
@@ -110,7 +106,7 @@ def settle(case: Case, prepared: Prepared, winner: Candidate | None = None) -> S
         return plain or best
     offset, delay = (float(stage.point.theta[i]) for i in (stage.place, stage.delay))
     beside = replace(prepared.sampling, offset_s=offset, filter_s=delay)
-    if abs(beside.late_s - prepared.sampling.late_s) < _MOVED * stage.step:
+    if abs(beside.late_s - prepared.sampling.late_s) < in_force().candidates.offset_moved_samples * stage.step:
         return None
     return _nearly_whole(stage, beside)
 
@@ -170,7 +166,7 @@ def _feedback(stage: _Stage, choice: Choice, best: Sampling) -> float:
         return 0.0
     _, predictor, point = stage.fitted(best, _THOROUGH)
     left = _leak(replace(stage, predictor=predictor, point=point), choice)
-    return left if left < _LEFT * told else told
+    return left if left < in_force().candidates.feedback_left_share * told else told
 
 
 def _is_too_late(stage: _Stage, choice: Choice, best: Sampling) -> bool:
@@ -292,7 +288,7 @@ def _nearly_whole(stage: _Stage, sampling: Sampling) -> Sampling:
     free = stage.tried(replace(sampling, free=True), _THOROUGH)
     near = float(np.rint(free.offset_s / stage.step)) * stage.step
     exact = stage.tried(replace(free, offset_s=near, free=False), _THOROUGH)
-    return exact if exact.gain > free.gain - _EXACT else free
+    return exact if exact.gain > free.gain - in_force().evidence.two_deviations_nats else free
 
 
 def _goes_on(stage: _Stage, best: Sampling) -> bool:
@@ -309,7 +305,8 @@ def _goes_on(stage: _Stage, best: Sampling) -> bool:
     if abs(shift) < 1.0:
         return False
     other = best.late_s - best.offset_s
-    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step - other, free=False) for k in (_BEYOND, 0.75)]
+    places = (in_force().candidates.offset_beyond_samples, 0.75)
+    trials = [replace(best, offset_s=k * np.sign(shift) * stage.step - other, free=False) for k in places]
     beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
     physics = shift > 0 and not best.free and within > best.gain
     return beyond > best.gain or physics

@@ -15,16 +15,13 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Point, shifted
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Row
 from aeolid.diagnose.structure.baseline import noisy_states
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.models.integrate import output_jacobian
 from aeolid.models.state_space import StateSpace
 
-_LOUD = 0.3  # process noise, in sizes of its state, that a sample brings: it stands in for what is missing
-# The same of a force with a memory, in sizes of what it acts against; the place of a filter it takes from _LOUD on
-# (0.39 and 0.62: a thermocouple's lag gained 0.3 nats under them, 180 from a quiet start).
-_LOUD_FORCE = 10.0
 _QUIET, _SILENT = 0.1, 0.01  # what is left of it, and of forces with a memory
 
 
@@ -96,12 +93,13 @@ def _origins(prepared: Prepared, base: Fit, attachments: Sequence[Attachment]) -
     As fitted and as declared, once more without the process noise that took the effect's place (two overflowing tanks
     gained 68 nats under it, 205 from a quiet start), white or with a memory; or as on a simulator's own run.
     """
+    rules = in_force().candidates
     declared = replace(base.point, theta=prepared.extended.theta)
     if prepared.linear is None or base.point.K is None:
         noise = base.point.noise.copy()
-        loud = [i for i in noisy_states(prepared.declared) if noise[i] > _LOUD]
+        loud = [i for i in noisy_states(prepared.declared) if noise[i] > rules.loud_sizes]
         forces = [i for i, s in enumerate(prepared.extended.states) if s.name.startswith(FORCE)]
-        most = _LOUD if any(turns(a) for a in attachments) else _LOUD_FORCE
+        most = rules.loud_sizes if any(turns(a) for a in attachments) else rules.loud_force_sizes
         if not loud and not np.any(noise[forces] > most):
             return [[base.point, declared]]
         noise[loud], noise[forces] = _QUIET, np.minimum(noise[forces], _SILENT)

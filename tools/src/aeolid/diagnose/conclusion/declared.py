@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.candidates.moved import SURE, Moved, moved_in
+from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.race import whispering
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.numbers import finite
-
-_SPEAKS = 4.0  # nats of score from which a form without a name still forbids "the structure is right"
 
 
 def moved(study: Study) -> list[Moved]:
@@ -22,8 +21,11 @@ def moved(study: Study) -> list[Moved]:
 
 def contradicted(study: Study) -> bool:
     """Tell whether declared values moved surely, and none of them to the end of its range."""
+    evidence = in_force().evidence
     values = moved(study)
-    return values[0].deviations > SURE and not any(m.at_end for m in values if m.deviations > SURE)
+    return values[0].deviations > evidence.moved_deviations and not any(
+        m.at_end for m in values if m.deviations > evidence.moved_deviations
+    )
 
 
 def also_speaking(study: Study) -> list[Candidate]:
@@ -54,23 +56,26 @@ def form_speaking(study: Study) -> Candidate | None:
     on the sealed ones, −3 to 21, made a loss four times too large); or one that makes the declared values right again
     (a spring that relaxes, 21 nats on the fit data, 2 on the selection data, made stiffness and damping too large).
     """
+    rules = in_force().conclusion
     winner = study.winner
     if winner is not None and winner.unlisted and study.proof is not None and study.proof.gain > 0:
         return winner
-    forms = [c for c in study.candidates if c.unlisted and c.plausible and c.complete and c.score > _SPEAKS]
+    forms = [c for c in study.candidates if c.unlisted and c.plausible and c.complete and c.score > rules.nameless_nats]
     found = [c for c in forms if min(c.fit_gain, c.select_gain) > 0 and explains_away(c)]
     return max(found, key=lambda c: c.score, default=None)
 
 
 def explains_away(candidate: Candidate) -> bool:
     """Tell whether beside the effect no declared value is surely another than declared."""
-    return all(m.deviations <= SURE for m in candidate.moved)
+    evidence = in_force().evidence
+    return all(m.deviations <= evidence.moved_deviations for m in candidate.moved)
 
 
 def parameter_effect(study: Study) -> dict[str, Any]:
     """Return the effect "declared values are wrong" with what they were fitted to."""
+    evidence = in_force().evidence
     values = moved(study)
-    sure = [m for m in values if m.deviations > SURE][:3]
+    sure = [m for m in values if m.deviations > evidence.moved_deviations][:3]
     words = ", ".join(
         f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
     )

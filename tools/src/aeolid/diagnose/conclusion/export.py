@@ -15,6 +15,7 @@ from aeolid.diagnose.conclusion.correction import Correction, correct
 from aeolid.diagnose.conclusion.verdict import shown_proof
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.rules import differing, in_force
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.divergent import Diverging
 from aeolid.formats.headings import heading_line
@@ -28,6 +29,7 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     correction = correct(study)
     wild = correction.diverging
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
+    diagnosis |= _own_rules()
     late = study.deadline
     diagnosis["time_limit"] = late.to_json()
     diagnosis["warnings"] = ([late.text()] if late.reached else []) + ([] if wild is None else [wild.text()])
@@ -43,6 +45,12 @@ def write_all(study: Study, diagnosis: dict[str, Any], folder: Path) -> dict[str
     return facts
 
 
+def _own_rules() -> dict[str, Any]:
+    """Return the decision rules in force as a fact of the diagnosis, where they are not the defaults."""
+    own = differing(in_force())
+    return {"rules": own} if own else {}
+
+
 def _headed(correction: Correction) -> str:
     """Return the text of model.toml; what forbids its use stands first."""
     wild = correction.diverging
@@ -55,6 +63,7 @@ def write_found(
     folder: Path,
 ) -> dict[str, Any]:  # fmt: skip
     """Write the files of a diagnosis that was made without a study of fits; returns the evidence."""
+    diagnosis |= _own_rules()
     if wild is not None:
         model = replace(model, name=f"{model.name}, DIVERGES")
     diagnosis["model"] = {"file": "model/model.toml", "divergence": None if wild is None else wild.to_json()}
@@ -71,6 +80,7 @@ def write_found(
 
 def write_ended(diagnosis: dict[str, Any], evidence: dict[str, Any], folder: Path) -> dict[str, Any]:
     """Write diagnosis.json, an empty sealed_before_after.csv and evidence.json; returns the evidence."""
+    diagnosis |= _own_rules()
     output.make_folder(folder)
     output.write_json(folder / "diagnosis.json", diagnosis)
     write_series({}, folder / "sealed_before_after.csv")

@@ -11,13 +11,11 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.conclusion.declared import form_speaking
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import stands_for
 from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation.proof import Proof
 from aeolid.record import Record
-
-_BAND = 20.0  # nats of score from which a mode that no input drives is worth a word
-_CLEAR = 20.0  # nats on the fit data from which what the sealed data do not bear out is worth a word
 
 
 def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
@@ -108,7 +106,7 @@ def _not_borne_out(study: Study) -> str:
     A drive that saturates may do so twenty times in the fit data (187 nats) and three times in the sealed ones (10).
     """
     found, proof = study.winner, study.proof
-    if found is None or proof is None or found.fit_gain < _CLEAR or proof.gain <= 0:
+    if found is None or proof is None or found.fit_gain < in_force().conclusion.word_nats or proof.gain <= 0:
         return ""
     return (
         f"; but what was fitted speaks, by {found.fit_gain:.0f} nats, for this: {found.says(found.attachments[0])}."
@@ -118,7 +116,8 @@ def _not_borne_out(study: Study) -> str:
 
 def _coloured(study: Study) -> str:
     """Say where the noise has a band that the model does not have; empty where it has none."""
-    found = [c for c in study.candidates if c.undriven and c.score > _BAND and c.select_gain > 0]
+    rules = in_force().conclusion
+    found = [c for c in study.candidates if c.undriven and c.score > rules.word_nats and c.select_gain > 0]
     if not found:
         return ""
     band = max(found, key=lambda c: c.score)

@@ -20,20 +20,14 @@ from scipy.optimize import least_squares
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations, Parameter
 from aeolid.models.integrate import compile_equations, simulate
 
 Array = NDArray[np.float64]
 _FOLDS = 5  # stretches of a single recording; several recordings are the folds
-_FEWEST = 50  # samples of a fold
-_MOST = 4  # declared values; more are not told apart by a scatter plot
-_BETTER = 0.9  # of the mean absolute error before, in every fold: a tenth is visible in any plot
-_RIGHT = 0.25  # of an output's spread: where the mean absolute error stays above it, the law itself is not right
-_END = 0.01  # relative distance from the end of a declared range at which a value has none
-_SURE = 3.0  # deviations between folds by which a value must have moved
 _PASSES = 3  # fits, each scaled by the errors of the one before
 _NORMAL = 1.4826  # median of absolute errors to a standard deviation
 
@@ -68,7 +62,7 @@ def static_law(case: Case, seed: int) -> StaticLaw | None:
         return None
     places = [i for i, p in enumerate(model.parameters) if p.minimum < p.value < p.maximum and p.value != 0]
     folds = _folds(case, model)
-    if not 1 <= len(places) <= _MOST or len(folds) < 2:
+    if not 1 <= len(places) <= in_force().conclusion.law_values or len(folds) < 2:
         return None
     spread = np.nanstd(np.vstack([f.y for f in folds]), axis=0)
     if not np.all(spread > 0):
@@ -113,15 +107,17 @@ class _Law:
 
     def at_an_end(self, factors: Array) -> bool:
         """Tell whether a value was driven to the end of its declared range."""
+        near = in_force().conclusion.law_end_distance
         values = self.declared * factors
         ends = [(p.minimum, p.maximum) for p in map(self._parameter, self.places)]
-        return any(min(abs(v - e) for e in pair) < _END * abs(v) for v, pair in zip(values, ends, strict=True))
+        return any(min(abs(v - e) for e in pair) < near * abs(v) for v, pair in zip(values, ends, strict=True))
 
     def _parameter(self, place: int) -> Parameter:
         return self.model.parameters[place]
 
 
 def _folds(case: Case, model: Equations) -> list[_Fold]:
+    rules = in_force().conclusion
     whole = []
     for record in case.records:
         u, y = model.inputs_of(record), record.columns([o.name for o in model.outputs])
@@ -130,17 +126,25 @@ def _folds(case: Case, model: Equations) -> list[_Fold]:
     if len(whole) == 1:
         pairs = zip(np.array_split(whole[0].u, _FOLDS), np.array_split(whole[0].y, _FOLDS), strict=True)
         whole = [_Fold(f"{whole[0].name}, part {k + 1}", u, y) for k, (u, y) in enumerate(pairs)]
-    return [f for f in whole if int(np.all(np.isfinite(f.y), axis=1).sum()) >= _FEWEST]
+    return [f for f in whole if int(np.all(np.isfinite(f.y), axis=1).sum()) >= rules.law_samples]
+
+
+def _moved(factors: Array, std: Array) -> list[int]:
+    """Return the places of values that moved: by more than between folds, and enough to be seen."""
+    deviations = in_force().evidence.moved_deviations
+    least = 1 - in_force().conclusion.law_better_share
+    return [i for i, f in enumerate(factors) if abs(f - 1) > deviations * std[i] and abs(f - 1) > least]
 
 
 def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
+    rules = in_force().conclusion
     gains, before, after = [], [], []
     for k, fold in enumerate(folds):
         others = [f for j, f in enumerate(folds) if j != k]
         factors = law.fit(others)
         sizes = [np.nanmean(np.abs(np.vstack(law.errors(x, others))), axis=0) for x in (np.ones(len(factors)), factors)]
         old, new = (np.abs(law.errors(x, [fold])[0]) for x in (np.ones(len(factors)), factors))
-        if np.nanmean(new) > _BETTER * np.nanmean(old):
+        if np.nanmean(new) > rules.law_better_share * np.nanmean(old):
             return None
         each = np.nansum(np.log(sizes[0] / sizes[1]) + old / sizes[0] - new / sizes[1], axis=1)
         gains.append(each / _memory(new))
@@ -150,8 +154,8 @@ def _judged(law: _Law, folds: Sequence[_Fold], seed: int) -> StaticLaw | None:
     interval = block_interval(total, seed)
     own = np.array([law.fit([f]) for f in folds])
     all_of_them, std = law.fit(folds), own.std(axis=0, ddof=1)
-    sure = [i for i, f in enumerate(all_of_them) if abs(f - 1) > _SURE * std[i] and abs(f - 1) > 1 - _BETTER]
-    if interval[0] <= PROVEN or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > _RIGHT:
+    sure, unproven = _moved(all_of_them, std), interval[0] <= in_force().evidence.proven_nats
+    if unproven or not sure or law.at_an_end(all_of_them) or np.nanmean(np.vstack(after)) > rules.law_right_share:
         return None
     theta = {law.model.parameters[p].name: float(law.declared[i] * all_of_them[i]) for i, p in enumerate(law.places)}
     parameters = tuple(replace(p, value=theta.get(p.name, p.value)) for p in law.model.parameters)

@@ -20,18 +20,15 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.localise.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import minimum_detectable
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
-from aeolid.diagnose.validation.proof import PROVEN, Proof, is_material
+from aeolid.diagnose.validation.proof import Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
 
 Array = NDArray[np.float64]
-_RECOVERED = 0.3  # below this share of what the data would allow, the name is not the main thing missing
-_RECOVERED_BY_PARAMETER = 0.8  # "the structure is right" is a claim about all that is left
-_CEILING_GAIN = 10.0  # nats: a model-free correction gaining less shows nothing worth describing …
-_CEILING_RATE = 0.02  # … nor one that shrinks the one-step errors by less than 2 % (nats a sample and output)
 
 
 def diagnose(study: Study) -> dict[str, Any]:
@@ -100,13 +97,15 @@ def _decide(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
 
 def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None]:
     """Return the same of what was not left out."""
-    if study.winner is not None and study.proof is not None and study.proof.interval[0] > PROVEN:
+    rules = in_force().conclusion
+    evidence = in_force().evidence
+    if study.winner is not None and study.proof is not None and study.proof.interval[0] > evidence.proven_nats:
         if not (is_material(study.proof, is_static(study.prepared)) or study.shows_elsewhere):
             return "immaterial", [], None
         if study.winner.unlisted:
             return "unnamed", [], study.proof
         kinds = {a.entry for a in study.winner.attachments}
-        needed = _RECOVERED_BY_PARAMETER if kinds == {"parameter_error"} else _RECOVERED
+        needed = rules.recovered_by_parameter if kinds == {"parameter_error"} else rules.recovered_share
         outdone = outdone_by(study.candidates, study.second or study.winner)
         if recovered_fraction(study, study.proof) >= needed and outdone is None:
             return *_named(study, study.winner), study.proof
@@ -117,17 +116,17 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
     if (
-        top.select.sum() > _CEILING_GAIN
+        top.select.sum() > rules.ceiling_nats
         and block_interval(top.select, study.seed)[0] > 0
-        and top.sealed.sum() > _CEILING_GAIN
+        and top.sealed.sum() > rules.ceiling_nats
         and block_interval(top.sealed, study.seed)[0] > 0
-        and top.sealed.mean() > _CEILING_RATE * len(study.prepared.extended.outputs)
+        and top.sealed.mean() > rules.ceiling_rate * len(study.prepared.extended.outputs)
     ):
         return "unnamed", [], None
     declared = study.declared_proof
     if (
         declared is not None
-        and declared.interval[0] > PROVEN
+        and declared.interval[0] > evidence.proven_nats
         and is_material(declared, is_static(study.prepared))
         and contradicted(study)
     ):

@@ -13,6 +13,7 @@ import numpy as np
 
 from aeolid.diagnose.data.inside import resolve
 from aeolid.diagnose.data.match import matched
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import Contradiction, DataError, UsageError
 from aeolid.formats import read_record
 from aeolid.models import equations_file
@@ -36,7 +37,6 @@ CONTEXT: dict[str, tuple[Callable[[Any], bool], str]] = {  # what is known of th
 MOST_STATES = 40  # of a baseline: beyond that compiling and fitting take minutes
 _MOST_FREE = 200  # parameters of a baseline: their sensitivities of 12,000 samples of three channels take 60 MB
 ONE_RUN = "same_inputs compares one run with the recordings sample by sample; give one file"
-_IMPOSSIBLE = 6.0  # times a recorded speed; idling apart, a rated one is at most some 2 times above what is recorded
 KINDS = ("state_space", "equations", "run", "fmu")
 
 
@@ -151,7 +151,7 @@ def _require_possible(context: Mapping[str, Any], records: Sequence[Record], sou
     """Refuse a rated speed that the recorded rotor angle contradicts by the factor from rpm to rad/s."""
     rated = context.get("rated_speed_rad_s")
     turning = _turning(records[0]) if rated else None
-    if rated and turning and rated / turning > _IMPOSSIBLE:
+    if rated and turning and rated / turning > in_force().data.impossible_speed_ratio:
         raise DataError(
             f"{source} [context]: rated_speed_rad_s = {rated:g}, but the rotor turns at {turning:.3g} rad/s"
             f" ({turning * 30 / math.pi:.3g} rpm) in {records[0].source}; rad/s are wanted, not rpm"

@@ -11,20 +11,14 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.standing import Baseline, stretches_of, words
-from aeolid.diagnose.data.strays import FAR, codes_of, strays_of
+from aeolid.diagnose.data.strays import codes_of, strays_of
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
 from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-_STUCK_SHARE = 0.2  # of an output's samples stuck: where nothing else is found behind it, that is the answer
-_RAIL_SHARE = 0.005
-_FINE, _AGAIN = 0.9, 3  # share of different values of a finely resolved channel; times that its extreme comes then
-_PILE, _PILE_SHARE = 0.005, 0.02  # of the range and of the samples: a pile at the end that noise has blurred
-_WHOLE = 0.01  # steps by which rounding of the numbers themselves may miss a grid
-_ALIKE = 0.8  # correlation with a free run from which channels are recognised
-_CLEARLY = 0.3  # … and by how much that of swapped channels must stand out
 SWAPPED = "swapped"  # the check of two outputs under each other's name
 _SAME = "sample by sample the same as"
 RATIOS: tuple[tuple[float, str], ...] = (
@@ -38,7 +32,6 @@ RATIOS: tuple[tuple[float, str], ...] = (
     (100.0, "centimetres to a metre"),
     (1000.0, "a thousand"),
 )
-_NEAR = 0.03  # relative distance at which a known ratio is said
 
 
 @dataclass(frozen=True)
@@ -92,11 +85,12 @@ def _in_all(channel: Channel, records: Sequence[Record]) -> list[Finding]:
 
 def _standing(records: Sequence[Record], baseline: Baseline) -> list[Finding]:
     """Say where outputs hold one value: a machine at rest, one that may stand, a sensor that is stuck."""
+    rules = in_force().data
     stretches, found = stretches_of(records, baseline), []
     for channel in records[0].of("output"):
         own = [s for s in stretches if s.channel == channel.name]
         every = sum(len(r) for r in records)
-        much = sum(len(s) for s in own if s.kind == "stuck") > _STUCK_SHARE * every
+        much = sum(len(s) for s in own if s.kind == "stuck") > rules.stuck_share * every
         for s in own:
             where = f"{channel.name} ({records[s.record].source.rsplit('/', 1)[-1]})"
             severity = "info" if s.kind != "stuck" else "fault" if much else "warning"
@@ -107,11 +101,12 @@ def _standing(records: Sequence[Record], baseline: Baseline) -> list[Finding]:
 
 
 def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[Finding]:
+    rules = in_force().data
     where, found = f"{channel.name} ({source})", []
     missing = int(np.sum(~np.isfinite(values)))
     if missing:
         text = f"{missing} of {len(values)} samples are missing; they are left out"
-        most = alone and missing > 0.5 * len(values)
+        most = alone and missing > rules.missing_share * len(values)
         found.append(Finding("missing", where, text, "fault" if most else "warning", not most))
     v = values[np.isfinite(values)]
     if len(v) < 2 or np.ptp(v) == 0:
@@ -126,7 +121,7 @@ def _channel(channel: Channel, values: Array, source: str, alone: bool) -> list[
             found.append(Finding("folded", where, folded, "warning"))
     found += _unlikely(v, where, channel.role == "output") + _unit(channel, v, where)
     step = spacing_of(v)
-    if step is not None and step > 0.02 * float(np.std(v)):
+    if step is not None and step > rules.coarse_spacing_share * float(np.std(v)):
         found.append(
             Finding("spacing", where, f"values are {step:.3g} apart ({step / np.std(v):.0%} of the spread)", "info")
         )
@@ -139,10 +134,11 @@ def _longest_run(v: Array) -> int:
 
 
 def _rails(v: Array, where: str) -> list[Finding]:
+    rules = in_force().data
     words = {"high": "highest", "low": "lowest"}
     found = []
     for side, rail in rails(v).items():
-        share = float(np.mean(np.abs(v - rail) <= _PILE * np.ptp(v)))
+        share = float(np.mean(np.abs(v - rail) <= rules.pile_width * np.ptp(v)))
         text = f"{share:.1%} of the samples sit at the {words[side]} value {rail:.4g}"
         found.append(Finding("rail", where, text, "warning"))
     return found
@@ -153,29 +149,33 @@ def rails(v: Array) -> dict[str, float]:
 
     Where hardly any value comes twice, the same extreme a few times over is no chance, however short each time was.
     """
+    rules = in_force().data
     found: dict[str, float] = {}
-    fine = len(np.unique(v)) > _FINE * len(v)
+    fine = len(np.unique(v)) > rules.fine_share * len(v)
     for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
         at = v == rail
         runs = _longest_run(np.where(at, 0.0, np.arange(1, len(v) + 1)))
-        if (float(np.mean(at)) > _RAIL_SHARE and runs >= 5) or (fine and int(at.sum()) >= _AGAIN):
+        often = float(np.mean(at)) > rules.rail_share and runs >= rules.rail_run
+        if often or (fine and int(at.sum()) >= rules.fine_repeats):
             found[side] = rail
             continue
         depth = np.abs(v - rail) / np.ptp(v)
-        pile, next_to_it = float(np.mean(depth < 2 * _PILE)), float(np.mean((depth > 3 * _PILE) & (depth < 9 * _PILE)))
-        if pile > _PILE_SHARE and pile > next_to_it:
-            found[side] = float(np.median(v[depth < 2 * _PILE]))
+        width = rules.pile_width
+        pile, next_to_it = float(np.mean(depth < 2 * width)), float(np.mean((depth > 3 * width) & (depth < 9 * width)))
+        if pile > rules.pile_share and pile > next_to_it:
+            found[side] = float(np.median(v[depth < 2 * width]))
     return found
 
 
 def _held(v: Array, where: str) -> list[Finding]:
     """Recognise a channel that a slower logger renews: most samples repeat the one before, at a steady pace."""
+    rules = in_force().data
     moves = np.flatnonzero(np.diff(v) != 0)
-    if len(moves) < 20 or len(np.unique(v)) < 0.5 * len(moves):
+    if len(moves) < rules.held_changes or len(np.unique(v)) < rules.held_distinct_share * len(moves):
         return []
     pace = np.diff(moves)
     usual = int(np.median(pace))
-    if usual < 2 or float(np.mean(pace == usual)) < 0.8:
+    if usual < 2 or float(np.mean(pace == usual)) < rules.held_pace_share:
         return []
     return [
         Finding("held", where, f"renewed only every {usual} samples: its logger is slower than the others", "warning")
@@ -184,14 +184,16 @@ def _held(v: Array, where: str) -> list[Finding]:
 
 def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     """Say codes for "no value" and single samples far outside everything else."""
+    rules = in_force().data
     coded, alone, found = codes_of(v), strays_of(v), []
     if np.any(coded):
-        code, most = float(v[coded][0]), float(coded.mean()) > 0.5
+        code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_code_share
         text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
         found.append(Finding("code", where, text, "fault" if most else "warning", not most))
     if np.any(alone):
         first = int(np.flatnonzero(alone)[0])
-        text = f"{int(alone.sum())} single samples lie more than {FAR:g} spreads off, the first {v[first]:.4g}"
+        far = f"{rules.stray_spreads:g} spreads off"
+        text = f"{int(alone.sum())} single samples lie more than {far}, the first {v[first]:.4g}"
         found.append(Finding("spike", where, text + ("; left out" if is_output else ""), "warning", is_output))
     return found
 
@@ -207,12 +209,13 @@ def _unit(channel: Channel, v: Array, where: str) -> list[Finding]:
 
 def _pairs(record: Record, name: str) -> list[Finding]:
     """Compare channels of one role two by two: the same samples twice, mirrored, folded, or in another unit."""
+    rules = in_force().data
     found = []
     for role in ("input", "output"):
         for a, b in itertools.combinations(record.of(role), 2):
             x, y = record.column(a.name), record.column(b.name)
             both = np.isfinite(x) & np.isfinite(y)
-            if both.sum() < 50 or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
+            if both.sum() < rules.compared_rows or np.ptp(x[both]) == 0 or np.ptp(y[both]) == 0:
                 continue
             text = _kinship(x[both], y[both])
             if text:
@@ -229,21 +232,23 @@ def _kinship(x: Array, y: Array) -> str | None:
     if np.array_equal(np.abs(x), y) or np.array_equal(x, np.abs(y)):
         return "the absolute value of (or the other way round)"
     ratio = float(x @ y) / float(x @ x)
-    if float(np.max(np.abs(y - ratio * x))) > 1e-4 * float(np.std(y)):
+    if float(np.max(np.abs(y - ratio * x))) > in_force().data.same_up_to_factor_share * float(np.std(y)):
         return None
     return f"{ratio:.5g} times{ratio_text(ratio)}"
 
 
 def ratio_text(factor: float) -> str:
     """Say which ratio of units a factor (or one over it) is, or nothing."""
+    near = in_force().data.known_ratio_distance
     for ratio, said in RATIOS:
-        if abs(abs(factor) / ratio - 1) < _NEAR or abs(abs(factor) * ratio - 1) < _NEAR:
+        if abs(abs(factor) / ratio - 1) < near or abs(abs(factor) * ratio - 1) < near:
             return f" ({ratio:.4g}, {said}: check the unit)"
     return ""
 
 
 def _against_model(baseline: StateSpace | Equations, record: Record, name: str) -> list[Finding]:
     """Compare each output with every simulated one: swapped channels, reversed signs and other units show there."""
+    rules = in_force().data
     try:
         if isinstance(baseline, Equations):
             simulated = baseline.simulate(record)
@@ -255,7 +260,7 @@ def _against_model(baseline: StateSpace | Equations, record: Record, name: str) 
     names = [o.name for o in baseline.outputs]
     measured = record.columns(names)
     rows = np.all(np.isfinite(measured), axis=1) & np.all(np.isfinite(simulated), axis=1)
-    spreads = [a[rows].std(axis=0) if rows.sum() > 50 else np.zeros(1) for a in (measured, simulated)]
+    spreads = [a[rows].std(axis=0) if rows.sum() > rules.compared_rows else np.zeros(1) for a in (measured, simulated)]
     if not all(np.all(np.isfinite(s) & (s > 0)) for s in spreads):
         return []
     y, m = ((a[rows] - a[rows].mean(axis=0)) / s for a, s in zip((measured, simulated), spreads, strict=True))
@@ -263,17 +268,19 @@ def _against_model(baseline: StateSpace | Equations, record: Record, name: str) 
     found = [_swap(names, i, j, name) for i, j in itertools.combinations(range(len(names)), 2) if _crossed(alike, i, j)]
     for i, output in enumerate(names):
         where, ratio = f"{output} ({name})", float(spreads[0][i] / spreads[1][i] * alike[i, i])
-        if alike[i, i] < -_ALIKE:
+        if alike[i, i] < -rules.recognised_correlation:
             found.append(Finding("sign", where, "moves against the model's output: is the sign reversed?", "warning"))
-        if abs(alike[i, i]) > _ALIKE and not 1 / 3 < abs(ratio) < 3 and ratio_text(ratio):
+        other_unit = not 1 / rules.unit_ratio < abs(ratio) < rules.unit_ratio
+        if abs(alike[i, i]) > rules.recognised_correlation and other_unit and ratio_text(ratio):
             text = f"is {ratio:.4g} times the model's output{ratio_text(ratio)}"
             found.append(Finding("unit", where, text, "warning"))
     return found
 
 
 def _crossed(alike: Array, i: int, j: int) -> bool:
+    rules = in_force().data
     own = max(abs(float(alike[i, i])), abs(float(alike[j, j])))
-    return min(float(alike[i, j]), float(alike[j, i])) > max(_ALIKE, own + _CLEARLY)
+    return min(float(alike[i, j]), float(alike[j, i])) > max(rules.recognised_correlation, own + rules.swapped_lead)
 
 
 def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
@@ -283,13 +290,14 @@ def _swap(names: Sequence[str], i: int, j: int, source: str) -> Finding:
 
 def _folded(v: Array) -> str | None:
     """Recognise an absolute value: nothing below zero, yet zero is touched again and again with a sharp turn."""
+    rules = in_force().data
     low, spread = float(v.min()), float(np.ptp(v))
-    if low < -0.01 * spread or low > 0.03 * spread:
+    if low < -rules.folded_below * spread or low > rules.folded_above * spread:
         return None
-    near = v < 0.05 * spread
+    near = v < rules.folded_near * spread
     visits = int(np.sum(np.diff(near.astype(int)) == 1))
     inside = float(np.mean(near))
-    if visits >= 3 and inside < 0.4:
+    if visits >= rules.folded_visits and inside < rules.folded_inside:
         return f"never negative, yet reaches zero {visits} times: an absolute value or one-sided sensor would do that"
     return None
 
@@ -304,12 +312,12 @@ def grid_of(v: Array) -> float | None:
         return None
     step = float(np.min(np.diff(distinct)))
     places = (distinct - distinct[0]) / step
-    return step if np.all(np.abs(places - np.rint(places)) < _WHOLE) else None
+    return step if np.all(np.abs(places - np.rint(places)) < in_force().data.grid_miss) else None
 
 
 def spacing_of(v: Array) -> float | None:
     """Return the distance of neighbouring values where there are few distinct ones; None elsewhere."""
     distinct = np.unique(v)
-    if len(distinct) > 0.2 * len(v) or len(distinct) < 2:
+    if len(distinct) > in_force().data.grid_distinct_share * len(v) or len(distinct) < 2:
         return None
     return float(np.min(np.diff(distinct)))

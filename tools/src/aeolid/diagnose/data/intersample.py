@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.forensics import Finding
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import TIME, Equations, InputFilter, Parameter
 from aeolid.models.intersample import FILTER, FILTERED, HOLDS, OFFSET
 from aeolid.models.intersample import PREFIX as KIND
@@ -20,13 +21,9 @@ from aeolid.record import Record
 
 Array = NDArray[np.float64]
 ROOM = 1.05  # samples: an offset of one sample has a deviation, too
-_PRIOR = 0.5  # samples: loggers differ by half of one as a rule; a dead time beside it is then the dead time's
 SLOWEST = 1.0  # samples: delay of an anti-alias filter whose corner is 0.45 of the Nyquist frequency
 _FASTEST = 1e-3  # samples: a filter without a delay is none
-_REPEATS = 0.5  # share of samples equal to the one before: a value that most often stays is held
-_TOP, _SHARE = 0.75, 0.05  # of the Nyquist frequency; share of power beyond it, a fifth of white noise's
 _CORNER = 2**0.5 / (2 * np.pi)  # corner in Hz times delay of a second-order Butterworth filter
-_SHORT = 8  # samples without which nothing is said of a spectrum
 _WORDS = {
     "zoh": "held over each sample (zoh)",
     "foh": "straight from sample to sample (foh)",
@@ -93,7 +90,8 @@ def with_sampling(model: Equations, sampling: Sampling, step: float) -> Equation
     if sampling.is_plain:
         return model
     reach, free = max(ROOM * step, abs(sampling.offset_s)), sampling.free
-    added = [Parameter(OFFSET, sampling.offset_s, "s", -reach, reach, free, _PRIOR * step if free else None)]
+    prior = in_force().data.offset_prior * step if free else None
+    added = [Parameter(OFFSET, sampling.offset_s, "s", -reach, reach, free, prior)]
     if sampling.is_filtered:
         slowest = max(SLOWEST * step, sampling.filter_s)
         added.append(Parameter(FILTER, sampling.filter_s, "s", _FASTEST * step, slowest, free))
@@ -123,18 +121,19 @@ def traits_of(records: Sequence[Record], names: Sequence[str]) -> tuple[Trait, .
 
 
 def _kind(series: Sequence[Array]) -> str:
+    rules = in_force().data
     repeats = changes = 0
     power = np.zeros(2)
     for values in series:
         v = values[np.isfinite(values)]
-        if len(v) < _SHORT:
+        if len(v) < rules.spectrum_samples:
             continue
         repeats, changes = repeats + int(np.sum(np.diff(v) == 0)), changes + len(v) - 1
         shape = np.abs(np.fft.rfft((v - v.mean()) * np.hanning(len(v)))) ** 2
-        power += np.array([shape[int(_TOP * len(shape)) :].sum(), shape.sum()])
-    if not changes or repeats > _REPEATS * changes or power[1] <= 0:
+        power += np.array([shape[int(rules.rough_from * len(shape)) :].sum(), shape.sum()])
+    if not changes or repeats > rules.repeats_share * changes or power[1] <= 0:
         return "held"
-    return "rough" if power[0] > _SHARE * power[1] else "smooth"
+    return "rough" if power[0] > rules.rough_share * power[1] else "smooth"
 
 
 def declared_sampling(records: Sequence[Record], names: Sequence[str]) -> Sampling:

@@ -12,11 +12,11 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.standing import Stretch, stretches_of
 from aeolid.diagnose.data.strays import strays_of, without_codes
+from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _ARRIVAL, _LEAVING = 2, 1  # samples of a rest that stay: that the machine came to rest there, and from where it left
-_FEWEST = 20  # rows with a measurement, below which a recording among several is not used
 
 
 def masked_case(case: Case) -> tuple[Case, tuple[Finding, ...]]:
@@ -25,15 +25,16 @@ def masked_case(case: Case) -> tuple[Case, tuple[Finding, ...]]:
     A missing output updates no state and no likelihood; a missing input cuts a recording there. A recording of several
     in which no output is left is not used. A fault is what leaves less than half of an output's samples.
     """
+    rules = in_force().data
     stretches = stretches_of(case.records, case.baseline)
     stuck, resting = ([s for s in stretches if s.kind == kind] for kind in ("stuck", "rest"))
     known = [_without_codes(r) for r in case.records]
     known = [_without(r, [s for s in stuck if s.record == k]) for k, r in enumerate(known)]
     findings = tuple(f for c in case.records[0].of("output") for f in _what_is_left(c.name, case.records, known))
     records = [_without(r, [s for s in resting if s.record == k]) for k, r in enumerate(known)]
-    used = [r for r in records if _rows(r) >= _FEWEST] or records
+    used = [r for r in records if _rows(r) >= rules.fewest_rows] or records
     if len(used) < len(records):
-        names = ", ".join(r.source.rsplit("/", 1)[-1] for r in records if _rows(r) < _FEWEST)
+        names = ", ".join(r.source.rsplit("/", 1)[-1] for r in records if _rows(r) < rules.fewest_rows)
         text = "too few samples are left of the outputs; not used"
         findings = (*findings, Finding("unused", names, text, "warning"))
     return replace(case, records=tuple(used)), findings

@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import NotIdentifiable
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
-_SHORTEST = 60  # samples: below that a stretch cannot settle a state and still say something
-_LEAST = 20  # samples of a stretch where the recordings have no longer ones: a start and little more, with wide bands
 _NEEDED = 150  # samples of a single recording: a fifth of them less a gap of a twentieth leaves the least stretch
-_WHOLE = 3  # of so many recordings, short ones, one is for selection whole, two for the fit
 _SHARES = {"fit": 0.5, "select": 0.2, "sealed": 0.3}
 
 
@@ -51,6 +49,7 @@ def split_records(
     that starts and stops shows neither twice in one of them), and parts of 20 samples do.
     Raises NotIdentifiable where a part would hold less.
     """
+    rules = in_force().data
     columns = [*inputs, *extra]
     parts: dict[str, list[Segment]] = {}
     for plan, least in _plans(records, inputs, settle_s):
@@ -63,8 +62,8 @@ def split_records(
     for use, segments in parts.items():
         if not segments:
             raise NotIdentifiable(
-                f"{records[0].source}: no stretch of {_LEAST} samples without missing inputs for the {use} part;"
-                f" {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
+                f"{records[0].source}: no stretch of {rules.fewest_samples} samples without missing inputs for"
+                f" the {use} part; {sum(len(r) for r in records)} samples in all, at least {_NEEDED} are needed"
             )
     rows = [
         {"file": s.source, "start_s": s.start_s, "stop_s": s.stop_s, "use": use}
@@ -78,21 +77,28 @@ def _plans(
     records: Sequence[Record], inputs: Sequence[str], settle_s: float
 ) -> Iterator[tuple[list[tuple[str, Record, int, int]], int]]:
     """Yield how to divide, and the shortest stretch in rows: the usual way first, for short recordings others."""
-    yield _plan(records, inputs, settle_s), _SHORTEST
-    if len(records) > _WHOLE:
+    rules = in_force().data
+    yield _plan(records, inputs, settle_s), rules.settled_samples
+    if len(records) > rules.whole_recordings:
         sealed = _sealed_of(records, inputs)
         others = [r for r in records if r is not sealed]
-        uses = ["select" if place % _WHOLE == _WHOLE // 2 else "fit" for place in range(len(others))]
-        yield [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)], _LEAST
-    yield _plan(records, inputs, settle_s), _LEAST
+        every = rules.whole_recordings
+        uses = ["select" if place % every == every // 2 else "fit" for place in range(len(others))]
+        whole = [(u, r, 0, len(r)) for u, r in zip([*uses, "sealed"], [*others, sealed], strict=True)]
+        yield whole, rules.fewest_samples
+    yield _plan(records, inputs, settle_s), rules.fewest_samples
 
 
 def segments_of(
     record: Record, rows: tuple[int, int], inputs: Sequence[str], outputs: Sequence[str], settle_s: float,
-    stride: int = 1, least: int = _LEAST,
+    stride: int = 1, least: int | None = None,
 ) -> list[Segment]:  # fmt: skip
-    """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known."""
+    """Return the stretches of samples rows[0] … rows[1] − 1 of which all inputs and some outputs are known.
+
+    least: samples of a stretch; where recordings have no longer ones, the fewest of the rules in force.
+    """
     start, stop = rows
+    least = in_force().data.fewest_samples if least is None else least
     found = [
         _segment(record, inputs, outputs, start + a, start + b, settle_s, stride)
         for a, b in _finite_stretches(record.columns(inputs)[start:stop], stride, least)
@@ -102,7 +108,7 @@ def segments_of(
 
 def _says_something(segment: Segment) -> bool:
     """Tell whether enough of a stretch was measured after its start."""
-    return int(np.any(np.isfinite(segment.y[segment.burn :]), axis=1).sum()) >= _LEAST // 2
+    return int(np.any(np.isfinite(segment.y[segment.burn :]), axis=1).sum()) >= in_force().data.fewest_samples // 2
 
 
 def _plan(records: Sequence[Record], inputs: Sequence[str], settle_s: float) -> list[tuple[str, Record, int, int]]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.strays import without_codes
+from aeolid.diagnose.rules import in_force
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
 from aeolid.models.exchange.fmu import Fmu
@@ -17,16 +18,6 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-_LEAST = 20  # equal samples in a row of a channel that else never repeats: noise does not, to the last digit
-_LONG, _LONG_SHARE = 50, 0.2  # samples and share of the recording, where values are so coarse that they repeat anyhow
-_ALIVE = 0.01  # share of samples equal to their predecessor elsewhere, up to which a channel is never quite still
-_MOVES = 0.05  # of the channel's standard deviation: what the model must move for the channel to have to move
-_RESTS = 1e-3  # … and up to which it stands as the machine does
-_JUMP, _ORDINARY = 2.5, 0.95  # times that quantile of ordinary steps: no machine that starts to move does that
-_NEAR = 0.02  # of the standard deviation: as good as zero, or as the end of the range
-_STEPPY = 0.3  # of the standard deviation: with ordinary steps that large a jump shows nothing
-_HOLDS, _OFTEN = 5, 3  # samples for which an input is sustained; times that a machine has left where it stood
-_ARRIVES, _SLOWLY = 5, 0.25  # samples before a standstill, and their steps in ordinary ones: what comes to rest slows
 
 Baseline = StateSpace | Equations | Record | Fmu | None
 
@@ -57,6 +48,7 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
     A stuck sensor meets a machine that moves, so the value jumps when it comes back; what was held by friction or in a
     dead band starts from where it stood. Cost: one free run of the model a recording that has such a stretch.
     """
+    rules = in_force().data
     found: list[Stretch] = []
     names = [c.name for c in records[0].of("output")]
     records = [replace(r, values=np.apply_along_axis(without_codes, 0, r.values)) for r in records]
@@ -65,7 +57,8 @@ def stretches_of(records: Sequence[Record], baseline: Baseline = None) -> tuple[
         runs = {n: _equal(record.column(n)) for n in names if spreads[n] > 0}
         if not any(own for own, _ in runs.values()):
             continue
-        model, least = _free_run(baseline, record), max(_LONG, _LONG_SHARE * len(record))
+        model = _free_run(baseline, record)
+        least = max(rules.coarse_standstill_samples, rules.coarse_standstill_share * len(record))
         for name, (own, coarse) in runs.items():
             for start, stop in own:
                 kind, end = _kind(record, name, (start, stop), spreads, model.get(name))
@@ -81,13 +74,14 @@ def _spread(values: Array) -> float:
 
 def _equal(values: Array) -> tuple[list[tuple[int, int]], bool]:
     """Return where a channel holds one value for 20 samples or more, and whether it repeats values elsewhere too."""
+    rules = in_force().data
     with np.errstate(invalid="ignore"):
         same = np.diff(values) == 0
     edges = np.flatnonzero(np.concatenate([[True], ~same, [True]]))
     pairs = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    runs = [(a, b) for a, b in pairs if b - a >= _LEAST and np.isfinite(values[a])]
+    runs = [(a, b) for a, b in pairs if b - a >= rules.standstill_samples and np.isfinite(values[a])]
     same &= ~np.isin(values[1:], [values[a] for a, _ in runs])  # it may stand there more often, and shorter
-    return runs, bool(np.mean(same) > _ALIVE)
+    return runs, bool(np.mean(same) > rules.alive_share)
 
 
 def _free_run(baseline: Baseline, record: Record) -> dict[str, Array]:
@@ -110,6 +104,7 @@ def _kind(
     record: Record, name: str, where: tuple[int, int], spreads: dict[str, float], model: Array | None
 ) -> tuple[str, int]:
     """Return what a stretch is, and where it ends: a rest ends where an input moves, if only in its second half."""
+    rules = in_force().data
     start, stop = where
     half = (start + stop) // 2  # a machine that comes to rest does so in the first half
     inputs = record.matrix("input", "disturbance")[half:stop]
@@ -118,7 +113,7 @@ def _kind(
     driven = quiet < (half + stop) // 2
     if model is not None:
         range_ = _range(model[half : stop if driven else quiet])
-        moves, rests = range_ > _MOVES * spreads[name], range_ <= _RESTS * spreads[name]
+        moves, rests = range_ > rules.moves_share * spreads[name], range_ <= rules.rests_share * spreads[name]
     else:
         others = [record.column(n)[half:stop] for n, s in spreads.items() if n != name and s > 0]
         moves = driven or any(_range(v) > 0 for v in others)
@@ -134,20 +129,21 @@ def _moving(values: Array, where: tuple[int, int], spread: float) -> str:
 
     A machine stands where its position came to rest slowly, where its speed is zero, or at an end of its range.
     """
+    rules = in_force().data
     start, stop = where
     outside = [np.abs(np.diff(v[np.isfinite(v)])) for v in (values[:start], values[stop:])]
     steps = np.concatenate(outside)
-    ordinary = float(np.quantile(steps[steps > 0], _ORDINARY)) if np.any(steps > 0) else 0.0
-    before, value = outside[0][-_ARRIVES:], values[start]
+    ordinary = float(np.quantile(steps[steps > 0], rules.ordinary_quantile)) if np.any(steps > 0) else 0.0
+    before, value = outside[0][-rules.arriving_samples :], values[start]
     ends = np.array([0.0, np.nanmin(values), np.nanmax(values)])
-    stands = start == 0 or bool(np.any(np.abs(value - ends) < _NEAR * spread))
-    stands |= len(before) > 0 and float(np.mean(before)) < _SLOWLY * float(np.median(steps))
-    if ordinary <= _STEPPY * spread:
+    stands = start == 0 or bool(np.any(np.abs(value - ends) < rules.end_distance * spread))
+    stands |= len(before) > 0 and float(np.mean(before)) < rules.slow_ratio * float(np.median(steps))
+    if ordinary <= rules.steppy_share * spread:
         borders = [abs(values[k] - values[k - 1]) for k in where if 0 < k < len(values)]
-        if not stands or any(not b <= _JUMP * ordinary for b in borders):
+        if not stands or any(not b <= rules.jump_ratio * ordinary for b in borders):
             return "stuck"
         return "still" if stop < len(values) else "ended"
-    return "stuck" if float(np.mean(steps == 0)) < _ALIVE else "ended"
+    return "stuck" if float(np.mean(steps == 0)) < rules.alive_share else "ended"
 
 
 def _range(values: Array) -> float:
@@ -169,26 +165,29 @@ def _moved_elsewhere(stretch: Stretch, records: Sequence[Record]) -> Stretch:
 
     What is held by friction or in a dead band is held at less than what it leaves at.
     """
+    rules = in_force().data
+    sustained = rules.sustained_samples
     if stretch.kind != "still":
         return stretch
     record, value = records[stretch.record], _value(stretch, records)
     answers = []
     for name in (c.name for c in record.of("input")):
         u = record.column(name)[stretch.start : stretch.stop]
-        if _range(u) > 0 and len(u) > 2 * _HOLDS:
-            levels = np.abs(u[:-_HOLDS] - u[0])
-            held = float(np.max(np.min(np.lib.stride_tricks.sliding_window_view(levels, _HOLDS), axis=1)))
+        if _range(u) > 0 and len(u) > 2 * sustained:
+            levels = np.abs(u[:-sustained] - u[0])
+            held = float(np.max(np.min(np.lib.stride_tricks.sliding_window_view(levels, sustained), axis=1)))
             left = [x for r in records for x in _leaving(r.column(name), r.column(stretch.channel), value, float(u[0]))]
-            answers.append(len(left) >= _OFTEN and held >= float(np.median(left)) > 0)
+            answers.append(len(left) >= rules.left_often and held >= float(np.median(left)) > 0)
     return replace(stretch, kind="stuck") if answers and all(answers) else stretch
 
 
 def _leaving(u: Array, y: Array, value: float, rest: float) -> list[float]:
     """Return by how much an input was off its rest each time that an output left a value it had held."""
+    holds = in_force().data.sustained_samples
     stands = np.concatenate([[False], y == value, [False]])
     edges = np.flatnonzero(np.diff(stands.astype(int)))
-    ends = [b for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _HOLDS and b + _HOLDS <= len(y)]
-    return [float(np.median(np.abs(u[b : b + _HOLDS] - rest))) for b in ends]
+    ends = [b for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= holds and b + holds <= len(y)]
+    return [float(np.median(np.abs(u[b : b + holds] - rest))) for b in ends]
 
 
 def _value(stretch: Stretch, records: Sequence[Record]) -> float:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
+
 Array = NDArray[np.float64]
 _CODES = (-999.0, -9999.0, -99999.0, 999.0, 9999.0, 99999.0, 32767.0, -32768.0, 65535.0, 1e30, -1e30)
-FAR = 30.0  # robust spreads: no signal of a machine goes there for one sample
-_STRAYS = 1e-3  # share of samples far off, from which they are no strays
 
 
 def codes_of(values: Array) -> NDArray[np.bool_]:
@@ -20,7 +20,7 @@ def codes_of(values: Array) -> NDArray[np.bool_]:
 def strays_of(values: Array) -> NDArray[np.bool_]:
     """Tell which single samples lie far outside everything else; none where these are more than one in a thousand."""
     away, coded = _far_off(values), codes_of(values)
-    if float(away.mean()) >= _STRAYS:
+    if float(away.mean()) >= in_force().data.stray_share:
         return np.zeros(len(values), dtype=bool)
     found: NDArray[np.bool_] = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
     return found
@@ -33,7 +33,7 @@ def _far_off(values: Array) -> NDArray[np.bool_]:
     centre = float(np.median(good))
     size = float(np.median(np.abs(good - centre))) * 1.4826 or float(np.std(good))
     with np.errstate(invalid="ignore"):
-        found: NDArray[np.bool_] = np.abs(values - centre) > FAR * size
+        found: NDArray[np.bool_] = np.abs(values - centre) > in_force().data.stray_spreads * size
     return found
 
 

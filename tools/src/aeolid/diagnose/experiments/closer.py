@@ -13,14 +13,13 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.experiments.experiment import Experiment, menu_of, stretch_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.directions import deviations
 from aeolid.diagnose.scoring.scores import Bank, Row, minimum_detectable
 from aeolid.diagnose.validation.proof import imitate
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]
-_WORTH = 1.25  # times smaller in the median: less is not worth another recording
-_MOST = 8.0  # times smaller counts for no more, and so much counts what could not be tested at all
 _TOLD = 3  # effects whose sizes are told
 _ROWS = 400  # of what is simulated
 _FARTHEST = 1e12  # what a planned recording may reach
@@ -66,6 +65,7 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
     how surely a small effect is seen is the inverse of its deviation there, against that of the same stretch without
     the signal. Cost: one pass of the score bank an experiment.
     """
+    rules = in_force().experiments
     longest = stretch_of(prepared)
     stretch = longest.head(min(len(longest.y), _ROWS))
     asked = [r for r in bank.rows if r.attachment.entry != unlisted.ID and not r.attachment.always_fit]
@@ -79,7 +79,7 @@ def look_closer(prepared: Prepared, inputs: Sequence[Channel], bank: Bank, seed:
         u[:, place] += test.signal(len(u), stretch.fine_step, seed)
         found = _seen(prepared, replace(stretch, u=u), asked, seed)
         ratios = {k: _ratio(plain.get(k, 0.0), v) for k, v in found.items() if v > 0}
-        ratios |= {k: 1 / _MOST for k, v in plain.items() if v > 0 and k not in ratios}
+        ratios |= {k: 1 / rules.most_finer_ratio for k, v in plain.items() if v > 0 and k not in ratios}
         value = float(np.mean([np.log(r) for r in ratios.values()])) if ratios else 0.0
         if best is None or value > best[0]:
             best = value, test, ratios
@@ -101,7 +101,8 @@ def feasible(menu: Sequence[Experiment], step: float) -> list[Experiment]:
 
 
 def _ratio(before: float, after: float) -> float:
-    return float(np.clip(after / before, 1 / _MOST, _MOST)) if before > 0 else _MOST
+    most = in_force().experiments.most_finer_ratio
+    return float(np.clip(after / before, 1 / most, most)) if before > 0 else most
 
 
 def _seen(prepared: Prepared, planned: Segment, asked: Sequence[Row], seed: int) -> dict[str, float]:
@@ -127,7 +128,7 @@ def _told(
     named = {r.attachment.key: r for r in asked}
     new = tuple(dict.fromkeys(named[k].attachment.entry for k in ratios if k not in old))
     finer = float(np.median(list(old.values()))) if old else 1.0
-    if finer < _WORTH and not new:
+    if finer < in_force().experiments.finer_ratio and not new:
         return None
     sizes: dict[str, tuple[str, str, str, float, float]] = {}
     for key, ratio in sorted(old.items(), key=lambda p: -p[1]):

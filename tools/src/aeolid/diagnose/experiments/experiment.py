@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.validation.proof import imitate
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]
-_NEEDED = 6.0  # nats: odds of 400 to 1
-_MOST_MINUTES = 240.0  # what nobody would record for the sake of a name
 _AMPLITUDES = (1.0, 2.0)  # of the input's own spread
 _DWELLS = (1, 4, 16, 64)  # samples a level is held
 _LADDER = (-2.0, -1.0, 0.0, 1.0, 2.0, 1.0, 0.0, -1.0)  # levels, in spreads
@@ -65,7 +64,7 @@ class Advice:
     @property
     def minutes(self) -> float:
         """Return how long to record for odds of 400 to 1."""
-        return float(max(1.0, np.ceil(_NEEDED / self.nats_a_minute)))
+        return float(max(1.0, np.ceil(in_force().experiments.decided_nats / self.nats_a_minute)))
 
 
 def advise(
@@ -80,13 +79,14 @@ def advise(
     of the two expected log-likelihood ratios counts. For the best few both are fitted anew to that recording first: a
     wrong model gives what its parameters can. Cost: two filter passes an experiment, four fits for each of the best.
     """
+    rules = in_force().experiments
     stretch = stretch_of(prepared)
     menu = menu_of(prepared, inputs, stretch)
     ranked = sorted(((_evidence(rivals, stretch, prepared, e, seed, 0), i) for i, e in enumerate(menu)), reverse=True)
     best: Advice | None = None
     for rough, i in ranked[:_BEST]:
         rate = _evidence(rivals, stretch, prepared, menu[i], seed, _ITERATIONS) if rough > 0 else 0.0
-        if rate > _NEEDED / _MOST_MINUTES and (best is None or rate > best.nats_a_minute):
+        if rate > rules.decided_nats / rules.most_minutes and (best is None or rate > best.nats_a_minute):
             best = Advice(menu[i], rate)
     return best
 
@@ -115,6 +115,7 @@ def _evidence(
     iterations: int,
 ) -> float:  # fmt: skip
     """Return the nats a minute by which the true rival leads, whichever is true at least; −inf where one diverges."""
+    rules = in_force().experiments
     place = [s.name for s in prepared.declared.inputs].index(test.channel)
     u = stretch.u.copy()
     u[:, place] += test.signal(len(u), stretch.fine_step, seed)
@@ -125,7 +126,7 @@ def _evidence(
         values = [_likelihood(c, made, iterations) for c in (true, other)]
         if made is None or values[0] is None:
             return -np.inf
-        ahead = values[0] - values[1] if values[1] is not None else _NEEDED * len(stretch.y)
+        ahead = values[0] - values[1] if values[1] is not None else rules.decided_nats * len(stretch.y)
         rates.append(ahead / (len(stretch.y) * stretch.step / 60))
     return float(min(rates))
 
@@ -152,11 +153,13 @@ def _likelihood(candidate: Candidate, made: Segment | None, iterations: int) -> 
 
 def describe(advice: Advice | None, ids: Sequence[str], hint: str) -> dict[str, object]:
     """Return the entry of diagnosis.json: what to record, for how long, and what it tells apart."""
+    rules = in_force().experiments
     pair = f"{ids[0]} and {ids[1]}"
     if advice is None:
         text = (
             f"To decide between {pair}: {hint}. No steps on the recorded inputs, up to twice their present spread,"
-            f" would decide within {_MOST_MINUTES / 60:g} hours: another sensor or another operating point is needed"
+            f" would decide within {rules.most_minutes / 60:g} hours: another sensor or another operating point is"
+            " needed"
         )
         return {"text": text, "minutes": 0, "separates": list(ids)}
     rate = advice.nats_a_minute

@@ -11,19 +11,17 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.special import ndtri
 
+from aeolid.diagnose.rules import in_force
+
 Array = NDArray[np.float64]
-LEVEL = 0.01  # false-alarm level of each map as a whole
 _BLOCKS, _PARTS = 8, 4  # blocks of one stretch of time: its spread is that of their sums; pieces of each at the most
-_STRETCHES, _LEAST = 24, 48  # stretches at the most, samples of one at the least
+_STRETCHES = 24  # stretches at the most
 _DRAWS = 999
 _SHIFTS = 4000  # shifts looked at, at the most
-_BINS, _FEWEST_BINS = 6, 3
-_SMALLEST = 20  # samples in a bin
+_BINS = 6
 ORDERS = range(1, 7)
 _NEAR, _FAR, _NEIGHBOURS = 0.25, 0.45, 5  # where the neighbours of an order lie, and how many on each side at most
-_TURNS = 20  # of the rotor in all: fewer do not tell an order from what is a quarter beside it
-_PIECES, _FEWEST_PIECES = 24, 8  # of the recording whose phases are compared
-_NYQUIST = 0.8  # of half the sampling frequency that an order may reach
+_PIECES = 24  # of the recording whose phases are compared
 
 
 @dataclass(frozen=True)
@@ -58,13 +56,15 @@ def stretches_of(lengths: Sequence[int]) -> list[tuple[int, int]]:
 
     None of a stretch crosses from one segment to the next; some 24 in all, one at least for each segment of 48 samples.
     """
+    rules = in_force().localise
     total = sum(lengths)
-    aim = min(_STRETCHES, total // _LEAST)
+    aim = min(_STRETCHES, total // rules.stretch_samples)
     found, start = [], 0
     for length in lengths:
         count = max(1, round(aim * length / max(total, 1)))
-        if length >= _LEAST:
-            edges = np.linspace(start, start + length, min(count, length // _LEAST) + 1).astype(int).tolist()
+        if length >= rules.stretch_samples:
+            parts = min(count, length // rules.stretch_samples)
+            edges = np.linspace(start, start + length, parts + 1).astype(int).tolist()
             found += list(pairwise(edges))
         start += length
     return found if len(found) > 1 else []
@@ -90,7 +90,7 @@ def time_cells(white: Array, stretches: Sequence[tuple[int, int]], seed: int) ->
     )  # (stretches, pieces, l)
     shift, z_mean = _shifts(sums, count)
     ratio, z_power, limit = _powers(powers, count, seed)
-    sidak = -float(ndtri(0.5 * (1 - (1 - LEVEL / 2) ** (1 / z_mean.size))))
+    sidak = -float(ndtri(0.5 * (1 - (1 - in_force().localise.false_alarm_level / 2) ** (1 / z_mean.size))))
     return [
         cell
         for c in range(len(stretches))
@@ -143,16 +143,17 @@ def _powers(sums: Array, count: Array, seed: int) -> tuple[Array, Array, float]:
         spread = max(float(drawn.std()), 1e-300)
         largest = np.maximum(largest, np.max(np.abs(drawn), axis=1) / spread)
         z[:, j] = excess[:, j] / (np.sqrt(size[:, 0]) * spread * memory[j])
-    return mean / whole, z, float(np.quantile(largest, 1 - LEVEL / 2))
+    return mean / whole, z, float(np.quantile(largest, 1 - in_force().localise.false_alarm_level / 2))
 
 
 def bins_of(values: Array) -> tuple[Array, NDArray[np.int64]] | None:
     """Return edges and bin of each sample: six with as many samples each, fewer where values repeat; None below 3."""
+    rules = in_force().localise
     edges = np.unique(np.quantile(values, np.linspace(0, 1, _BINS + 1), method="inverted_cdf"))
-    if len(edges) <= _FEWEST_BINS:
+    if len(edges) <= rules.fewest_bins:
         return None
     label = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
-    if np.min(np.bincount(label, minlength=len(edges) - 1)) < _SMALLEST:
+    if np.min(np.bincount(label, minlength=len(edges) - 1)) < rules.bin_samples:
         return None
     return edges, label.astype(np.int64)
 
@@ -176,7 +177,7 @@ def region_cells(white: Array, labels: Sequence[NDArray[np.int64]]) -> list[list
             largest = np.maximum(largest, z[shifts])
             found.append((j, place, kind, value, float(z[0])))
         maps.append(found)
-    limit = float(np.quantile(largest, 1 - LEVEL))
+    limit = float(np.quantile(largest, 1 - in_force().localise.false_alarm_level))
     return [[Cell(*facts, limit) for facts in found] for found in maps]
 
 
@@ -205,15 +206,17 @@ def azimuth_cells(white: Sequence[Array], angle: Sequence[Array]) -> list[Cell]:
     Its amplitudes in up to 24 pieces of the recording against their scatter: F(2, 2 S − 2), Victor and Mast (1991),
     which a resonance at that frequency does not pass. Value: amplitude in standard deviations. Šidák over all cells.
     """
+    rules = in_force().localise
+    hypotheses = in_force().hypotheses
     turns = [np.unwrap(a) for a in angle]
     total = sum(abs(float(t[-1] - t[0])) for t in turns if len(t)) / (2 * np.pi)
     rate = max((float(np.median(np.abs(np.diff(t)))) for t in turns if len(t) > 1), default=0.0)
-    orders = [k for k in ORDERS if k * rate < _NYQUIST * np.pi]
+    orders = [k for k in ORDERS if k * rate < hypotheses.nyquist_share * np.pi]
     pieces = [p for w, t in zip(white, turns, strict=True) for p in _pieces(w, t, total)]
-    if total < _TURNS or not orders or len(pieces) < _FEWEST_PIECES:
+    if total < rules.turns or not orders or len(pieces) < rules.fewest_pieces:
         return []
     rows = sum(len(w) for w in white)
-    limit = float(-np.log10(1 - (1 - LEVEL) ** (1 / (len(orders) * white[0].shape[1]))))
+    limit = float(-np.log10(1 - (1 - rules.false_alarm_level) ** (1 / (len(orders) * white[0].shape[1]))))
     beside = np.linspace(_NEAR, _FAR, _NEIGHBOURS)
     found = []
     for k in orders:

@@ -15,16 +15,15 @@ from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.quiet import audible
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, noise_variant, step_of, theta_variant
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.stats.projection import outside, span
 from aeolid.diagnose.structure.forces import FORCE, RATE
 
 Array = NDArray[np.float64]
-_LEVEL = 0.01  # of each of the two questions as a whole
 _DRAWS = 999
 _COSINES = 4  # of a random walk about its mean: 87 % of its variance
-_ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
 _REFIT = 2  # Gauss–Newton iterations without an equation's noise, from where the fit stands
 
 
@@ -61,7 +60,8 @@ def _driven(bare: Prepared) -> list[dict[str, Any]]:
     model, fit = bare.extended, bare.fit
     states = {s.name: i for i, s in enumerate(model.states)}
     driven = [s for s in bare.declared.states if states[s.name] in fit.free.noise]
-    limit = 0.5 * float(chdtri(3, _LEVEL / max(len(driven), 1)))  # white noise, a force, the force's memory
+    level = in_force().localise.false_alarm_level
+    limit = 0.5 * float(chdtri(3, level / max(len(driven), 1)))  # white noise, a force, the force's memory
     best = bare.predictor.objective(fit.point)
     rows = []
     for state in driven:
@@ -102,7 +102,7 @@ def _scored(bare: Prepared, seed: int) -> list[dict[str, Any]]:
     found += [stirred(moved[:, len(asked) + k], basis, residual, blocks) for k in range(len(still))]
     for w in (w for w in found if w is not None):
         largest = np.maximum(largest, w.null)
-    limit = float(np.quantile(largest, 1 - _LEVEL))
+    limit = float(np.quantile(largest, 1 - in_force().localise.false_alarm_level))
     for i, told in zip(asked, found, strict=False):
         if told is not None:
             rows.append(_row("parameter", model.parameters[i].name, "wanders in time", told.z, limit, "z"))
@@ -132,15 +132,16 @@ def wander(column: Array, basis: Array, residual: Array, blocks: Blocks, outputs
     (Karhunen and Loève); the first four are asked together: LM = pᵀ C⁻¹ p, p the residual on what the baseline's basis
     (M, q) leaves of sensitivity times cosine, C its covariance over blocks, never less than white noise's.
     """
+    scoring = in_force().scoring
     time = np.arange(len(column)) // outputs
     phase = np.pi * (time + 0.5) / max(len(column) // outputs, 1)
     G = column[:, None] * np.cos(phase[:, None] * np.arange(1, _COSINES + 1))
     projected, size = outside(G, basis), np.linalg.norm(G, axis=0)
-    keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
+    keep = np.linalg.norm(projected, axis=0) > scoring.absorbed_share * np.maximum(size, 1e-300)
     if not np.all(keep) or not np.all(np.isfinite(size)):
         return None
     H, R = np.linalg.qr(projected / size)
-    if np.min(np.abs(np.diag(R))) < _ABSORBED:
+    if np.min(np.abs(np.diag(R))) < scoring.absorbed_share:
         return None
     point = H.T @ residual
     shares = shares_of(H, residual, blocks)
@@ -152,7 +153,7 @@ def stirred(column: Array, basis: Array, residual: Array, blocks: Blocks) -> Sco
     """Score noise that is not there, of this sensitivity (M,): one-sided, for a variance cannot be less than none."""
     projected, size = outside(column[:, None], basis), float(np.linalg.norm(column))
     length = float(np.linalg.norm(projected))
-    if not size > 0 or length <= _ABSORBED * size:
+    if not size > 0 or length <= in_force().scoring.absorbed_share * size:
         return None
     H = projected / length
     shares = shares_of(H, residual, blocks)

@@ -17,6 +17,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.noise import filter_var, touched
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
 
 Array = NDArray[np.float64]
@@ -198,7 +199,7 @@ def band_power(predictor: Predictor, fit: Fit, seed: int, draws: int = 200) -> l
     outputs = predictor.segments[0].y.shape[1]
     white = fit.residual.reshape(-1, outputs)
     length = min(len(white), 1024)
-    if length < 64:
+    if length < in_force().localise.spectrum_rows:
         return []
     rng = np.random.default_rng(seed)
     f, power = welch(white, 1 / step, nperseg=length, axis=0)

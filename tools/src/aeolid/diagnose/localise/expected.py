@@ -15,11 +15,11 @@ from aeolid.diagnose.baseline import alongside
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.hypotheses.parts.wind import winds
-from aeolid.diagnose.localise.cells import LEVEL
 from aeolid.diagnose.localise.loop import Controller, can_close, controller_of, imitate_in_loop
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.quiet import silent_forces
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.sums import written_out
 from aeolid.models import expressions as ex
 
@@ -28,10 +28,9 @@ Facts = dict[str, Any]
 _IMITATIONS = 39
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500)  # rows
 _STARTS, _SHARE = 60, 10  # predictions of the longest horizon, in all; of a segment, what that horizon may be
-_ROWS, _LEAST_ROWS = 512, 64  # of one spectrum
+_ROWS = 512  # of one spectrum
 _BANDS = 10  # a decade: third octaves
 _ROOT = 1 / 3  # of a power: nearly normal (Wilson & Hilferty 1931)
-_MATERIAL = 1.1  # times the power expected, or its inverse: with the excitation as recorded hardly anything is chance
 
 
 def evidence_in_loop(prepared: Prepared, seed: int) -> dict[str, list[Facts]]:
@@ -130,7 +129,7 @@ def _ahead(predictor: Predictor, point: Point, runs: Sequence[Array]) -> Array:
 def _lines(segments: Sequence[Segment]) -> tuple[list[int], int]:
     """Return the lines at which third octaves begin, no mean, and the rows of one spectrum; none of short data."""
     rows = min(_ROWS, max(len(s.y) - s.burn for s in segments) // 4)
-    if rows < _LEAST_ROWS:
+    if rows < in_force().localise.spectrum_rows:
         return [], rows
     count = int(_BANDS * np.log10(rows // 2)) + 1
     return np.unique(np.round(np.geomspace(1, rows // 2, count)).astype(int)).tolist(), rows
@@ -150,15 +149,17 @@ def _bands(signals: Sequence[Array], lines: tuple[list[int], int]) -> Array:
 
 def _cells(recorded: Array, made: Array, names: Sequence[str], places: Sequence[Facts]) -> list[Facts]:
     """Return one cell for each name and place: power against the imitations' mean, t over its limit."""
+    rules = in_force().localise
+    ratio = rules.material_ratio
     root, others = recorded**_ROOT, made**_ROOT
     spread = others.std(axis=0, ddof=1) * np.sqrt(1 + 1 / len(made))
     t = (root - others.mean(axis=0)) / np.maximum(spread, 1e-300)
-    limit = -float(stdtrit(len(made) - 1, 0.5 * (1 - (1 - LEVEL) ** (1 / max(t.size, 1)))))
+    limit = -float(stdtrit(len(made) - 1, 0.5 * (1 - (1 - rules.false_alarm_level) ** (1 / max(t.size, 1)))))
     mean = made.mean(axis=0)
     return [
         {"output": name, **place, "kind": "power", "value": float(recorded[i, j] / mean[i, j]),
          "statistic": float(abs(t[i, j])), "threshold": limit,
-         "significant": bool(abs(t[i, j]) > limit and not 1 / _MATERIAL < recorded[i, j] / mean[i, j] < _MATERIAL)}
+         "significant": bool(abs(t[i, j]) > limit and not 1 / ratio < recorded[i, j] / mean[i, j] < ratio)}
         for j, name in enumerate(names)
         for i, place in enumerate(places)
         if mean[i, j] > 0 and np.isfinite(t[i, j])

@@ -15,14 +15,13 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.hypotheses.parts.rotor import radians_a_unit
 from aeolid.diagnose.localise.cells import Cell, azimuth_cells, bins_of, region_cells, stretches_of, time_cells
 from aeolid.diagnose.predictor.noise import touched
+from aeolid.diagnose.rules import in_force
 from aeolid.record import Channel
 
 Array = NDArray[np.float64]
 Facts = dict[str, Any]
 _MOST = 3  # channels whose regions are looked at
 _PAST = 10  # samples before, whose mean is the operating point: at the instant itself a wind tells of the very gust
-_SLOW = 0.1  # of an input's variance that its slow part must hold to be an operating point
-_SPREAD = 0.5  # of all stretches or bins: what more of them show is nowhere in particular
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,6 +102,7 @@ def _operating(
     the recorded wind of that instant though it lacks nothing (correlation 0.14, two marks; of the mean before 0.00).
     Where neither is recorded, the inputs' means over a settling time, as far as these move.
     """
+    rules = in_force().localise
     for role in ("scheduling", "disturbance"):
         found = [c for c in channels if c.role == role and c.name in names]
         if found:
@@ -112,7 +112,7 @@ def _operating(
     for c in (c for c in channels if c.role == "input" and c.name in names):
         place = names.index(c.name)
         mean = _mean_before(rows, place, int(settle_s / step))
-        if np.var(mean) > _SLOW * np.var(np.concatenate([r.inputs[:, place] for r in rows])):
+        if np.var(mean) > rules.slow_share * np.var(np.concatenate([r.inputs[:, place] for r in rows])):
             slow.append((f"mean {c.name}", c.unit, mean))
     return slow
 
@@ -180,6 +180,7 @@ def _strongest(cells: Sequence[Facts]) -> Facts | None:
 
 def _neighbours(cells: Sequence[Facts], group: str, ends: str) -> tuple[str, float, float, str] | None:
     """Return where the strongest cell lies, with what is marked beside it: group, from, to, unit."""
+    rules = in_force().localise
     best = _strongest(cells)
     if best is None:
         return None
@@ -188,7 +189,7 @@ def _neighbours(cells: Sequence[Facts], group: str, ends: str) -> tuple[str, flo
     marked = {tuple(c[ends]) for c in own if c["significant"]}
     among = cells if group == "source" else own
     everywhere = {(c[group], *c[ends]) for c in among}
-    if len({(c[group], *c[ends]) for c in among if c["significant"]}) > _SPREAD * len(everywhere):
+    if len({(c[group], *c[ends]) for c in among if c["significant"]}) > rules.spread_share * len(everywhere):
         return None
     first = last = places.index(tuple(best[ends]))
     while first > 0 and places[first - 1] in marked:

@@ -15,6 +15,7 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.noise import colour_var
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.models.integrate import addresses
 from aeolid.models.march import march, outputs, settle
 
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 LAGS = 40  # samples of its own past by which an input is foretold, at the most
 _SEEN = 10  # samples of an output that a controller remembers, at the most
 _ORDERS = (1, 2, 4, _SEEN)
-_ROWS_A_WEIGHT = 10  # rows for each of the weights at the least
 _AROUND = 50  # rows among which innovations change places: loud stretches stay, what is foretold does not
 _RUNAWAY = 1e3  # times the recorded spread: the loop does not hold what it is made of
 
@@ -73,10 +73,11 @@ def controller_of(segments: Sequence[Segment], inputs: int, at_once: NDArray[np.
     step is due, and were taken for a cause in one of four recordings in open loop; gains of a controller came out 1.1
     to 2.4 times too large, with 40 within 20 % (six recordings).
     """
+    rules = in_force().localise
     found = []
     for place in range(inputs):
         X, u = (np.vstack(parts) for parts in zip(*(_regressors(s, place) for s in segments), strict=True))
-        if len(u) > _ROWS_A_WEIGHT * X.shape[1] and np.ptp(u) > 0:
+        if len(u) > rules.rows_a_weight * X.shape[1] and np.ptp(u) > 0:
             weights, root = _weights(X, u[:, 0], at_once)
             if np.any(weights[1 + LAGS :]):
                 found.append(Answer(place, weights, root))

@@ -15,16 +15,15 @@ from scipy.signal import lfilter
 from scipy.special import chdtrc
 
 from aeolid.diagnose.baseline.prepare import Prepared
-from aeolid.diagnose.localise.cells import LEVEL, Cell
+from aeolid.diagnose.localise.cells import Cell
 from aeolid.diagnose.predictor.noise import touched
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
 Facts = dict[str, Any]
 _MOST_LAGS, _ROWS_A_LAG = 512, 16  # lags looked at: as many at most, and one for so many rows
-_LEAST_LAGS = 16
 _ORDER, _ROWS_A_POLE = 30, 50  # of the autoregression that takes a channel's colour: at most, one for so many rows
 _MOST_CHANNELS = 8
-_TAILS = 2.5  # by which marks were too many at the level itself, with loud stretches that both have: 2.5 % of 1000
 _AROUND = 101  # rows by whose size a sample is measured
 
 
@@ -65,10 +64,11 @@ def path_cells(white: Sequence[Array], heard: Sequence[Array]) -> tuple[list[Cel
     does after an innovation is the controller's answer to it. Value: power over what chance gives. Šidák over all.
     Cost O(c l N log N).
     """
+    rules = in_force().localise
     rows = sum(len(w) for w in white)
     lags = 2 ** int(np.log2(max(min(_MOST_LAGS, rows // _ROWS_A_LAG), 1)))
     moving = [i for i in range(heard[0].shape[1]) if np.ptp(np.concatenate([h[:, i] for h in heard])) > 0]
-    if lags < _LEAST_LAGS or not moving:
+    if lags < rules.least_lags or not moving:
         return [], np.zeros(0)
     edges = _edges(lags)
     apart = [np.vstack([_even(w), np.zeros((lags, w.shape[1]))]) for w in white]
@@ -87,7 +87,7 @@ def path_cells(white: Sequence[Array], heard: Sequence[Array]) -> tuple[list[Cel
                 chance = float(chdtrc(freedom, total))
                 rarity = -np.log10(chance) if chance > 0 else np.inf
                 found.append((j, i * len(edges) + b, total / freedom, float(rarity)))
-    limit = float(-np.log10(1 - (1 - LEVEL / _TAILS) ** (1 / len(found))))
+    limit = float(-np.log10(1 - (1 - rules.false_alarm_level / rules.tail_ratio) ** (1 / len(found))))
     return [Cell(j, place, "path", value, z, limit) for j, place, value, z in found], edges
 
 

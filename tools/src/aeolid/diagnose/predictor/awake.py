@@ -8,12 +8,12 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.forces import FORCE
 
 _FORCE, _WHITE = 0.5, 0.1  # amplitude of the forces, in sizes of what they act against; factor on white noise
-_SILENT, _UNHEARD, _USUAL = 0.3, 10.0, 1.0  # amplitudes, in sizes: process below, sensors beyond, what to try instead
+_USUAL = 1.0  # amplitude, in sizes, that is tried instead
 _BRIEF, _ROUNDS = 5, 3  # Gauss–Newton iterations from each moved noise; noises moved one after the other at most
-_WORTH = 0.5  # nats that moving one must bring
 _CLOSE = 0.002  # nats below which the last fit stops; with 0.02 one of thirty ended 2.3 nats short of it
 
 
@@ -55,9 +55,10 @@ def awakened(predictor: Predictor, fit: Fit, free: Free) -> Fit:
 
 def _best_moved(predictor: Predictor, point: Point, free: Free) -> Point | None:
     """Return where a brief fit from the most useful change of one noise leads; None where none is worth it."""
-    least, best, states = predictor.objective(point) - _WORTH, None, len(point.x0[0])
+    rules = in_force().predictor
+    least, best, states = predictor.objective(point) - rules.moved_noise_nats, None, len(point.x0[0])
     for i in free.noise:
-        if point.noise[i] >= _SILENT and (i < states or point.noise[i] <= _UNHEARD):
+        if point.noise[i] >= rules.quiet_process_sizes and (i < states or point.noise[i] <= rules.loud_sensor_sizes):
             continue
         if predictor.deadline.skips("some of the starts of a fit"):
             break

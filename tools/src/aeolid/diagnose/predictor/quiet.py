@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.forces import FORCE, RATE
 from aeolid.models.equations import Equations
 
 Bools = NDArray[np.bool_]
-_UNHEARD, _QUIETEST = 0.1, 1e-2  # nats that all quieter noise together may cost; its least amplitude, in sizes
+_QUIETEST = 1e-2  # least amplitude of quieter noise, in sizes
 
 
 def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
@@ -24,7 +25,7 @@ def quieted(predictor: Predictor, point: Point, free: Free) -> Point:
     fitted from there on stayed there, at an amplitude that rounding chose, and ended at one of several optima (of a
     positioning stage 4 and 50 nats apart). From quiet noise it ends at the same one, if not always the highest.
     """
-    limit, states = predictor.objective(point) + _UNHEARD, len(point.x0[0])
+    limit, states = predictor.objective(point) + in_force().predictor.unheard_noise_nats, len(point.x0[0])
     for i in (i for i in free.noise if i < states):
         while point.noise[i] > _QUIETEST:
             noise = point.noise.copy()

@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.run_prior.explain import HELD, SHARE, Explanation, Found, chosen, limit_of, rivals_of
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.explain import Explanation, Found, chosen, limit_of, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.diagnose.run_prior.proof import prove
 from aeolid.diagnose.run_prior.resonances import SEEN, resonances
 from aeolid.diagnose.run_prior.search import Scored, Search
-from aeolid.diagnose.validation.proof import PROVEN
 
 _PLACES = ("input:", "rotor")  # of effects that other outputs show as well as the mode's own
 
@@ -27,6 +27,7 @@ def with_beside(
     pair: Pair, x: Explanation, context: Mapping[str, Any], units: Mapping[str, str], tick: Callable[[str], None]
 ) -> Explanation:  # fmt: skip
     """Return an explanation that is a missing mode alone with a second effect, where the sealed part bears it out."""
+    rules = in_force().run_prior
     if len(x.found) != 1 or x.found[0].mode is None:
         return x
     mode = x.found[0].mode
@@ -42,11 +43,11 @@ def with_beside(
     best, table, search = _explained(search, own, towers, tick)
     if best is None or best.hypothesis.entry == SEEN:
         return x
-    if best.weight < HELD or best.nats < SHARE * search.lost or search.lost <= limit:
+    if best.weight < rules.held_weight or best.nats < rules.explained_share * search.lost or search.lost <= limit:
         return x
     found = Found(best, None, rivals_of(best, table), seen_in=rest)
     alone = replace(x, found=(found,), change=best.change.after(search.found), weight=search.base.weight)
-    if prove(rest, alone, search.ridge).interval[0] <= PROVEN:
+    if prove(rest, alone, search.ridge).interval[0] <= in_force().evidence.proven_nats:
         return x
     return replace(x, found=(*x.found, found), table=(*x.table, *table), change=best.change)
 

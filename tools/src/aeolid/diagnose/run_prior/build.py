@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.pair import Pair, Side, side_of
 from aeolid.diagnose.run_prior.regions import in_regions
 from aeolid.errors import NotIdentifiable
@@ -24,7 +25,6 @@ LONGEST = 90  # blocks of a window: in longer blocks a lag of 0.3 s was 0.34, a 
 _COARSE = 40  # blocks of a window in which modes are looked for
 _PERIODS = 1.3  # of the slowest mode in a window: one, and what its damping adds
 _REVOLUTION = 0.9  # of the rotor at rated speed in a window
-_SLOW = 0.3  # damping above which a mode is a transient that a shorter window holds as well
 _CONTENT, _PER_PERIOD = 0.95, 3.0  # of an output's power below the frequency that has so many blocks a period
 _ORDER = 16  # states of the models that the slowest mode is read from
 _FEWEST = 600  # blocks of the shortest side
@@ -89,6 +89,7 @@ def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:
     Looked for in windows of 40 blocks with three blocks a period of the outputs' fastest content; never below what
     such a window holds, nor above twice its length's inverse.
     """
+    run_modes = in_force().run_modes
     stride = _coarse(pair)
     reach = _PERIODS / (_COARSE * pair.step * stride)
     turn = context.get("rated_speed_rad_s")
@@ -96,7 +97,7 @@ def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:
         m.frequency_hz
         for sides in (pair.runs, pair.recordings)
         for m in _modes(pair, sides, stride)
-        if m.damping < _SLOW and m.frequency_hz > reach and not _is_multiple(m.frequency_hz, turn)
+        if m.damping < run_modes.transient_damping and m.frequency_hz > reach and not _is_multiple(m.frequency_hz, turn)
     ]
     return min([*rates, 2 * reach])
 
@@ -137,10 +138,12 @@ def _coarse(pair: Pair) -> int:
 
 
 def _is_multiple(frequency_hz: float, turn: float | None) -> bool:
+    run_modes = in_force().run_modes
     if turn is None:
         return False
     order = frequency_hz / (turn / (2 * np.pi))
-    return order > 0.5 and abs(order - round(order)) < 0.04 * max(1.0, order / 3)
+    room = run_modes.multiple_distance * max(1.0, order / 3)
+    return order > run_modes.multiple_from and abs(order - round(order)) < room
 
 
 def window_s(pair: Pair, context: Mapping[str, Any]) -> float:

@@ -15,10 +15,11 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import NAMED, Explanation, Found, explain, with_standing
+from aeolid.diagnose.run_prior.explain import Explanation, Found, explain, with_standing
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
@@ -28,7 +29,6 @@ from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.shown import sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.diagnose.validation.divergent import diverging
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
@@ -48,7 +48,7 @@ class RunStudy:
     @property
     def is_borne_out(self) -> bool:
         """Tell whether the sealed part bears the effects out."""
-        return self.proof.interval[0] > PROVEN
+        return self.proof.interval[0] > in_force().evidence.proven_nats
 
 
 def study_run(
@@ -160,10 +160,11 @@ def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
 
 
 def _where(verdict: str, x: Explanation) -> dict[str, Any] | None:
+    rules = in_force().run_prior
     if verdict != "unnamed":
         return None
     most = max(x.moved.values())
-    outputs = [n for n, v in sorted(x.moved.items(), key=lambda m: -m[1]) if v - 1 > 0.5 * (most - 1)]
+    outputs = [n for n, v in sorted(x.moved.items(), key=lambda m: -m[1]) if v - 1 > rules.worse_share * (most - 1)]
     return {"entry": f"output:{outputs[0]}", "outputs": outputs, "inputs": [], "frequency_hz": None,
             "azimuth_order": None, "region": None, "time_s": None}  # fmt: skip
 
@@ -205,6 +206,7 @@ def _without(x: Explanation) -> Explanation:
 
 def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units: Mapping[str, str]) -> dict[str, Any]:
     """Return what the report's appendix shows."""
+    rules = in_force().run_prior
     x = study.explanation
     rows = sorted({s.hypothesis.key: s for s in (*x.screened, *x.table)}.values(), key=lambda s: -s.nats)
     return {
@@ -213,7 +215,7 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units:
         "candidates": [
             {"key": s.hypothesis.key, "parts": [[s.hypothesis.entry, s.hypothesis.place]],
              "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": s.nats,
-             "nats_before_control": s.raw, "weight_of_run": s.weight, "plausible": bool(s.nats > NAMED)}
+             "nats_before_control": s.raw, "weight_of_run": s.weight, "plausible": bool(s.nats > rules.named_nats)}
             for s in rows
         ],
         "evaluations": x.evaluations,

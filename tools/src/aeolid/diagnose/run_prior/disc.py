@@ -16,15 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.models.multiblade import fixed_frame
 
 Array = NDArray[np.float64]
-SPREAD = 0.4  # of a logarithm between runs of one machine in other wind (18 pairs: -0.7 to 0.5)
 _SLOW = (0.05, 0.6)  # revolutions: the band of slow loads
 _NEAR = 0.07  # of the blades' order: the band about it
 _PARTS = 5  # of a recording, each of which must show it
-_UNEVEN, _LINES, _LEAST = 1.5, 1.2, 0.8  # logarithms: of the disc, of every output without one, of every part
 
 
 @dataclass(frozen=True)
@@ -38,12 +37,14 @@ class Disc:
     @property
     def is_sure(self) -> bool:
         """Tell whether the recording is loaded more unevenly than the run in every part."""
-        return self.value > (_UNEVEN if self.uneven else _LINES) and min(self.parts) > _LEAST
+        rules = in_force().run_prior
+        least = rules.disc_uneven_log if self.uneven else rules.disc_lines_log
+        return self.value > least and min(self.parts) > rules.disc_parts_log
 
     @property
     def z(self) -> float:
         """Return the logarithm in deviations between runs of one machine."""
-        return self.value / SPREAD
+        return self.value / in_force().run_prior.disc_spread_log
 
 
 def disc_of(pair: Pair, context: Mapping[str, Any]) -> Disc | None:

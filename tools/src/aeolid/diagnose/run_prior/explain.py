@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
@@ -22,20 +23,7 @@ from aeolid.diagnose.run_prior.search import Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
 
 Array = NDArray[np.float64]
-LEAST_LOST, EACH_LOST = 30.0, 10.0  # nats lost from which something separates the sides: in all, and an output
-UNSTEADY = 1.5  # times what halves of one side lose under each other, below which nothing separates the sides either
-DETECTED = 60.0  # nats by which the evidence must fall for an effect to be excluded
-NAMED = 30.0  # nats that an effect must gain on the data of the fit …
-HELD = 0.1  # … with the run's weight back at least here: what remains is then no more than nulls show …
-SHARE = 0.5  # … or with so much of what was lost explained: what acts between samples leaves a rest in short blocks
-MOVED_SHARE = 0.25  # … or with this of it by a mode that moved: what else it does to the outputs is not told by poles
-LEAST_SHARE = 0.1  # of what was lost: less leaves the pair as different as before, whatever the run's weight does
-FURTHER = 0.05  # of the first effect's gain that a further one must have
-_RIVAL = 0.97  # of the best gain from which another kind is not told from it …
-_RIVAL_NATS = 8.0  # … or this near in nats
-RICHER = 10.0  # nats that a form must gain over a simpler one that it holds
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
-_GROWN = 1.2  # by which a missing mode that has a name must make the errors of its output grow
 _AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
@@ -77,7 +65,7 @@ class Explanation:
     evaluations: int = 0
     after: float = np.nan  # the run's weight with all effects
     tried: Mapping[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = field(default_factory=dict)
-    limit: float = LEAST_LOST
+    limit: float = field(default_factory=lambda: in_force().run_prior.lost_nats)
 
     @property
     def is_apart(self) -> bool:
@@ -114,12 +102,13 @@ def _with_further(
     pair: Pair, x: Explanation, best: Scored, hypotheses: Sequence[Hypothesis], tick: Callable[[str], None]
 ) -> Explanation:
     """Return an explanation with a second effect at another place, where one gains enough behind the first."""
+    rules = in_force().run_prior
     second = Search(pair, best.change)
     own = [h for h in hypotheses if h.place != best.hypothesis.place]
     more = second.refine(second.screen(own, tick), tick) if second.lost > x.limit else []
     further = chosen(second, more, second.lost)
     x = replace(x, evaluations=x.evaluations + second.evaluations)
-    if further is None or further.nats <= max(NAMED, FURTHER * best.nats):
+    if further is None or further.nats <= max(rules.named_nats, rules.further_share * best.nats):
         return x
     return replace(
         x, found=(*x.found, Found(further, None, rivals_of(further, more))), change=further.change.after(best.change),
@@ -129,7 +118,8 @@ def _with_further(
 
 def limit_of(pair: Pair, unsteady: float) -> float:
     """Return the nats that may be lost and nothing separate the sides, from what their halves lose."""
-    return max(LEAST_LOST, EACH_LOST * len(pair.shown), UNSTEADY * unsteady)
+    rules = in_force().run_prior
+    return max(rules.lost_nats, rules.lost_nats_an_output * len(pair.shown), rules.unsteady_ratio * unsteady)
 
 
 def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
@@ -157,17 +147,20 @@ def _moved(search: Search) -> dict[str, float]:
 
 def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
-    least = max(HELD, search.base.weight)
-    table = [s for s in table if s.nats > max(NAMED, LEAST_SHARE * lost)]
-    fit = [s for s in table if s.weight >= least or s.nats > (MOVED_SHARE if s.hypothesis.of else SHARE) * lost]
+    rules = in_force().run_prior
+    least = max(rules.held_weight, search.base.weight)
+    table = [s for s in table if s.nats > max(rules.named_nats, rules.least_share * lost)]
+    share, of_moved = rules.explained_share, rules.moved_mode_share
+    fit = [s for s in table if s.weight >= least or s.nats > (of_moved if s.hypothesis.of else share) * lost]
     if not fit:
         return None
-    return max(fit, key=lambda s: s.nats - RICHER * (len(s.values) - 1))
+    return max(fit, key=lambda s: s.nats - rules.richer_nats * (len(s.values) - 1))
 
 
 def rivals_of(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
     """Return other kinds, or other places, that gain nearly as much; forms that only hold the best one are none."""
-    near = min(_RIVAL * best.nats, best.nats - _RIVAL_NATS)
+    rules = in_force().run_prior
+    near = min(rules.rival_share * best.nats, best.nats - rules.rival_nats)
     return tuple(s for s in table if s is not best and s.nats > near and not _holds(s.hypothesis, best.hypothesis))
 
 
@@ -178,20 +171,23 @@ def _holds(form: Hypothesis, other: Hypothesis) -> bool:
 
 def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, Any], pair: Pair) -> tuple[Found, ...]:
     """Return the mode that the runs lack: a pair of edgewise whirl modes as one, else the sharpest where it moved."""
+    rules = in_force().run_modes
     turn = context.get("rated_speed_rad_s")
     if turn:
         apart = 2 * float(turn) / (2 * np.pi)
         for a in modal.absent:
             for b in modal.absent:
-                if abs(b.frequency_hz - a.frequency_hz - apart) < 0.06 * apart and a.output == b.output:
+                pair_of = abs(b.frequency_hz - a.frequency_hz - apart) < rules.whirl_distance * apart
+                if pair_of and a.output == b.output:
                     middle = Absent(
                         (a.frequency_hz + b.frequency_hz) / 2, float(np.hypot(a.frequency_std_hz, b.frequency_std_hz)),
                         (a.damping + b.damping) / 2, float(np.hypot(a.damping_std, b.damping_std)), a.output,
                     )  # fmt: skip
                     return (Found(None, middle, edge=True),)
     most = max(moved.values())
-    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > _GROWN]
-    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > 0.5 * most] if most > 1.5 else []
+    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > rules.named_growth]
+    least = rules.shown_growth_share * most
+    shown = [a for a in modal.absent if moved.get(a.output, 0.0) > least] if most > rules.shown_growth else []
     if named:
         return (Found(None, max(named, key=lambda a: moved[a.output])),)
     return (Found(None, shown[0]),) if shown else ()

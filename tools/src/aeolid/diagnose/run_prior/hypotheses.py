@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.pair import Change, Pair, Side
 from aeolid.models import input_filters
@@ -19,7 +20,6 @@ LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tri
 _DELAYS = (1, 2, 3, 4, 5, 6, 8, 11, 15)  # in samples: between them a delay interpolates, and the evidence ripples
 _WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands, in deviations of the input
 _RATES = (0.7, 0.5, 0.35, 0.25, 0.15)  # of the steepest slope of the input that all but a thousandth keep to
-_HELD = 0.4  # of an input's samples that repeat the one before, from which it is held between samples
 _TURNS = (5.0, 10.0, 20.0)  # time constants of the wake, in windows / 5
 
 
@@ -139,7 +139,7 @@ def ways_of(u: Array) -> Ways:
 
     Taken as smooth, a held input would come half a sample early behind a drive.
     """
-    if np.mean(np.diff(u) == 0) < _HELD:
+    if np.mean(np.diff(u) == 0) < in_force().run_prior.held_input_share:
         return Ways(op.first_order, op.delayed, op.second_order)
 
     def held(kind: str, *values: float, x: Array, step: float) -> Array:
@@ -199,7 +199,7 @@ def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
             Hypothesis("sensor_rectified", place, (), (), (), (), ((),),
                        lambda values: Change(outputs={j: lambda x, s: np.abs(x)}))
         )  # fmt: skip
-    if np.mean((y <= low) | (y >= high)) > 0.002:
+    if np.mean((y <= low) | (y >= high)) > in_force().run_prior.at_range_end_share:
         found.append(
             Hypothesis("sensor_saturation", place, (), (), (), (), ((),),
                        lambda values: Change(outputs={j: lambda x, s: np.clip(x, low, high)}))

@@ -17,14 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
+from aeolid.diagnose.rules import in_force
 from aeolid.models.multiblade import fixed_frame
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 SPAN = 10.0  # s of a mean
 SPEEDS = ("m/s", "km/h", "kn", "mph", "ft/s")  # units of a wind
-_STANDS = 2.0  # deviations that the mean of an output must be away from 0 to have a level: an acceleration has none
-_WITHIN, _ENOUGH, _FEWEST = 2.5, 0.4, 20  # of the run's means: deviations, share of the recording's, number of them
 _RIDGE = 1e-3  # of the run's means
 _SEALED = 0.3  # of each recording
 
@@ -65,7 +64,9 @@ class Shift:
     @property
     def is_sure(self) -> bool:
         """Tell whether both parts bear the shift out."""
-        return abs(self.z) > 6 and self.sealed * self.value > 0 and abs(self.sealed) > 3 * self.sealed_deviation
+        rules = in_force().run_prior
+        sure = abs(self.z) > rules.law_sure_deviations and self.sealed * self.value > 0
+        return sure and abs(self.sealed) > rules.law_sealed_deviations * self.sealed_deviation
 
 
 def shifts_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any]) -> dict[str, Shift]:
@@ -105,7 +106,7 @@ def wind_of(record: Record, run: Record) -> str:
 
 def _has_level(runs: Sequence[Record], name: str) -> bool:
     y = np.concatenate([r.column(name) for r in runs])
-    return bool(abs(np.nanmean(y)) > _STANDS * np.nanstd(y))
+    return bool(abs(np.nanmean(y)) > in_force().run_prior.level_deviations * np.nanstd(y))
 
 
 def _means(record: Record, by: Sequence[str], target: Sequence[str], part: int | None) -> Array:
@@ -123,10 +124,11 @@ def _means(record: Record, by: Sequence[str], target: Sequence[str], part: int |
 
 
 def _shift(law: str, channel: str, recorded: Sequence[Array], run: Array) -> Shift | None:
+    rules = in_force().run_prior
     x = run[:, :-1]
     centre, spread = x.mean(axis=0), x.std(axis=0)
     moves = spread > 1e-9 * (1 + np.abs(centre))
-    if len(run) < _FEWEST or not moves.any():
+    if len(run) < rules.law_means or not moves.any():
         return None
     centre, spread = centre[moves], spread[moves]
     F = _features((x[:, moves] - centre) / spread)
@@ -139,12 +141,13 @@ def _shift(law: str, channel: str, recorded: Sequence[Array], run: Array) -> Shi
         z = (means[:, :-1][:, moves] - centre) / spread
         off = np.column_stack([means[:, -1] - _features(z) @ theta, _features(z)])
         cut = round((1 - _SEALED) * len(off))
-        good = np.all(np.abs(z) < _WITHIN, axis=1)
+        good = np.all(np.abs(z) < rules.law_within_deviations, axis=1)
         parts[0].append(off[:cut][good[:cut]])
         parts[1].append(off[cut:][good[cut:]])
     chosen, sealed = (np.vstack(p) for p in parts)
     both = np.vstack([chosen, sealed])
-    if len(both) < max(_FEWEST, _ENOUGH * sum(map(len, recorded))) or len(sealed) < 0.2 * _FEWEST:
+    least = max(rules.law_means, rules.law_shared * sum(map(len, recorded)))
+    if len(both) < least or len(sealed) < rules.law_sealed_share * rules.law_means:
         return None
 
     def of(off: Array) -> tuple[float, float]:

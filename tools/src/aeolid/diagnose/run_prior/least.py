@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from aeolid.diagnose.run_prior.explain import DETECTED, Explanation
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.explain import Explanation
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 
 _FACTORS = ("factor",)  # names of values whose null is 1
@@ -42,14 +43,15 @@ def least_size(hypothesis: Hypothesis, grid: Sequence[tuple[Values, float]]) -> 
     Between grid points nats go with a power of the size. No smaller size is told than the smallest that is tried: the
     search begins at those.
     """
+    rules = in_force().run_prior
     null = 1.0 if hypothesis.names[0] in _FACTORS else 0.0
     points = sorted((abs(v[0] - null), -gain) for v, gain in grid)
-    enough = next((k for k, (_, nats) in enumerate(points) if nats >= DETECTED), None)
+    enough = next((k for k, (_, nats) in enumerate(points) if nats >= rules.excluded_nats), None)
     if enough is None:
         return None
     size, nats = points[enough]
     before, less = points[enough - 1] if enough else (0.0, 0.0)
     if less > 0 and before < size:
         slope = np.log(size / before) / np.log(nats / less)
-        return float(before * (DETECTED / less) ** slope)
-    return float(max(size * np.sqrt(DETECTED / nats), before, points[0][0]))
+        return float(before * (rules.excluded_nats / less) ** slope)
+    return float(max(size * np.sqrt(rules.excluded_nats / nats), before, points[0][0]))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.errors import NotIdentifiable
@@ -22,15 +23,9 @@ from aeolid.models.state_space import StateSpace
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
-SHARP_DAMPING, SHARP_SPREAD = 0.1, 0.01  # most damping and relative deviation of a mode that is compared
-LOOSE_DAMPING = 0.3  # of a partner
-SAME = 0.06  # relative distance within which modes are one
-ALIKE = 0.6  # cosine between the outputs' shares of modes that are one
-_PASSING = 0.03  # of a frequency: so near a multiple of the rotor's it is no mode that a kind has already
 _STATES = {2: 20}  # by number of outputs; more have more
 _MOST_STATES = 40
 _BLOCKS = 40  # of a window
-_HIGHEST = 0.4  # of the blocks' rate: nearer to half of it a mode may be the image of a faster one
 
 
 @dataclass(frozen=True)
@@ -61,6 +56,7 @@ class Modal:
 
 def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
     """Identify both sides at the rate of the blocks and match their modes; none where either cannot be identified."""
+    run_modes = in_force().run_modes
     stride, past = _coarse(pair)
     sides = (pair.recordings, pair.runs)
     records = [_slowed(pair, s, stride) for s in sides]
@@ -73,7 +69,7 @@ def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
     recorded, simulated = (
         tuple(mark_harmonics(f.modes, hz) if hz else f.modes) for f, hz in zip(found, turns, strict=True)
     )
-    absent = _absent(recorded, simulated, _HIGHEST / (pair.step * stride), is_turbine(context), turns[0])
+    absent = _absent(recorded, simulated, run_modes.highest_share / (pair.step * stride), is_turbine(context), turns[0])
     bands = [f.band.to_json(pair.inputs, pair.shown) for f in found if f.band is not None]
     return Modal(recorded, simulated, absent, tuple(bands) if len(bands) == len(sides) else ())
 
@@ -92,18 +88,19 @@ def model_of_runs(pair: Pair) -> tuple[StateSpace, list[Record]] | None:
 def _absent(
     recorded: Sequence[Mode], simulated: Sequence[Mode], highest: float, turbine: bool, turn: float | None
 ) -> tuple[Absent, ...]:  # fmt: skip
-    partners = [m for m in simulated if m.damping < LOOSE_DAMPING]
+    run_modes = in_force().run_modes
+    partners = [m for m in simulated if m.damping < run_modes.partner_damping]
     alone: list[Mode] = []
     both: list[Mode] = []
     for m in recorded:
-        if m.rotor_order is None and m.frequency_hz < highest and m.damping < LOOSE_DAMPING:
+        if m.rotor_order is None and m.frequency_hz < highest and m.damping < run_modes.partner_damping:
             (both if any(_is_same(p, m) for p in partners) else alone).append(m)
-    own = [m for m in both if m.damping < SHARP_DAMPING and not _is_multiple(m.frequency_hz, turn)]
+    own = [m for m in both if m.damping < run_modes.sharp_damping and not _is_multiple(m.frequency_hz, turn)]
     present = {_kind(m) for m in own} if turbine else set()
     found = []
     for m in alone:
         f, std = m.frequency_hz, m.frequency_std_hz
-        if std is None or not 0 < m.damping < SHARP_DAMPING or std > SHARP_SPREAD * f:
+        if std is None or not 0 < m.damping < run_modes.sharp_damping or std > run_modes.sharp_spread * f:
             continue
         kind = _kind(m) if turbine else ""
         output = max(m.shares, key=lambda name: m.shares[name])
@@ -116,12 +113,14 @@ def _absent(
 def _is_multiple(frequency_hz: float, turn: float | None) -> bool:
     """Tell whether a frequency is so near a multiple of the rotor's that blades which pass may be all there is."""
     order = round(frequency_hz / turn) if turn else 0
-    return order >= 1 and turn is not None and abs(frequency_hz - order * turn) < _PASSING * frequency_hz
+    near = in_force().run_modes.passing_distance * frequency_hz
+    return order >= 1 and turn is not None and abs(frequency_hz - order * turn) < near
 
 
 def _shown(m: Mode) -> tuple[str, ...]:
+    run_modes = in_force().run_modes
     most = max(m.shares.values())
-    return tuple(name for name, share in m.shares.items() if share >= 0.5 * most)
+    return tuple(name for name, share in m.shares.items() if share >= run_modes.shown_share * most)
 
 
 def _kind(m: Mode) -> str:
@@ -132,13 +131,13 @@ def _kind(m: Mode) -> str:
 
 
 def _is_same(a: Mode, b: Mode) -> bool:
-    return abs(a.frequency_hz - b.frequency_hz) <= SAME * b.frequency_hz and _alike(a, b)
+    return abs(a.frequency_hz - b.frequency_hz) <= in_force().run_modes.same_distance * b.frequency_hz and _alike(a, b)
 
 
 def _alike(a: Mode, b: Mode) -> bool:
     """Tell whether two modes move the outputs in like proportions: fore-aft and side-side are near in frequency."""
     x, y = (np.array([m.shares[n] for n in a.shares]) for m in (a, b))
-    return bool(x @ y > ALIKE * np.linalg.norm(x) * np.linalg.norm(y))
+    return bool(x @ y > in_force().run_modes.same_cosine * np.linalg.norm(x) * np.linalg.norm(y))
 
 
 def _slowed(pair: Pair, sides: Sequence[Side], stride: int) -> list[Record]:

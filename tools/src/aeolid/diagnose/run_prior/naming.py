@@ -13,6 +13,7 @@ from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
 from aeolid.diagnose.hypotheses.simulators import settings
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.explain import Explanation, Found
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -20,8 +21,6 @@ from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.standing import Standing
 
 Told = dict[str, tuple[float, float]]  # name → value, deviation
-_AERO_RIVAL = 0.6  # of the gain of a factor on pitch, from which a slow wake is not told from it
-_STILL = 0.02  # by which a frequency may differ where a mode is only damped otherwise
 _LATERAL = r"side.?(to.?)?side|(^|[\W_])ss([\W_]|$)|tayp|lateral"
 _WORDS = {
     "actuator_lag": "{name} acts through a first-order lag of {tau_s:.3g} s that the simulation leaves out",
@@ -96,7 +95,7 @@ def _moved_names(h: Hypothesis, found: Found, told: Told) -> list[Name]:
     (f, _), (zeta, _) = told["frequency_hz"], told["damping"]
     what = next((k.words for k in KINDS if re.search(k.pattern, h.place.lower())), "a mode")
     now = f"{what} of {h.of[0]:.3g} Hz and damping {h.of[1]:.2g} in the simulation is at {f:.3g} Hz with {zeta:.2g}"
-    still = abs(f / h.of[0] - 1) < _STILL
+    still = abs(f / h.of[0] - 1) < in_force().run_prior.still_distance
     names = ["damping_change"] if still else [h.entry, *(r.hypothesis.entry for r in found.rivals if r.hypothesis.of)]
     why = {"damping_change": "it is damped otherwise", "stiffness_change": "its stiffness differs",
            "added_mass": "its mass differs"}  # fmt: skip
@@ -137,7 +136,7 @@ def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Ma
         return ["parameter_error"]
     slow = max((s.nats for s in explanation.table if s.hypothesis.entry == "dynamic_inflow"), default=0.0)
     assert found.scored is not None
-    if slow > _AERO_RIVAL * found.scored.nats and found.scored.values[0] > 1:
+    if slow > in_force().run_prior.aero_rival_share * found.scored.nats and found.scored.values[0] > 1:
         return ["dynamic_inflow", "parameter_error"]
     return ["air_density", "parameter_error"]
 
@@ -151,7 +150,7 @@ def _imbalance(explanation: Explanation) -> list[str]:
     moved = explanation.moved
     lateral = max((v for n, v in moved.items() if re.search(_LATERAL, n.lower())), default=0.0)
     flap = max((v for n, v in moved.items() if n.endswith(("_cosine", "_sine"))), default=0.0)
-    if lateral - 1 > 1.5 * max(flap - 1, 0.0) and lateral > 1:
+    if lateral - 1 > in_force().run_prior.lateral_ratio * max(flap - 1, 0.0) and lateral > 1:
         return ["mass_imbalance"]
     return ["mass_imbalance", "aero_imbalance"]
 

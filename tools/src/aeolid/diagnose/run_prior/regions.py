@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.pair import Side
 
 Array = NDArray[np.float64]
-_NEAR = 1.0  # of the deviation within a run, up to which means of two runs are one region
 
 
 def in_regions(recordings: Sequence[Side], runs: Sequence[Side]) -> tuple[tuple[Side, ...], tuple[Side, ...]]:
@@ -48,10 +48,11 @@ def _nearest(level: Array, levels: Array) -> int:
 
 def _grouped(levels: Array) -> list[int]:
     """Return for each run the first run of its region: runs that are near, or near one that is, belong together."""
+    rules = in_force().run_prior
     group = list(range(len(levels)))
     for i in range(len(levels)):
         for j in range(i):
-            if np.max(np.abs(levels[i] - levels[j])) <= _NEAR and group[i] != group[j]:
+            if np.max(np.abs(levels[i] - levels[j])) <= rules.region_distance and group[i] != group[j]:
                 low, high = sorted((group[i], group[j]))
                 group = [low if g == high else g for g in group]
     return group

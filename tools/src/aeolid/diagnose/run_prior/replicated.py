@@ -10,18 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.beside import without
-from aeolid.diagnose.run_prior.explain import NAMED, RICHER, Explanation, Found, rivals_of
+from aeolid.diagnose.run_prior.explain import Explanation, Found, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.diagnose.run_prior.proof import prove
 from aeolid.diagnose.run_prior.search import Scored, Search
-from aeolid.diagnose.validation.proof import PROVEN
 
-TOLD = 15.0  # nats from which a group of outputs tells something …
-SURE = 60.0  # … and that one of them must have: the missing mode itself was worth 43 as a lag of 0.03 s in three groups
-AGREE = 1.15  # ratio of the values of groups that agree; windows of one output move a lag by some 5 %
-GROUPS = 2  # that must tell the same
 _MOST = 4  # effects that are asked about, the best on all outputs
 _AROUND = (0.5, 0.7, 1.0, 1.4, 2.0)  # times the value on all outputs: where a group looks for its own
 
@@ -41,16 +37,17 @@ def with_replicated(
 
     The sealed part of those groups must bear it out. Cost: some 25 evaluations a group of outputs.
     """
+    rules = in_force().run_prior
     if len(x.found) != 1 or x.found[0].mode is None:
         return x
-    asked = [s for s in x.table if s.hypothesis.place.startswith("input:") and s.nats > NAMED][:_MOST]
+    asked = [s for s in x.table if s.hypothesis.place.startswith("input:") and s.nats > rules.named_nats][:_MOST]
     groups = [names for names in groups_of(pair) if x.found[0].mode.output not in names]
-    if not asked or len(groups) < GROUPS:
+    if not asked or len(groups) < rules.agreeing_groups:
         return x
     heard = [Heard(names, _table(pair, names, asked, tick)) for names in groups]
     for s in asked:
         agreed = agreeing(s, heard)
-        if len(agreed) >= GROUPS:
+        if len(agreed) >= rules.agreeing_groups:
             return _proven(pair, x, s, {n for h in agreed for n in h.names}, units, tick)
     return x
 
@@ -67,20 +64,22 @@ def agreeing(asked: Scored, heard: Sequence[Heard]) -> list[Heard]:
 
     A group whose value lies at an end of what was looked through has none.
     """
+    rules = in_force().run_prior
+    least, room = rules.group_nats, rules.agreeing_ratio
     told = [(h, max(h.table, key=_worth)) for h in heard if h.table]
-    told = [(h, s) for h, s in told if s.hypothesis.key == asked.hypothesis.key and s.nats > TOLD and s.values]
+    told = [(h, s) for h, s in told if s.hypothesis.key == asked.hypothesis.key and s.nats > least and s.values]
     told = [(h, s) for h, s in told if _AROUND[0] < s.values[0] / asked.values[0] < _AROUND[-1]]
     if not told:
         return []
     most = max((s for _, s in told), key=lambda s: s.nats)
-    if most.nats < SURE:
+    if most.nats < rules.sure_group_nats:
         return []
-    return [h for h, s in told if 1 / AGREE < s.values[0] / most.values[0] < AGREE]
+    return [h for h, s in told if 1 / room < s.values[0] / most.values[0] < room]
 
 
 def _worth(s: Scored) -> float:
     """Return what an effect gains, less what a richer form must gain over a simpler one."""
-    return s.nats - RICHER * max(len(s.values) - 1, 0)
+    return s.nats - in_force().run_prior.richer_nats * max(len(s.values) - 1, 0)
 
 
 def _table(
@@ -114,10 +113,10 @@ def _proven(
     kin = [h for h in all_hypotheses(rest, dict(units)) if h.place == s.hypothesis.place]
     table = search.refine(search.screen(kin, tick), tick)
     best = max(table, key=_worth, default=None)
-    if best is None or best.hypothesis.key != s.hypothesis.key or best.nats < NAMED:
+    if best is None or best.hypothesis.key != s.hypothesis.key or best.nats < in_force().run_prior.named_nats:
         return x
     found = Found(best, None, rivals_of(best, table), seen_in=rest)
     alone = replace(x, found=(found,), change=best.change, weight=search.base.weight)
-    if prove(rest, alone, search.ridge).interval[0] <= PROVEN:
+    if prove(rest, alone, search.ridge).interval[0] <= in_force().evidence.proven_nats:
         return x
     return replace(x, found=(*x.found, found), table=(*x.table, *table), change=best.change)

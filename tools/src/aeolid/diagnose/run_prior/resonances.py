@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.modes import KINDS
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -29,10 +30,6 @@ SEEN = "tower_fore_aft"  # entry of a mode that another output shows
 _PITCH = r"pitch|blpit|beta"
 _BELOW = 2.9  # revolutions at rated speed, below which a tower of three blades swings
 _RATIOS = (0.8, 0.9, 0.95, 1.05, 1.1, 1.2)  # of frequencies that are tried
-_DAMPED = 0.15  # most damping of a mode that may move
-_LOOSE = 0.3  # damping from which the model of another rate does not hold the mode
-_SURE = 0.03  # relative deviation of its frequency
-_GROWN = 0.2  # of the most by which an output's errors grow: the output that shows a mode most, for it to have moved
 _SPEEDS = ("rpm", "1/min", "rad/s", "deg/s", "m/s")
 _FACTOR = 1.6  # a frequency may move by at most
 _STEP = (0.03, 0.3)  # of the logarithms of frequency and damping, in which the best is looked for
@@ -42,23 +39,29 @@ def resonances(
     pair: Pair, modal: Modal, units: Mapping[str, str], moved: Mapping[str, float], context: Mapping[str, Any]
 ) -> list[Hypothesis]:  # fmt: skip
     """Return the moves of the runs' modes whose outputs moved, and what a tower does to other outputs."""
+    run_modes = in_force().run_modes
     found: list[Hypothesis] = []
     most = max(moved.values(), default=1.0) - 1
-    movable = [m for m in modal.simulated if _is_sharp(m) and moved[_strongest(m)] - 1 > _GROWN * most]
+    least = run_modes.movable_growth_share * most
+    movable = [m for m in modal.simulated if _is_sharp(m) and moved[_strongest(m)] - 1 > least]
     runs = model_of_runs(pair) if movable else None
     if runs is not None:
         model, records = runs
         swings = {s.eigenvalue: (s, _strongest(m)) for m in movable for s in [swing_of(model, records, pair.runs, m)]}
         found += [
-            _move(pair, s, entry, name, units) for s, name in swings.values() if s.damping < _LOOSE for entry in MOVED
+            _move(pair, s, entry, name, units)
+            for s, name in swings.values()
+            if s.damping < run_modes.loose_damping
+            for entry in MOVED
         ]
     return found + (_towers(pair, context.get("rated_speed_rad_s")) if is_turbine(context) else [])
 
 
 def _is_sharp(m: Mode) -> bool:
     """Tell whether a mode's frequency is known and no multiple of the rotor's."""
-    known = m.frequency_std_hz is not None and m.frequency_std_hz < _SURE * m.frequency_hz
-    return known and 0 < m.damping < _DAMPED and m.rotor_order is None
+    run_modes = in_force().run_modes
+    known = m.frequency_std_hz is not None and m.frequency_std_hz < run_modes.movable_spread * m.frequency_hz
+    return known and 0 < m.damping < run_modes.movable_damping and m.rotor_order is None
 
 
 def _strongest(m: Mode) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.evidence import Evidence, covariance_at, evidence, lost_by, prior_of, shrinkage_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
@@ -18,8 +19,6 @@ from aeolid.errors import NotIdentifiable
 Array = NDArray[np.float64]
 FIT = 0.7  # of each recording in which hypotheses are chosen and fitted; the rest is sealed
 _KEPT = 8  # hypotheses that are refined
-_NEAR = 0.15  # of the best gain from which a hypothesis is refined …
-_LEAST = 3.0  # … and nats
 _WIDE = 0.35  # of two and more values, the first step of their search
 
 
@@ -129,8 +128,9 @@ class Search:
 
     def refine(self, screened: Sequence[Scored], tick: Callable[[str], None] = lambda _: None) -> list[Scored]:
         """Return the best hypotheses with values that maximise the evidence, and their surplus over the control."""
+        rules = in_force().run_prior
         top = max((s.nats for s in screened), default=0.0)
-        chosen = [s for s in screened if s.nats > max(_LEAST, _NEAR * top)][:_KEPT]
+        chosen = [s for s in screened if s.nats > max(rules.refined_nats, rules.refined_share * top)][:_KEPT]
         found = []
         for s in chosen:
             tick(s.hypothesis.key)

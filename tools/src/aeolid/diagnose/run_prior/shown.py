@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
 
 Array = NDArray[np.float64]
 _BINS = 36  # of a turn of the rotor
-_FEWEST = 5  # samples in each
 
 
 def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, Any]:
@@ -49,7 +49,7 @@ def turning_mean(sides: Sequence[Side]) -> Array | None:
     y = np.vstack([s.y[~s.missing] for s in kept])
     place = (np.mod(angle, 2 * np.pi) / (2 * np.pi) * _BINS).astype(int) % _BINS
     count = np.bincount(place, minlength=_BINS)
-    if count.min() < _FEWEST:
+    if count.min() < in_force().run_prior.blade_samples:
         return None
     means = np.column_stack([np.bincount(place, c, minlength=_BINS) / count for c in y.T])
     out: Array = means - means.mean(axis=0)

@@ -11,19 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.record import Record
 
-_WIND, _THRUST, _CYCLIC = 0.01, 0.03, 0.08  # least shifts in parts of a level: a missing edge mode moves tilt by 0.05
 _CUBE = 3  # of the wind a power goes with: IEC 61400-12-1 normalises wind speeds by the cube root of the density
 _EXPONENT = 0.15  # of a density's change: what Cp and tip speed at a fixed angle make of that
-_TURNED = 0.15  # by which a yaw moment's share must differ from the thrust's for the inflow to be turned
-_BENT = 2.0  # growth of the errors of a collective flap moment from which the blade itself moves otherwise
 _RATIOS = {"air_density": -0.6, "sensor_scale": 0.0, "cp_change": 1.0}  # thrust at an angle over wind at an angle
-_SLACK = 0.15  # of such a ratio
 
 
 @dataclass(frozen=True)
@@ -50,7 +47,7 @@ def standing_of(
     if not is_turbine(context):
         return ()
     laws = shifts_of(records, runs, context)
-    wind = _sure(laws, "wind", _WIND)
+    wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     if wind is not None:
         return (_power(laws, wind, wind_of(records[0], runs[0])),)
     found = _blade(laws, moved) or _inflow(laws, detected)
@@ -73,6 +70,7 @@ def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
 
 def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
     """Name why another wind goes with the same angle, torque and speed."""
+    rules = in_force().run_prior
     factor = (1 + wind.share) ** -_CUBE
     std = float(np.hypot(_CUBE * factor * wind.deviation / abs(wind.level), _EXPONENT * (1 - factor)))
     nats, interval = _proof(wind.sealed / wind.sealed_deviation, wind.nats)
@@ -89,8 +87,8 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
         "yaw_misalignment": f"the wind comes from aside: {same}, and the yaw moment moved",
     }
     names = _by_thrust(laws, wind)
-    yaw, thrust = _sure(laws, "yaw", _CYCLIC), laws.get("thrust")
-    if yaw is not None and thrust is not None and abs(yaw.share - thrust.share) > _TURNED:
+    yaw, thrust = _sure(laws, "yaw", rules.cyclic_shift), laws.get("thrust")
+    if yaw is not None and thrust is not None and abs(yaw.share - thrust.share) > rules.turned_share:
         names = ("yaw_misalignment", *names)
         where["yaw_misalignment"], told["yaw_misalignment"] = "rotor", {}
     return Standing(names, where, told, words, nats, interval)
@@ -98,22 +96,24 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
 
 def _by_thrust(laws: Mapping[str, Shift], wind: Shift) -> tuple[str, ...]:
     """Return which of density, power coefficient and anemometer the thrust at a given angle allows, nearest first."""
+    rules = in_force().run_prior
     thrust = laws.get("thrust without wind")
     if thrust is None:
         return ("air_density", "cp_change")
     ratio = thrust.share / wind.share
-    slack = 2 * float(np.hypot(thrust.deviation / abs(thrust.level * wind.share), _SLACK))
+    slack = 2 * float(np.hypot(thrust.deviation / abs(thrust.level * wind.share), rules.thrust_ratio_slack))
     order = sorted(_RATIOS, key=lambda e: abs(ratio - _RATIOS[e]))
     return tuple(e for k, e in enumerate(order) if k == 0 or abs(ratio - _RATIOS[e]) < slack)
 
 
 def _blade(laws: Mapping[str, Shift], moved: Mapping[str, float]) -> Standing | None:
     """Name a blade that bends: level and quick moves of the collective flap moment differ, the power does not."""
-    thrust = _sure(laws, "thrust", _THRUST) or _sure(laws, "thrust without wind", _THRUST)
+    rules = in_force().run_prior
+    thrust = _sure(laws, "thrust", rules.thrust_shift) or _sure(laws, "thrust without wind", rules.thrust_shift)
     if thrust is None:
         return None
     channel = f"{thrust.channel}_collective"
-    if moved.get(channel, 0.0) < max(_BENT, 0.99 * max(moved.values())):
+    if moved.get(channel, 0.0) < max(rules.bent_ratio, rules.bent_lead * max(moved.values())):
         return None
     words = (
         f"the blades bend flapwise otherwise than in the simulation: {channel} stands {thrust.share:+.1%} off, and its"
@@ -125,9 +125,10 @@ def _blade(laws: Mapping[str, Shift], moved: Mapping[str, float]) -> Standing | 
 
 def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
     """Name what turns with the blades at the same wind and thrust: shear, yaw, and a wake that lags behind them."""
-    if any(_sure(laws, law, _THRUST) for law in ("thrust", "thrust without wind")):
+    rules = in_force().run_prior
+    if any(_sure(laws, law, rules.thrust_shift) for law in ("thrust", "thrust without wind")):
         return None
-    tilt, yaw = _sure(laws, "tilt", _CYCLIC), _sure(laws, "yaw", _CYCLIC)
+    tilt, yaw = _sure(laws, "tilt", rules.cyclic_shift), _sure(laws, "yaw", rules.cyclic_shift)
     shift = max((s for s in (tilt, yaw) if s is not None), key=lambda s: abs(s.value), default=None)
     if shift is None:
         return None

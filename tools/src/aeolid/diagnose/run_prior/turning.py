@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
 from aeolid.models.rotor_angle import integrated
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _SPEED = r"(rot(or)?|gen(erator)?|lss|hss|shaft).{0,6}(speed|spd|rpm|omega|gag?v)|(^|_)omega|(^|_)n_?(gen|rot)|rpm"
 _UNITS = {"rpm": np.pi / 30, "1/min": np.pi / 30, "rad/s": 1.0, "deg/s": np.pi / 180, "Hz": 2 * np.pi, "1/s": 2 * np.pi}
-_SLOWEST, _FASTEST = 0.4, 1.3  # of the rated speed: means that a turbine at work can have
 
 
 def turned(record: Record, context: Mapping[str, Any]) -> Array | None:
@@ -27,6 +27,7 @@ def turned(record: Record, context: Mapping[str, Any]) -> Array | None:
 
     A generator's is divided by `gearbox_ratio`; without `rated_speed_rad_s`, or where no speed fits it, None.
     """
+    rules = in_force().run_prior
     rated = context.get("rated_speed_rad_s")
     if not rated:
         return None
@@ -38,6 +39,6 @@ def turned(record: Record, context: Mapping[str, Any]) -> Array | None:
             continue
         mean = float(np.nanmean(speed))
         for ratio in (1.0, float(context.get("gearbox_ratio") or 1.0)):
-            if _SLOWEST < mean / (ratio * float(rated)) < _FASTEST:
+            if rules.slowest_turning < mean / (ratio * float(rated)) < rules.fastest_turning:
                 return integrated(speed / ratio, record.sample_time_s)
     return None

@@ -16,13 +16,12 @@ from aeolid.diagnose.predictor.point import shifted
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.predictor.quiet import audible
 from aeolid.diagnose.predictor.sensitivity import Variant, columns, gain_variant, noise_variant, theta_variant
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.projection import outside, span
 
 Array = NDArray[np.float64]
 _TOGETHER = 10  # attachments in one model of the bank
 _DIVERGED = 1e100  # a step of the effect made the model run away: it says nothing near the null
-_ABSORBED = 1e-3  # a direction whose part outside the baseline's own is smaller says nothing of its own
-_FELT = 1e-3  # standard deviations that all of a range must move the innovations together: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,11 +108,12 @@ def _cells_of(stage: Prepared, attachments: Sequence[Attachment], baseline: Arra
 
 def _cell(asked: _Direction, G: Array, projected: Array) -> Cell | None:
     """Span what of one cell's directions the baseline's own leave over; None where they say nothing of their own."""
+    rules = in_force().scoring
     if not np.all(np.abs(G) < _DIVERGED):  # NaN too
         return None
     size = np.linalg.norm(G, axis=0)
-    keep = np.linalg.norm(projected, axis=0) > _ABSORBED * np.maximum(size, 1e-300)
-    keep &= size > _FELT / _reaches(asked)
+    keep = np.linalg.norm(projected, axis=0) > rules.absorbed_share * np.maximum(size, 1e-300)
+    keep &= size > rules.felt_deviations / _reaches(asked)
     keep[keep] = _independent(projected[:, keep] / size[keep])
     if not np.any(keep):
         return None
@@ -144,7 +144,7 @@ def _independent(scaled: Array) -> NDArray[np.bool_]:
     _, R, order = qr(scaled, mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     kept = np.zeros(scaled.shape[1], dtype=bool)
-    kept[order[: len(diagonal)][diagonal > _ABSORBED * diagonal[0]]] = True
+    kept[order[: len(diagonal)][diagonal > in_force().scoring.absorbed_share * diagonal[0]]] = True
     return kept
 
 

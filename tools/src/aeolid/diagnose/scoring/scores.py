@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.directions import Cell, cells_of, own_of
 from aeolid.diagnose.stats.blocks import Blocks, blocks_of, redrawn, shares_of, standardiser
 from aeolid.diagnose.stats.numbers import finite
@@ -19,7 +20,6 @@ from aeolid.diagnose.stats.numbers import finite
 Array = NDArray[np.float64]
 _DRAWS = 999
 _FEW_DRAWS = 99  # where the threshold is given: for the deviations alone
-_LEVELS = 0.01, 0.01  # family-wise false-alarm levels of the bank: of the plain z, of the fair one
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int,
     if known is not None:
         return Bank(tuple(rows), known.threshold, known.fair)
     heard = np.any(np.isfinite(null_max))
-    limits = (float(np.quantile(z, 1 - level)) for z, level in zip(null_max, _LEVELS, strict=True))
+    limits = (float(np.quantile(z, 1 - level)) for z, level in zip(null_max, in_force().scoring.levels, strict=True))
     return Bank(tuple(rows), *(limits if heard else (np.inf, np.inf)))
 
 

@@ -16,9 +16,9 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
 from aeolid.diagnose.predictor.noise import filter_var
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
-_LEVEL = 0.01  # chance that noise shows any line at all
 _FINER = 2  # lines a bin
 _FIRST = 4  # bins left out at the lowest end, where starts and offsets are fitted
 _LEAST = 1e-9  # of the power where most is heard: less is rounding
@@ -74,7 +74,7 @@ class _Offers:
 
     def close(self, lines: int) -> None:
         """End one kind; lines: how many each of its searches had to choose from."""
-        limit = np.log(max(len(self.open) * lines, 1) / _LEVEL)
+        limit = np.log(max(len(self.open) * lines, 1) / in_force().scoring.line_level)
         self.clear += [pair for pair in self.open if pair[0] > limit]
         self.open = []
 

@@ -10,9 +10,8 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import select_density
 from aeolid.diagnose.candidates.refit import as_rows, refit
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import leads
-
-_KEPT = 20.0  # nats on fit and selection data, beyond what its parameters must gain
 
 
 def survives_colour(prepared: Prepared, candidate: Candidate, candidates: Sequence[Candidate]) -> bool:
@@ -33,4 +32,4 @@ def survives_colour(prepared: Prepared, candidate: Candidate, candidates: Sequen
     if found is None:
         return False
     added = found.select_gain - band.select_gain  # the fit gain counts from the band's already
-    return added > 0 and found.fit_gain - found.handicap + added > _KEPT
+    return added > 0 and found.fit_gain - found.handicap + added > in_force().selection.coloured_noise_nats

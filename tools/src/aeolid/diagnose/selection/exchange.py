@@ -11,11 +11,11 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import is_accepted, select_density
 from aeolid.diagnose.candidates.refit import as_rows, refit
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import are_kin, tells_apart
 from aeolid.diagnose.selection.several import is_worth_a_name_beside
 
 _TRIED = 2  # others tried in the place of each effect
-_BETTER = 1.0  # nats of score by which another must be ahead to take the place
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +36,7 @@ def exchanged(
     integrator was a lag, a dead time beside a gust a drive that rings. One effect of the set at a time gives way to
     those of its family at its place that were fitted alone. Cost: a fit for each, on a simulator's run none.
     """
+    evidence = in_force().evidence
     if len(chosen.attachments) < 2 or prepared.surrogate is not None:
         return chosen, ()
     tried: dict[str, Alternative] = {}
@@ -49,7 +50,7 @@ def exchanged(
                 continue
             if place > 0 and not is_worth_a_name_beside(found, single.attachments[0]):  # the first stood alone once
                 continue
-            if found.score > best.score + _BETTER:
+            if found.score > best.score + evidence.tied_nats:
                 tried[attachment.key] = Alternative(single.attachments[0].key, best, attachment)
                 best, attachment = found, single.attachments[0]
             else:

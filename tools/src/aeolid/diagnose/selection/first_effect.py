@@ -13,7 +13,7 @@ from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import fit_rows, is_accepted, select_density
-from aeolid.diagnose.candidates.refit import ALIKE, finalists, renewed
+from aeolid.diagnose.candidates.refit import finalists, renewed
 from aeolid.diagnose.candidates.settle_sampling import settle, settle_beside
 from aeolid.diagnose.candidates.simulated_share import by_simulation
 from aeolid.diagnose.candidates.switches import paying
@@ -26,15 +26,13 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.hypotheses.parts.modes import highest_hz
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.point import Point
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap, score_bank
 from aeolid.diagnose.selection.colour import survives_colour
 from aeolid.diagnose.selection.rivals import are_kin, leading
 from aeolid.errors import NotIdentifiable
 
 Array = NDArray[np.float64]
-_SHORT = 1.0  # nats by which a fit of the baseline may be short of the best that is known
-_TRIFLE = 0.1  # share of the leader's gain below which a better baseline is not taken up
-_LOST = 2.0  # nats, two deviations: what a reading of the inputs may lose on the selection data
 _AGAIN = 2  # times a better fit of the baseline is taken up
 _LEADERS, _KIN = 3, 4  # best fits whose kin are fitted too, and the most of these
 _FITTING = 1  # more of them, which gain more than the last of these on the fit data
@@ -81,7 +79,7 @@ def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline)
     lost = float(
         _select_density(found.winner, found.prepared).sum() - _select_density(again.winner, again.prepared).sum()
     )
-    return found if lost > short + _LOST else again
+    return found if lost > short + in_force().evidence.two_deviations_nats else again
 
 
 def _select_density(candidate: Candidate, prepared: Prepared) -> Array:
@@ -105,7 +103,7 @@ def settled_stage(case: Case, most: int | None = None, deadline: Deadline | None
     if again.fit.log_posterior <= prepared.fit.log_posterior:
         return prepared
     lost = float(select_density(prepared).sum() - select_density(again).sum())
-    return prepared if lost > _LOST else again
+    return prepared if lost > in_force().evidence.two_deviations_nats else again
 
 
 def _look(
@@ -203,7 +201,8 @@ def kin(bank: Bank, fitted: list[Candidate]) -> list[Row]:
     found += [r for r in fresh if r not in found and _values(r.attachment) < plainer.get(_identity(r.attachment), 0)]
     if allowed and not any(is_accepted(c) for c in allowed[:_LEADERS]):
         first = allowed[0].attachments[0].entry
-        found += [r for r in fresh if r not in found and r.attachment.entry == first and r.z > 0.5 * bank.limit(r)]
+        same = [r for r in fresh if r not in found and r.attachment.entry == first]
+        found += [r for r in same if r.z > in_force().selection.half_limit_share * bank.limit(r)]
     return found[:_KIN]
 
 
@@ -223,12 +222,13 @@ def _identity(attachment: Attachment) -> tuple[str, str]:
 
 
 def _alike(row: Row, other: Row | None) -> bool:
-    return other is not None and overlap(row, other) > ALIKE
+    return other is not None and overlap(row, other) > in_force().candidates.alike_cos2
 
 
 def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:
     """Tell whether a baseline this much better changes nothing: an effect that survived the control dwarfs it."""
-    return shortfall < _TRIFLE * max((c.fit_gain for c in fitted if c.survived), default=0.0)
+    rules = in_force().selection
+    return shortfall < rules.trifle_share * max((c.fit_gain for c in fitted if c.survived), default=0.0)
 
 
 def against(candidate: Candidate, prepared: Prepared, change: Array) -> Candidate:
@@ -244,16 +244,20 @@ def better_baseline(prepared: Prepared, candidates: list[Candidate]) -> Prepared
     A fit that stopped short would make a finding of what any further step gains (110 nats on a recording that lacks
     nothing).
     """
+    evidence = in_force().evidence
     bare = prepared.only(())
     points = [
         _without_effects(carry_point(c.fit.point, c.predictor.compiled.model, bare.extended), bare) for c in candidates
     ]
     starts = sorted(points, key=bare.predictor.objective)[:1]
-    if not starts or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - _SHORT:
+    if (
+        not starts
+        or bare.predictor.objective(starts[0]) > bare.predictor.objective(bare.fit.point) - evidence.tied_nats
+    ):
         return None
     predictor = bare.predictor.with_order(bare.predictor.choose_var_order(starts[0]))
     fit = fit_quietly(predictor, starts[0], bare.free)
-    if fit is None or fit.log_posterior < bare.fit.log_posterior + _SHORT:
+    if fit is None or fit.log_posterior < bare.fit.log_posterior + evidence.tied_nats:
         return None
     return replace(bare, predictor=predictor, fit=fit)
 

@@ -18,14 +18,14 @@ from aeolid.diagnose.candidates.refit import finalists
 from aeolid.diagnose.candidates.simulated_share import by_simulation, is_static
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.noise import preferred_order
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.diagnose.selection.first_effect import First, first_effect, kin
-
-_HALF = 0.5  # of the squared simulation error on the selection data
 
 
 def looked_at_plainly(first: First, seed: int) -> First:
     """Return what is found with noise of order 2 at most; the first look where that has a winner or this has none."""
+    rules = in_force().selection
     prepared = first.prepared
     if first.winner is not None or not is_static(prepared) or prepared.deadline.skips("a look with plainer noise"):
         return first
@@ -42,7 +42,7 @@ def looked_at_plainly(first: First, seed: int) -> First:
     rows = {r.attachment.key: r for r in [*finalists(bank), *by_simulation(plain, seed)]} if bank.loud else {}
     fitted = fit_rows(plain, list(rows.values()))
     fitted += fit_rows(plain, kin(bank, fitted)) if fitted else []
-    allowed = [c for c in fitted if _share(plain, c) > _HALF]
+    allowed = [c for c in fitted if _share(plain, c) > rules.plain_noise_share]
     winner, found = first_effect(plain, sorted(allowed, key=lambda c: -c.score))
     return first if winner is None else First(plain, bank, found, winner)
 

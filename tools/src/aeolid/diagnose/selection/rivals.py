@@ -11,17 +11,9 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES, entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 
 Array = NDArray[np.float64]
-_EVEN = 2.0  # |Vuong z| below which two models are not told apart …
-_TIED = 1.0  # nats over all data: candidates this close are equally good
-_SURE = float(np.log(20.0))  # nats that tell two models apart, however evenly they come: odds of 20 to 1
-_RARER = 10.0  # times more often a declared value is wrong than the factor of a calibrated sensor
-_COINCIDENCE = 10.0  # times rarer that one declared value more is wrong, and by just so much that it fits
-_FAR_OFF = 4 / 3  # times too much or too little: taken to be more than a calibrated sensor is off
-_DAMPED = 0.5  # damping ratio of filters at least; Butterworth's have 0.7
-_CRITICAL = 1.0  # damping ratio from which a filter of second order is two lags
-_OUTDONE = 10.0  # nats by which a refused explanation must lead to take the name from the best allowed one
 
 
 def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candidate]:
@@ -32,9 +24,10 @@ def rivals_of(candidates: Sequence[Candidate], winner: Candidate) -> list[Candid
     that gains nothing explains nothing: where few samples tell, z is small (a sensor without a sign, 0.002 nats, made a
     gain that switches, 34, `ambiguous`).
     """
+    rules = in_force().selection
     result = []
     for other in candidates:
-        if other is winner or other.unlisted or not other.plausible or other.fit_gain <= _SURE:
+        if other is winner or other.unlisted or not other.plausible or other.fit_gain <= rules.told_apart_nats:
             continue
         if other.select_gain <= 0 and other.score <= winner.score:
             continue
@@ -50,9 +43,10 @@ def tells_apart(winner: Candidate, other: Candidate) -> bool:
     differ by rounding, always to one side, and a value more of which the data say nothing does not part them. Nor do a
     few nats that come evenly: a lag of 8 ms, sampled every 20, beside a filter of second order, 1.9 nats ahead.
     """
+    rules = in_force().selection
     difference = _difference(winner, other)
     fairly = _vuong(difference, other.handicap - winner.handicap)
-    return fairly >= _EVEN and abs(difference.sum()) >= _SURE
+    return fairly >= rules.vuong_z and abs(difference.sum()) >= rules.told_apart_nats
 
 
 def are_kin(a: Attachment, b: Attachment) -> bool:
@@ -82,10 +76,11 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
 
 def leads(ahead: Candidate, other: Candidate) -> bool:
     """Tell whether a candidate explains far more than another: 10 nats, some on the selection data, Vuong z > 2."""
+    rules = in_force().selection
     return (
-        ahead.score > other.score + _OUTDONE
+        ahead.score > other.score + rules.outdone_nats
         and ahead.select_gain > other.select_gain
-        and _vuong(_difference(ahead, other), other.handicap - ahead.handicap) > _EVEN
+        and _vuong(_difference(ahead, other), other.handicap - ahead.handicap) > rules.vuong_z
     )
 
 
@@ -98,13 +93,14 @@ def stands_for(factor: Candidate, form: Candidate) -> bool:
     three values off by up to 27 %). A bias takes up the mean of any curve that is not even (a car's steering, 28.3 nats
     and 29.6 as a bend): of what fits within a nat of a form it says nothing.
     """
+    rules = in_force().selection
     (first, *more) = factor.attachments
     if form.unlisted and not more and first.entry == "sensor_bias":
-        return form.score > factor.score - _TIED and not tells_apart(factor, form)
+        return form.score > factor.score - in_force().evidence.tied_nats and not tells_apart(factor, form)
     if not form.unlisted or more or first.entry != "sensor_scale":
         return False
     value = factor.values[first.key]["factor"][0]
-    stranger = not 1 / _FAR_OFF < value < _FAR_OFF or left_wrong(factor, form) > 0
+    stranger = not 1 / rules.far_off_ratio < value < rules.far_off_ratio or left_wrong(factor, form) > 0
     return stranger and not tells_apart(factor, form)
 
 
@@ -127,6 +123,7 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
     value is wrong: the best of them stands for all. A second-order drive or filter that nothing tells from the lag at
     its place, and that may be damped critically, leaves the lead to the lag.
     """
+    evidence = in_force().evidence
     candidates = [c for c in candidates if not c.unlisted] or candidates
     scores = _taken_together(candidates, standings(candidates))
     order = [*(e.id for e in ENTRIES), unlisted.ID]
@@ -134,8 +131,10 @@ def leading(candidates: Sequence[Candidate]) -> Candidate | None:
         return None
     best = candidates[int(np.argmax(scores))]
     tied = [
-        c for c, s in zip(candidates, scores, strict=True) if max(scores) - s < _TIED or _is_all_of(c, best)
-    ]  # fmt: skip
+        c
+        for c, s in zip(candidates, scores, strict=True)
+        if max(scores) - s < evidence.tied_nats or _is_all_of(c, best)
+    ]
 
     def rank(c: Candidate) -> tuple[int, bool, int]:
         last = c.attachments[-1].entry
@@ -150,7 +149,7 @@ def _is_all_of(lag: Candidate, filtered: Candidate) -> bool:
     if own.entry != entry(other.entry).without_ringing or own.location["entry"] != other.location["entry"]:
         return False
     damping, deviation = filtered.values[other.key]["damping"]
-    return damping + 2 * deviation >= _CRITICAL and not tells_apart(filtered, lag)
+    return damping + 2 * deviation >= in_force().selection.critical_damping and not tells_apart(filtered, lag)
 
 
 def standings(candidates: Sequence[Candidate]) -> list[float]:
@@ -161,12 +160,14 @@ def standings(candidates: Sequence[Candidate]) -> list[float]:
     assumed. Who leaves a declared value wrong that is right beside another is behind by the log of 10 for each. So is a
     filter that rings, where a blade's bending is among the others: they are one model, and filters are damped.
     """
+    rules = in_force().selection
     last = [c.attachments[-1].entry for c in candidates]
-    behind = np.log(_RARER) if "parameter_error" in last else 0.0
+    rarer, coincidence = np.log(rules.rarer_odds), np.log(rules.coincidence_odds)
+    behind = rarer if "parameter_error" in last else 0.0
     bent = [max((left_wrong(c, other) for other in candidates), default=0) for c in candidates]
     rings = [any(_rings_like(c, other) for other in candidates) for c in candidates]
     return [
-        c.score - (behind if e == "sensor_scale" else 0.0) - np.log(_COINCIDENCE) * n - np.log(_RARER) * r
+        c.score - (behind if e == "sensor_scale" else 0.0) - coincidence * n - rarer * r
         for c, e, n, r in zip(candidates, last, bent, rings, strict=True)
     ]
 
@@ -176,7 +177,8 @@ def _rings_like(candidate: Candidate, other: Candidate) -> bool:
     own, blade = candidate.attachments[-1], other.attachments[-1]
     if own.entry != "sensor_second_order" or not entry(blade.entry).bends:
         return False
-    return candidate.values[own.key]["damping"][0] < _DAMPED and own.location["outputs"] == blade.location["outputs"]
+    least = in_force().selection.damped_filter
+    return candidate.values[own.key]["damping"][0] < least and own.location["outputs"] == blade.location["outputs"]
 
 
 def _taken_together(candidates: Sequence[Candidate], scores: list[float]) -> list[float]:
@@ -199,12 +201,13 @@ def left_wrong(candidate: Candidate, other: Candidate) -> int:
     wrong, not two that happen to fit. Right is what came at least twice as near. What both leave wrong, as values from
     data sheets are, decides nothing.
     """
+    rules = in_force().selection
     theirs = {m.parameter.name for m in other.moved if m.is_wrong}
     wrong = [m for m in candidate.moved if m.is_wrong]
     if not theirs < {m.parameter.name for m in wrong}:
         return 0
     near = {m.parameter.name: m.distance for m in other.moved if m.parameter.name not in theirs}
-    return sum(near.get(m.parameter.name, np.inf) <= 0.5 * m.distance for m in wrong)
+    return sum(near.get(m.parameter.name, np.inf) <= rules.put_right_share * m.distance for m in wrong)
 
 
 def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
@@ -214,7 +217,7 @@ def leaves_open(winner: Candidate, other: Candidate, weight: float) -> bool:
     """
     pair = winner.attachments[0].entry, other.attachments[0].entry
     rarer = pair == ("parameter_error", "sensor_scale") or left_wrong(other, winner) > 0
-    return not rarer or weight >= 1 / _RARER
+    return not rarer or weight >= 1 / in_force().selection.rarer_odds
 
 
 def is_other(rival: Candidate, winner: Candidate) -> bool:

@@ -16,17 +16,12 @@ from aeolid.diagnose.candidates.refit import as_rows, refit, zones_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection.rivals import leading
 
-_MOST = 3  # effects in one model
 _TRIED = 3  # effects that are fitted beside those found
-SHARE = 0.1  # a further effect must add a tenth of the gain so far to be worth a name
-_BEYOND_DOUBT = 50.0  # nats on the fit data that a further effect must gain where the selection data are silent
-_CLEAR = 20.0  # nats on the fit data that it must gain where the selection data speak for it, if only softly
-_NEARLY = 0.5  # share of the first effect's gain that one alone must reach to be tried beside it at any score
 KIN = f"{unlisted.ID} kin"  # how the key begins of what is kin to an effect and stands beside it without a name
-_LEAST_GAIN = 4.0  # nats on the selection data that a further effect must add, or that leaving one out must cost
 
 
 def further_effects(
@@ -36,12 +31,12 @@ def further_effects(
 
     rivals: all that was fitted alone. A set with an effect that a later one made needless goes.
     """
-    chain = [winner]
+    most, chain = in_force().selection.most_effects, [winner]
     while True:
         larger, bank = one_more(prepared, chain[-1], rivals, seed)
         if larger is not None:
             chain.append(larger)
-        if larger is None or len(larger.attachments) == _MOST or prepared.deadline.skips("a further effect"):
+        if larger is None or len(larger.attachments) >= most or prepared.deadline.skips("a further effect"):
             return _needed(prepared, chain), bank
 
 
@@ -51,7 +46,7 @@ def _needed(prepared: Prepared, chain: list[Candidate]) -> list[Candidate]:
     Not of two effects on a simulator's run, where each fit takes half a minute.
     """
     full = chain[-1]
-    if len(full.attachments) < (2 if prepared.surrogate is None else _MOST):
+    if len(full.attachments) < (2 if prepared.surrogate is None else in_force().selection.most_effects):
         return chain
     if prepared.deadline.skips(f"whether each effect of {full.key} is needed"):
         return chain
@@ -77,11 +72,12 @@ def form_beside(prepared: Prepared, chosen: Candidate, seed: int, kin_only: bool
     kin to an effect and acts at its place is a form of that: a circuit's cubic spring has a small quadratic part, a lag
     that is not of first order a dead time. kin_only: no other forms.
     """
+    rules = in_force().selection
     forms = [] if kin_only else [a for a in prepared.hypotheses if a.entry == unlisted.ID]
     kin = [a for a in prepared.hypotheses if any(_completes(a, b) for b in chosen.attachments)]
     forms += [replace(a, entry=unlisted.ID, key=f"{KIN} {a.key}") for a in kin]
     bank = _scored(prepared, chosen, forms, seed)
-    wanted = [r for r in bank.rows if r.testable and r.z > 0.5 * bank.limit(r)][:_TRIED]
+    wanted = [r for r in bank.rows if r.testable and r.z > rules.half_limit_share * bank.limit(r)][:_TRIED]
     return _grown(prepared, chosen, wanted, corrects)
 
 
@@ -111,7 +107,8 @@ def one_more(
     bank = what_is_left(prepared, winner, seed)
     best = {entry(r.attachment.entry).family: r for r in reversed(bank.loud) if not r.attachment.is_switch}
     rows = sorted(best.values(), key=lambda r: -r.z)[:_TRIED]
-    rows += [r for r in zones_of(bank) if r not in rows and r.testable and r.z > 0.5 * bank.limit(r)][:1]
+    zones = [r for r in zones_of(bank) if r not in rows and r.testable]
+    rows += [r for r in zones if r.z > in_force().selection.half_limit_share * bank.limit(r)][:1]
     near = _nearly_as_good(prepared, winner, [c for c in rivals if all(c.key != r.attachment.key for r in rows)])
     larger = _grown(prepared, winner, rows, adds, near)
     return (larger if larger is not None and _stands_beside_a_form(prepared, winner, larger, seed) else None), bank
@@ -142,12 +139,13 @@ def _nearly_as_good(prepared: Prepared, winner: Candidate, rivals: Sequence[Cand
     Two that are missing bend each other's values: the upper of two tanks that run over was given a brim at which all
     is spilt that either spills, and there the lower one scored 1.5. Not on a simulator's run, where a fit takes long.
     """
+    rules = in_force().selection
     if prepared.surrogate is not None or len(winner.attachments) > 1:
         return []
     others = [
         c for c in rivals
         if c.plausible and c.complete and not c.unlisted and not c.attachments[0].is_switch
-        and c.fit_gain > _NEARLY * winner.fit_gain and is_another(c.attachments[0], winner.attachments[0])
+        and c.fit_gain > rules.nearly_share * winner.fit_gain and is_another(c.attachments[0], winner.attachments[0])
     ]  # fmt: skip
     return as_rows(max(others, key=lambda c: c.fit_gain)) if others else []
 
@@ -188,6 +186,7 @@ def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
 
 def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
     """Leave out effects, the last one excepted, that the later ones made needless (backward elimination)."""
+    evidence = in_force().evidence
     base_select = select_density(prepared)
     for left_out in full.attachments[:-1]:
         rest = tuple(a for a in full.attachments if a is not left_out)
@@ -198,7 +197,7 @@ def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:
         if smaller is None or not smaller.plausible:
             continue
         lost = full.fit.log_posterior - smaller.fit.log_posterior, full.select_gain - smaller.select_gain
-        if max(lost) < _LEAST_GAIN:
+        if max(lost) < evidence.validation_nats:
             return smaller.beyond(full)
     return full
 
@@ -209,15 +208,18 @@ def adds(fewer: Candidate, more: Candidate) -> bool:
     A part in which the further effect never acts (a tank that does not run over) can neither show nor refute it; then
     the gain on the fit data must be beyond doubt, and the sealed data have the last word as always.
     """
+    rules = in_force().selection
+    evidence = in_force().evidence
     added = more.select_gain - fewer.select_gain
     difference = more.select_difference - fewer.select_difference
-    spread = 2.33 * float(np.sqrt(len(difference)) * np.std(difference))
-    if added > max(_LEAST_GAIN, spread, SHARE * fewer.select_gain):
+    spread = evidence.one_percent_z * float(np.sqrt(len(difference)) * np.std(difference))
+    if added > max(evidence.validation_nats, spread, rules.further_share * fewer.select_gain):
         return True
     gained = more.fit.log_posterior - fewer.fit.log_posterior
-    if added > max(_LEAST_GAIN, SHARE * fewer.select_gain) and gained > max(_CLEAR, SHARE * fewer.fit_gain):
+    clear = gained > max(evidence.clear_nats, rules.further_share * fewer.fit_gain)
+    if added > max(evidence.validation_nats, rules.further_share * fewer.select_gain) and clear:
         return True
-    return abs(added) < spread and gained > max(_BEYOND_DOUBT, SHARE * fewer.fit_gain)
+    return abs(added) < spread and gained > max(rules.beyond_doubt_nats, rules.further_share * fewer.fit_gain)
 
 
 def corrects(fewer: Candidate, more: Candidate) -> bool:
@@ -226,7 +228,7 @@ def corrects(fewer: Candidate, more: Candidate) -> bool:
     more: counted from the smaller set, as refitted beside it.
     """
     gained = more.fit.log_posterior - fewer.fit.log_posterior - more.handicap
-    return min(gained, more.select_gain - fewer.select_gain) > _LEAST_GAIN
+    return min(gained, more.select_gain - fewer.select_gain) > in_force().evidence.validation_nats
 
 
 def is_another(a: Attachment, b: Attachment) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.baseline import mass_of, with_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Parameter, State
@@ -112,11 +113,12 @@ def motions_of_state_space(
     The output that shows the mode most (against its spread, spreads (l,)) and the derivative order in its unit fix
     the mode's scale and phase. Returns the motions, and the equations with their coordinates as intermediates.
     """
+    rules = in_force().structure
     values, right = np.linalg.eig(model.A)
     left = np.linalg.inv(right)
     found: list[Motion] = []
     shared: list[Auxiliary] = []
-    for k in np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > 0.2)):
+    for k in np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > rules.least_modulus)):
         lam = np.log(values[k]) / model.sample_time_s
         shape = model.C @ right[:, k]  # (l,): how each output sees the mode
         j = int(np.argmax(np.abs(shape) / spreads))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.segments import Segment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import STEP, TIME, Equations, Memory, Output
@@ -30,11 +31,8 @@ _LENGTHS = {"m", "mm", "cm", "um", "µm", "km", "in", "inch", "ft", "rad", "mrad
 _SPEEDS = {f"{u}/s" for u in _LENGTHS} | {"rpm", "1/min", "rad/min"}
 _POSITION = re.compile(r"displ|posit|deflec|stroke|travel|angle|stretch|twist|elong", re.IGNORECASE)
 _SPEED = re.compile(r"veloc|speed", re.IGNORECASE)
-_ALIKE = 0.8  # correlation from which a recorded velocity is that of a recorded position
 _MOST = 4  # coordinates of one output
 _WINDOWS = (3, 5, 9, 15, 25)  # rows that a derivative looks at; the first that is quiet enough is taken
-_QUIET = 0.01  # of the velocity's spread: noise that a derivative may have; whitened, its high frequencies count most
-_CLEAR, _LITTLE = 4.0, 1e-3  # deviations of the noise, and of the position, by which it must come back to have turned
 _THIRD = np.sqrt(20.0)  # spread of white noise's third differences over its own
 _FORCES = {
     *("N", "kN", "MN", "mN", "lb", "lbf", "klb", "kip", "kips", "kgf", "tf", "dyn", "Pa", "kPa", "MPa", "bar", "psi"),
@@ -149,12 +147,13 @@ def _channels(
 
 
 def _coordinates(channels: Sequence[_Channel], step: float) -> list[Coordinate]:
+    rules = in_force().structure
     positions = [c for c in channels if _is(c, _LENGTHS, _POSITION)]
     velocities = [c for c in channels if c not in positions and _is(c, _SPEEDS, _SPEED)]
     found, used = [], set()
     for p in positions:
         best = max(velocities, key=lambda v: abs(_likeness(p, v, step)), default=None)
-        if best is not None and abs(_likeness(p, best, step)) > _ALIKE:
+        if best is not None and abs(_likeness(p, best, step)) > rules.velocity_correlation:
             used.add(best.name)
             found.append(_recorded(p, best, step))
         else:
@@ -184,7 +183,8 @@ def _recorded(p: _Channel, v: _Channel, step: float) -> Coordinate:
     rate, whole = _rates(p.values, step), np.concatenate(v.values)
     whole = whole - whole.mean()
     factor = float(whole @ rate / (whole @ whole))
-    factor = 1.0 if abs(factor - 1) < 0.05 else factor  # noise on the position takes a few percent
+    # noise on the position takes a few percent
+    factor = 1.0 if abs(factor - 1) < in_force().structure.unit_factor_distance else factor
     velocity: ast.expr = ast.Name(id=v.symbol)
     if factor != 1.0:
         velocity = ex.combine("*", ast.Constant(float(f"{factor:.6g}")), velocity)
@@ -199,10 +199,11 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     It has no delay (a lag of one row made a clock offset of one beside dry friction, 9.5 ms at 100 Hz). As few rows
     are taken as the noise on the position allows.
     """
+    rules = in_force().structure
     position, values = followed
     rate = np.concatenate([np.diff(x) / step for x in values])
     noise = float(np.std(np.concatenate([np.diff(x, 3) for x in values]))) / _THIRD / step
-    quiet = [w for w in _WINDOWS if np.linalg.norm(_slope(w)) * noise < _QUIET * float(np.std(rate))]
+    quiet = [w for w in _WINDOWS if np.linalg.norm(_slope(w)) * noise < rules.derivative_noise * float(np.std(rate))]
     weights = _slope(quiet[0] if quiet else _WINDOWS[-1])
     past = [f"{tag}_{k}_before" for k in range(1, len(weights))]
     lagged = [f"({ex.to_text(position)})", *past]
@@ -210,7 +211,8 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     shifted = [Memory(n, unit, ex.parse(x, "derivative"), position) for n, x in zip(past, lagged, strict=False)]
     rated = Memory(f"{tag}_rate", f"{unit}/s", ex.parse(f"({speed})/{STEP}", "derivative"), ast.Constant(0.0))
     v = tuple(np.convolve(np.concatenate([np.full(len(past), x[0]), x]), weights, "valid") / step for x in values)
-    reach = float(max(_CLEAR * noise * step, _LITTLE * float(np.std(np.concatenate(values)))))
+    spread = float(np.std(np.concatenate(values)))
+    reach = float(max(rules.turned_deviations * noise * step, rules.turned_share * spread))
     slid, way = _followed(tag, unit, position, reach)
     return Coordinate(name, unit, position, ast.Name(id=rated.name), values, v, (slid, rated, *reversed(shifted)), way)
 

@@ -14,12 +14,13 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import fit_rows, is_accepted
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.generic.places import Read, places
-from aeolid.diagnose.hypotheses.generic.shapes import NARROW, shapes
+from aeolid.diagnose.hypotheses.generic.shapes import shapes
 from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.scoring.waves import waves
 from aeolid.diagnose.selection.rivals import leads, rivals_of
-from aeolid.diagnose.validation.proof import PROVEN, Proof
+from aeolid.diagnose.validation.proof import Proof
 from aeolid.models import expressions as ex
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ def form_beyond(
     one or a mass 4 % off, 213 and 184 nats). A form must then explain far more, else more. None on a simulator's run,
     of which any linear model leaves something over.
     """
-    borne_out = proof is not None and proof.interval[0] > PROVEN
+    borne_out = proof is not None and proof.interval[0] > in_force().evidence.proven_nats
     if prepared.surrogate is not None:
         return None, []
     if borne_out and not all(_may_be_values(c, candidates) for c in named):
@@ -72,13 +73,14 @@ def ringing(candidates: Sequence[Candidate]) -> list[Candidate]:
     Eddies that a tower sheds, the hum of a pump: the sealed data bear out a narrow band as they do a force (60 to 164
     nats for eddies). A broad one is the colour of a sensor's or a gust's noise, in which nothing need be missing.
     """
+    hypotheses = in_force().hypotheses
     found = []
     for c in candidates:
         if len(c.attachments) > 1 or not (c.undriven and c.complete):
             continue
         (mode,) = c.attachments
         values = c.values[mode.key]
-        if not values.get("damping", (1.0, 0.0))[0] < NARROW or "frequency_hz" not in values:
+        if not values.get("damping", (1.0, 0.0))[0] < hypotheses.narrow_damping or "frequency_hz" not in values:
             continue
         form = replace(mode, entry=unlisted.ID, key=f"{unlisted.ID} band {mode.key}", statement=_says_band(mode))
         own = {form.key: values}

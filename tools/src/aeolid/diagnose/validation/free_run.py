@@ -17,11 +17,10 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-_APART = 0.05  # of a sensor's zero must lie outside what the other values can do
-_EVEN = 1.64  # deviations by which selection data bear a choice out, as they do an effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +95,7 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
 
     A spring's rest or a force of the model may be the same constant, and then the sensor has none of its own.
     """
+    rules = in_force().validation
     part = predictor.with_order(0)
     places = [predictor.compiled.model.index(z) for z in zeros]
     point = replace(fit.point, noise=np.zeros_like(fit.point.noise), K=np.zeros_like(predictor.scales.gain))
@@ -108,7 +108,7 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
     for k, name in enumerate(zeros):
         column = columns[:, len(own) + k]
         apart = column - rest @ np.linalg.lstsq(rest, column, rcond=1e-10)[0]
-        if np.linalg.norm(apart) > _APART * np.linalg.norm(column) > 0:
+        if np.linalg.norm(apart) > rules.zero_apart_share * np.linalg.norm(column) > 0:
             told.append(name)
     return told
 
@@ -124,4 +124,4 @@ def _is_better(before: Array, after: Array, spreads: Array) -> bool:
     """Tell whether errors are smaller, one-sided at 5 %: the sum of squares over its deviation, from N^(1/2) blocks."""
     gained = np.nansum((before**2 - after**2) / spreads**2, axis=1)
     blocks = np.add.reduceat(gained, np.arange(0, len(gained), max(1, int(np.sqrt(len(gained))))))
-    return bool(blocks.sum() > _EVEN * np.sqrt(len(blocks)) * np.std(blocks) > 0)
+    return bool(blocks.sum() > in_force().evidence.five_percent_z * np.sqrt(len(blocks)) * np.std(blocks) > 0)

@@ -15,14 +15,12 @@ from aeolid.diagnose.predictor.gains import row_matrix
 from aeolid.diagnose.predictor.noise import colour_var
 from aeolid.diagnose.predictor.point import Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.validation.forecast import Forecast, errors_ahead, restarted
 
 Array = NDArray[np.float64]
-PROVEN = 2.0  # nats on the sealed data, at the lower end of the interval: odds of seven to one at the worst
 _LEAST_ROWS = 20  # of a prediction restarted from the filtered state
-_MATERIAL = 0.005  # relative improvement of the prediction error at some horizon that is worth a word …
-_VISIBLE = 0.002  # … if it is also this share of the output's own spread
 _SETTLED = 0.15  # of a stretch at most, and 10 rows at least, before it is scored
 _HORIZONS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
@@ -84,10 +82,12 @@ def is_material(proof: Proof, static: bool = False) -> bool:
     static: of a law without states, over the settling time alone. Its one-step errors are what its noise foretells:
     a lag of 5 s behind a torque law, whose constant is 17 % off, gained 7,500 nats and erred more than the law.
     """
+    rules = in_force().validation
     pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
     for rows in () if static else proof.profile.values():
         pairs += list(zip(rows["before"], rows["after"], strict=True))
-    return any(after < before * (1 - _MATERIAL) and before - after > _VISIBLE for before, after in pairs)
+    least, visible = rules.material_error_share, rules.visible_spread_share
+    return any(after < before * (1 - least) and before - after > visible for before, after in pairs)
 
 
 def seen_before(segments: Sequence[Segment], settle_s: float) -> list[Segment]:

@@ -19,20 +19,17 @@ from aeolid.diagnose.data.split import segments_of
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.rivals import are_kin, rivals_of
 from aeolid.diagnose.stats.blocks import block_interval
-from aeolid.diagnose.validation.proof import PROVEN
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
 _BLOCKS = {1: 5, 2: 3}  # blocks of each recording, where there are so few of them; else a recording is one
-_FEWEST_FOLDS, _MOST_FOLDS = 3, 7
+_MOST_FOLDS = 7
 _FITTED = 6  # hypotheses that are fitted again without a fold
 _ITERATIONS = 12  # Gauss–Newton iterations: each starts from values of most of these data
-_SILENT = 0.0  # nats: a sealed part whose interval holds it neither proves nor refutes
-_AGREE = 2 / 3  # of the folds must have come to what is named, to its kin, or to what all data do not tell from it
-_MATERIAL = 0.002  # nats a sample: one-step errors 0.2 % smaller
 REPEATED = (
     "without each fold: the baseline's values, the score bank and its choice among the hypotheses that the whole search"
     " had fitted, their values, the best of these for what its parameters cost; not the starts of fits, nor which"
@@ -79,7 +76,8 @@ class Rotation:
     def proves(self) -> bool:
         """Tell whether the folds together bear out what is named, by enough to be seen in predictions."""
         samples = sum(len(f.difference) for f in self.folds)
-        return self.agrees and self.interval[0] > PROVEN and self.gain > _MATERIAL * samples
+        material = self.gain > in_force().validation.material_rate * samples
+        return self.agrees and self.interval[0] > in_force().evidence.proven_nats and material
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `rotation` in diagnosis.json."""
@@ -91,7 +89,7 @@ class Rotation:
 
 def is_silent(interval: tuple[float, float]) -> bool:
     """Tell whether a sealed part neither bears out nor refutes."""
-    return interval[0] <= PROVEN and interval[1] > _SILENT
+    return interval[0] <= in_force().evidence.proven_nats and interval[1] > in_force().validation.undecided_nats
 
 
 def rotate(
@@ -102,10 +100,11 @@ def rotate(
     Not on a simulator's run, where one fit takes half a minute. What is repeated is said in REPEATED. Cost: for each of
     five to seven folds a bank and up to six fits from where they stand.
     """
+    rules = in_force().validation
     names = [s.name for s in prepared.frame.working.inputs], [o.name for o in prepared.declared.outputs]
     stride = prepared.predictor.segments[0].stride
     parts = folds_of(prepared.records, *names, prepared.settle_s, stride) if prepared.surrogate is None else []
-    if len(parts) < _FEWEST_FOLDS:
+    if len(parts) < rules.fewest_folds:
         return None
     pool = [c for c in candidates if c.complete and c.plausible and len(c.attachments) == 1 and c.fit_gain > 0]
     starts = _Starts(prepared, [s for _, part in parts for s in part])
@@ -122,7 +121,7 @@ def rotate(
     same = {named.key, *(c.key for c in rivals_of(candidates, named))}
     kin = [c for c in chosen if c.key in same or are_kin(c.attachments[0], named.attachments[0])]
     every = np.concatenate([f.difference for f in folds])
-    return Rotation(tuple(folds), block_interval(every, seed), len(kin) >= _AGREE * len(folds))
+    return Rotation(tuple(folds), block_interval(every, seed), len(kin) >= rules.agreeing_share * len(folds))
 
 
 def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: int) -> bool:
@@ -131,9 +130,11 @@ def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: in
     Both are fitted anew without each part. Asked where the sealed part alone is silent; a bias of a sensor beside an
     effect is not asked about: any curve that is left has a mean.
     """
+    rules = in_force().validation
+    evidence = in_force().evidence
     names = [s.name for s in prepared.frame.working.inputs], [o.name for o in prepared.declared.outputs]
     parts = folds_of(prepared.records, *names, prepared.settle_s, prepared.predictor.segments[0].stride)
-    if len(parts) < _FEWEST_FOLDS or prepared.surrogate is not None or more.attachments[-1].entry == "sensor_bias":
+    if len(parts) < rules.fewest_folds or prepared.surrogate is not None or more.attachments[-1].entry == "sensor_bias":
         return False
     starts, gained = _Starts(prepared, [s for _, part in parts for s in part]), []
     for place, (_, held) in enumerate(parts):
@@ -146,8 +147,9 @@ def adds_in_turn(prepared: Prepared, fewer: Candidate, more: Candidate, seed: in
         less, greater = (predictor.score_elsewhere(fit, held)[0] for predictor, fit in (pair[0], pair[1]))
         gained.append(np.where(np.isfinite(greater), greater, -1e3) - np.where(np.isfinite(less), less, -1e3))
     every, better = np.concatenate(gained), sum(float(g.sum()) > 0 for g in gained)
-    proven = block_interval(every, seed)[0] > PROVEN and float(every.sum()) > _MATERIAL * len(every)
-    return proven and better >= _AGREE * len(parts)
+    material = float(every.sum()) > rules.material_rate * len(every)
+    proven = block_interval(every, seed)[0] > evidence.proven_nats and material
+    return proven and better >= rules.agreeing_share * len(parts)
 
 
 def folds_of(

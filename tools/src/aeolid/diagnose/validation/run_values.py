@@ -24,13 +24,13 @@ from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 _MOST, _FEWEST = 64, 8  # blocks
 _LONGER = 3.0  # a block, than errors are alike
 _ITERATIONS, _TOLERANCE = 40, 1e-3
-_EVEN = 1.64  # deviations of the sum of N^(1/2) blocks: one-sided 5 %
 
 
 def fitted_run(predictor: Predictor, start: Fit, declared: Equations | None = None) -> tuple[Predictor, Fit] | None:
@@ -147,4 +147,4 @@ def runs_clearly_better(before: Array, after: Array, spreads: Array) -> bool:
         return True
     gained = np.nansum((before**2 - after**2) / spreads**2, axis=1)
     blocks = np.add.reduceat(gained, np.arange(0, len(gained), max(1, int(np.sqrt(len(gained))))))
-    return bool(blocks.sum() > _EVEN * np.sqrt(len(blocks)) * np.std(blocks) > 0)
+    return bool(blocks.sum() > in_force().evidence.five_percent_z * np.sqrt(len(blocks)) * np.std(blocks) > 0)

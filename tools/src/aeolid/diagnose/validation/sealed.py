@@ -9,9 +9,10 @@ from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.reestimate import estimated_on_all
 from aeolid.diagnose.hypotheses.catalogue import entry
-from aeolid.diagnose.selection.several import SHARE, form_beside
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.selection.several import form_beside
 from aeolid.diagnose.stats.blocks import block_interval
-from aeolid.diagnose.validation.proof import PROVEN, Proof, prove
+from aeolid.diagnose.validation.proof import Proof, prove
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +54,14 @@ def hold_against(prepared: Prepared, whole: Prepared, chain: Sequence[Candidate]
     what is proven one effect follows another: where a step is not borne out, no larger set is asked about (a pendulum's
     dry friction, 69 nats, stood beside a one-sided spring that lost 106 and a hysteresis that gained 192).
     """
+    evidence = in_force().evidence
     before, sets = (whole.predictor, whole.fit), [estimated_on_all(prepared, c) for c in chain]
     kept, proof = 0, None
     for place, chosen in enumerate(sets):
         own = prove(before, (chosen.predictor, chosen.fit), prepared.split.sealed, prepared.settle_s, seed)
         if proof is None or _is_borne_out(own, proof, seed):
             kept, proof = place, own
-        elif proof.interval[0] > PROVEN:
+        elif proof.interval[0] > evidence.proven_nats:
             break
     if proof is None:
         return Held()
@@ -70,7 +72,7 @@ def hold_against(prepared: Prepared, whole: Prepared, chain: Sequence[Candidate]
 def _is_borne_out(larger: Proof, smaller: Proof, seed: int) -> bool:
     """Tell whether a further effect predicts the sealed data better, by the share that it had to add where chosen."""
     added = larger.difference - smaller.difference
-    return block_interval(added, seed)[0] > 0 and float(added.sum()) > SHARE * smaller.gain
+    return block_interval(added, seed)[0] > 0 and float(added.sum()) > in_force().selection.further_share * smaller.gain
 
 
 def _completed(
@@ -81,7 +83,7 @@ def _completed(
     None beside a form, a wrong value, a fault of the recording: a claim that the structure is right. On a simulator's
     run there are none.
     """
-    if proof.interval[0] <= PROVEN or found.unlisted or prepared.surrogate is not None:
+    if proof.interval[0] <= in_force().evidence.proven_nats or found.unlisted or prepared.surrogate is not None:
         return None, proof
     if any(entry(a.entry).family in ("parameter", "sensor_nonlinearity") for a in found.attachments):
         return None, proof

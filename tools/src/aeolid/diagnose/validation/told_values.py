@@ -20,6 +20,7 @@ from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.validation.run_values import (
     extended_run,
     fitted_run,
@@ -30,7 +31,6 @@ from aeolid.diagnose.validation.run_values import (
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
-APART = 3.0  # deviations by which two estimates may differ before one of them is not believed
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def _between(values: Sequence[Moved], against: dict[str, Moved], off: Sequence[s
 def _excluded(one: Moved, other: Moved) -> bool:
     """Tell whether two estimates exclude each other, or the first has run to the end of its range alone."""
     spread = float(np.hypot(one.std, other.std))
-    apart = np.isfinite(spread) and abs(one.value - other.value) > APART * spread
+    apart = np.isfinite(spread) and abs(one.value - other.value) > in_force().validation.estimates_apart * spread
     return bool(apart or (one.at_end and not other.at_end))
 
 
@@ -120,6 +120,7 @@ def widened(
 
     The deviation of such a value is half of the difference at least.
     """
+    rules = in_force().validation
     order = [p.name for p in declared.parameters]
     known, apart = {m.parameter.name: m for m in whole}, []
     first, rest = ({m.parameter.name: m for m in part} for part in (parts or (whole, whole)))
@@ -128,7 +129,7 @@ def widened(
             continue
         between = abs(first[name].value - rest[name].value)
         spread = float(np.hypot(first[name].std, rest[name].std))
-        if np.isfinite(spread) and between > APART * spread:
+        if np.isfinite(spread) and between > rules.estimates_apart * spread:
             apart.append(name)
             known[name] = replace(m, std=max(m.std, 0.5 * between))
     return tuple(known[n] for n in order if n in known), tuple(n for n in order if n in apart)

@@ -9,14 +9,13 @@ from dataclasses import replace
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 _RATIO = "aero_imbalance_ratio"
 # In-plane force of the blade over what its tilting moment does to the fore-aft motion, 1.5*arm/height of its thrust:
 # 0.6 on the NREL 5 MW at 18 m/s, less in lighter wind.
 _MOST = 1.0
-# The same of what two accelerometers show: near once a turn the modes of one tower may swell one more than the other.
-_MOST_SHOWN = 1.5
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -50,7 +49,7 @@ def _mostly_fore_aft(made: Attachment) -> Callable[[Mapping[str, float]], str]:
 
     def credible(values: Mapping[str, float]) -> str:
         axial, side = (math.hypot(*(values.get(name, 0.0) for name in part)) for part in (labels[:2], labels[2:]))
-        if side <= _MOST_SHOWN * axial:
+        if side <= in_force().hypotheses.side_over_fore_aft * axial:
             return ""
         return f"the side-side motion is {side / max(axial, 1e-300):.2g} times the fore-aft one"
 

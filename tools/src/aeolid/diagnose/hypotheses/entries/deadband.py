@@ -11,11 +11,10 @@ import numpy as np
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, ROSCO, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import blended_filter, is_continuous, spread_of, unit_of_input
+from aeolid.diagnose.rules import in_force
 
 _GRID = (0.15, 0.4, 1.0)  # of the input's spread
 _STARTS = 24
-_CROSSING = 0.05  # of the samples must lie on either side of zero for a dead zone to mean anything
-_LEVELS = 4  # sizes besides zero that an input must take for a width to show: two give a gain and a width
 
 
 def _hold(name: str, unit: str, v: Mapping[str, float]) -> str:
@@ -31,16 +30,17 @@ def _attach(site: Site) -> list[Attachment]:
 
 
 def _on(site: Site, i: int) -> list[Attachment]:
+    rules = in_force().hypotheses
     u = site.u[:, i]
     spread = spread_of(u)
     sizes = np.unique(np.abs(u[u != 0]))
-    if spread <= 0 or len(sizes) < _LEVELS:
+    if spread <= 0 or len(sizes) < rules.deadband_levels:
         return []
     name, unit = site.input_names[i], unit_of_input(site, i)
     result, forms = [], []
     if is_continuous(u):
         forms += [("deadband", _hold, f"{name}_actual holds until |{name} - {name}_actual| > width", "")]
-    if _CROSSING < float(np.mean(u > 0)) < 1 - _CROSSING:
+    if rules.crossing_share < float(np.mean(u > 0)) < 1 - rules.crossing_share:
         equation = f"{name}_actual = sign({name})*max(|{name}| - width, 0)"
         forms.append(("dead_zone", _zone, equation, ", around zero"))
     for kind, statement, equation, form in forms:

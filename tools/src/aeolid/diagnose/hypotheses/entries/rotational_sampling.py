@@ -9,6 +9,7 @@ from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wind import wind
+from aeolid.diagnose.rules import in_force
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -17,7 +18,9 @@ def _attach(site: Site) -> list[Attachment]:
     As a thrust alone it contradicted the rotor's speed, which saw the gusts: 0.3 nats for 145 on the same recording.
     """
     places, order, rate = rotor.hub(site), rotor.blades(site), rotor.turning(site)
-    if not rotor.is_turbine(site) or not places or not rate or abs(order * rate) * site.row_step > 0.8 * math.pi:
+    if not rotor.is_turbine(site) or not places or not rate:
+        return []
+    if abs(order * rate) * site.row_step > in_force().hypotheses.nyquist_share * math.pi:
         return []
     omega = f"{order}*{rotor.speed(site) or repr(abs(rate))}"
     thrust = places[0][0]

@@ -11,10 +11,9 @@ import numpy as np
 from aeolid.diagnose.data.forensics import grid_of, spacing_of
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, unit_of_output, with_reading
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
-_COARSE = 0.05  # of the spread: a finer spacing is far below what any model predicts …
-_FINE = 1e-3  # … but a converter that truncates leaves half of it as a bias, which adds up over a recording
 _SURE = 1e-3  # of the spacing, which the recorded values show as they are
 _TERMS = 6  # of the Fourier series of the rounding error; the staircase is rounded over a tenth of a step
 
@@ -26,13 +25,14 @@ def _statement(name: str, unit: str, truncated: bool, v: Mapping[str, float]) ->
 
 def _attach(site: Site) -> list[Attachment]:
     """Attach where the recorded values themselves lie on a grid: a coarse one, or of truncation a finer one too."""
+    rules = in_force().hypotheses
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
         step = spacing_of(y) or grid_of(y)
         if step is None:
             continue
-        ways = {False: _COARSE, True: _FINE}
+        ways = {False: rules.rounded_spacing, True: rules.truncated_spacing}
         result += [_on(site, j, name, step, float(y[0]), way) for way, w in ways.items() if step > w * float(np.std(y))]
     return result
 

@@ -9,21 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Site, Slot, location
+from aeolid.diagnose.rules import in_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Output, Parameter
 
 Array = NDArray[np.float64]
-_DEVIATIONS = 5.0  # of the noise that is added to an absolute value: so far below zero it may read
 
 
 def _attach(site: Site) -> list[Attachment]:
+    rules = in_force().hypotheses
     result = []
     for j, name in enumerate(site.output_names):
         measured = site.y[:, j][np.isfinite(site.y[:, j])]
         spread = float(np.ptp(measured)) if len(measured) else 0.0
-        if not spread or measured.min() < -max(0.02 * spread, min(_DEVIATIONS * noise_of(measured), 0.1 * spread)):
+        below = min(rules.rectified_deviations * noise_of(measured), rules.rectified_most * spread)
+        if not spread or measured.min() < -max(rules.rectified_least * spread, below):
             continue  # a channel that goes negative is not an absolute value
-        result.append(_on(j, name, float(measured.min()) < 0.05 * spread))
+        result.append(_on(j, name, float(measured.min()) < rules.rectified_touches * spread))
     return result
 
 

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.forensics import rails
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, unit_of_output, with_reading
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 Array = NDArray[np.float64]
-_FEWEST = 10  # values: what has fewer switches, and is always at an end
 _REACH = 0.05  # of the recorded range: how far a limit may lie from the rail that is seen
-_NEAR = 0.01  # of the recorded range: data that end farther from a rail do not reach it
 
 
 def _statement(name: str, unit: str, v: Mapping[str, float]) -> str:
@@ -29,10 +28,11 @@ def _attach(site: Site) -> list[Attachment]:
 
     A range has two ends: with the lower one fitted, data that reached the upper one refuted all of it (−1,445 nats).
     """
+    rules = in_force().hypotheses
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
-        ends = (site.rails[j] if site.rails else rails(y)) if len(np.unique(y)) > _FEWEST else {}
+        ends = (site.rails[j] if site.rails else rails(y)) if len(np.unique(y)) > rules.switch_values else {}
         if ends:
             result.append(_on(site, j, name, ends, y))
     return result
@@ -43,9 +43,10 @@ def _on(site: Site, j: int, name: str, ends: Mapping[str, float], y: Array) -> A
 
     Free, it moved to where a few of them touch it, for a nat, and was refuted where it is reached (−263 nats).
     """
+    rules = in_force().hypotheses
     width = float(np.ptp(y))
-    out_of_reach = {"low": float(y.min()) > ends.get("low", np.inf) + _NEAR * width,
-                    "high": float(y.max()) < ends.get("high", -np.inf) - _NEAR * width}  # fmt: skip
+    out_of_reach = {"low": float(y.min()) > ends.get("low", np.inf) + rules.rail_distance * width,
+                    "high": float(y.max()) < ends.get("high", -np.inf) - rules.rail_distance * width}  # fmt: skip
     share, unit = f"sensor_rail_share_{j + 1}", unit_of_output(site, name)
     limits = {side: f"sensor_{side}_{j + 1}" for side in ends}
     slots = [

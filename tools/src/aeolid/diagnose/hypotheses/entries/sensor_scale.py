@@ -9,12 +9,11 @@ from functools import partial
 from aeolid.diagnose.data.forensics import RATIOS, ratio_text
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import likeness, with_filter, with_reading
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 _LARGEST = 2000.0
-_UNITS_ONLY = 3.0  # from here on a factor is no tolerance of a gain
-_ALIKE = 0.5  # correlation with a free run
-_CLOSE = 0.1  # a gauge's own tolerance on top of a ratio of units
+_UNITS_ONLY = 3.0  # where the range of a factor of units begins: no tolerance of a gain is that large
 _UNITS = ((", larger unit", _UNITS_ONLY, _LARGEST), (", smaller unit", 1 / _LARGEST, 1 / _UNITS_ONLY))
 
 
@@ -29,10 +28,11 @@ def _attach(site: Site) -> list[Attachment]:
 
     With one output a scaled sensor and a wrong gain are the same thing; so are a scaled input and its gain.
     """
+    rules = in_force().hypotheses
     result = []
     for j, name in enumerate(site.output_names):
         if len(site.output_names) > 1:
-            result.append(_any_factor(j, name, _is_clear(site, j), likeness(site)[j][0] > _ALIKE))
+            result.append(_any_factor(j, name, _is_clear(site, j), likeness(site)[j][0] > rules.unit_correlation))
         else:
             result += [_unit(f"sensor_unit_{j + 1}_{k + 1}", name, "sensor", *form) for k, form in enumerate(_UNITS)]
     for i, name in enumerate(site.input_names):
@@ -42,9 +42,9 @@ def _attach(site: Site) -> list[Attachment]:
 
 def _credible(values: Mapping[str, float]) -> str:
     """Refuse a factor that is neither a gauge's tolerance nor, within a tenth, a ratio of units."""
-    factor = abs(values["factor"])
-    known = any(abs(factor * r - 1) < _CLOSE or abs(factor / r - 1) < _CLOSE for r, _ in RATIOS)
-    if known or 1 / _UNITS_ONLY < factor < _UNITS_ONLY:
+    close, unit, factor = in_force().hypotheses.unit_tolerance, in_force().data.unit_ratio, abs(values["factor"])
+    known = any(abs(factor * r - 1) < close or abs(factor / r - 1) < close for r, _ in RATIOS)
+    if known or 1 / unit < factor < unit:
         return ""
     return f"a factor of {factor:.3g} is neither a gauge's tolerance nor a ratio of units"
 
@@ -56,7 +56,8 @@ def _ratios(low: float, high: float) -> list[float]:
 def _is_clear(site: Site, j: int) -> bool:
     """Tell whether a free run resembles the output in all but size: a fitted baseline may hide that from the scores."""
     alike, ratio = likeness(site)[j]
-    return bool(alike > _ALIKE and (ratio > _UNITS_ONLY or ratio < 1 / _UNITS_ONLY))
+    unit = in_force().data.unit_ratio
+    return bool(alike > in_force().hypotheses.unit_correlation and (ratio > unit or ratio < 1 / unit))
 
 
 def _any_factor(j: int, name: str, clear: bool, alike: bool) -> Attachment:

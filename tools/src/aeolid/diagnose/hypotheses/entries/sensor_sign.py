@@ -9,9 +9,8 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, likeness, with_filter, with_reading
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
-
-_AGAINST = -0.5  # correlation with a free run: a fitted baseline may hide the sign so well that no score is left
 
 
 def _statement(name: str, what: str, _: Mapping[str, float]) -> str:
@@ -21,7 +20,7 @@ def _statement(name: str, what: str, _: Mapping[str, float]) -> str:
 def _attach(site: Site) -> list[Attachment]:
     """Offer a reversed sign of every output and input: by a share s the channel counts 1 − 2 s times."""
     result = []
-    against = likeness(site)[:, 0] < _AGAINST
+    against = likeness(site)[:, 0] < in_force().hypotheses.sign_correlation
     for j, name in enumerate(site.output_names):
         share = f"sensor_sign_{j + 1}"
 

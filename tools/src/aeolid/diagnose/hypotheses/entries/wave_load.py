@@ -11,12 +11,12 @@ from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import band, rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
+from aeolid.diagnose.rules import in_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
 
 LOW_HZ, HIGH_HZ = 0.0625, 0.25  # peak periods of 4 to 16 s
 _RATE_S = 0.3  # time constant of the slope of the recorded elevation: short against every wave
-_NEAR = 0.07  # relative distance to the rotor's speed within which a band may be the rotor's
 
 
 def recorded(site: Site) -> Exogenous | None:
@@ -65,9 +65,10 @@ def _driven(site: Site, tower: rotor.Place, channel: Exogenous) -> Attachment:
 
 def _unseen(site: Site, tower: rotor.Place) -> Attachment:
     """Look for a band at wave frequencies that nothing recorded drives, away from the rotor's speed."""
+    rules = in_force().hypotheses
     name = "wave_frequency_hz"
     once = float(site.context.get("rated_speed_rad_s", 0.0) or abs(rotor.turning(site))) / (2 * np.pi)
-    grid = [float(f) for f in np.geomspace(0.07, 0.22, 8) if not once or abs(f / once - 1) > _NEAR]
+    grid = [float(f) for f in np.geomspace(0.07, 0.22, 8) if not once or abs(f / once - 1) > rules.wave_rotor_distance]
     peak = Slot(name, "peak_frequency_hz", "Hz", LOW_HZ, LOW_HZ, HIGH_HZ, 0.02, local=False)
     return band.narrow_band(
         site, "wave_load", tower, f"2*pi*{name}", (peak,),

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.generic.places import Follows, Place, said
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
+from aeolid.diagnose.rules import in_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, State
 
 Array = NDArray[np.float64]
 _BELOW = (0.15, 0.5, 0.85)  # shares of a signal's samples below the knots of a curve
-NARROW = 0.1  # damping up to which a band of noise rings; the colour of noise has 0.35 and more, eddies have 0.02
-_APART = 0.02  # of its span that lie at least between two knots: else it has but a few values
 _TIMES = 5  # time constants that are scanned
 _BANDS, _WIDTH = 40, 0.07  # frequencies that are scanned for a band, and its damping then: each reaches the next
 _WIDE = 100.0  # times the natural size of a coefficient: the end of its range
@@ -43,7 +42,7 @@ def _curve(place: Place, over: Follows) -> Attachment | None:
     """Return a curve broken straight at three knots; None over a signal with few values."""
     known = over.values[np.isfinite(over.values)]
     knots: list[float] = np.quantile(known, _BELOW).tolist() if len(known) else []
-    if not knots or not min(np.diff(knots)) > _APART * float(np.ptp(known)):
+    if not knots or not min(np.diff(knots)) > in_force().hypotheses.curve_knots_apart * float(np.ptp(known)):
         return None
     tag = f"curve_{place.tag}_{over.tag}"
     slots = tuple(_slot(f"{tag}_{k + 1}", f"bend_{k + 1}", place.size / over.spread) for k in range(len(knots)))
@@ -115,7 +114,7 @@ def _band(place: Place, step: float, span: float) -> Attachment:
     tag, low, high = f"band_{place.tag}", 4 / span, 0.4 / step
     p, q = f"{tag}_p", f"{tag}_q"
     hz = Slot(f"{tag}_hz", "frequency_hz", "Hz", low, low, high, 0.1 * low, local=False)
-    width = Slot(f"{tag}_damping", "damping", "1", _WIDTH, 0.0, NARROW, 0.01, local=False)
+    width = Slot(f"{tag}_damping", "damping", "1", _WIDTH, 0.0, in_force().hypotheses.narrow_damping, 0.01, local=False)
 
     def turn(model: Equations) -> Equations:
         w, h = f"({2 * np.pi!r}*{hz.name})", model.sample_time_s

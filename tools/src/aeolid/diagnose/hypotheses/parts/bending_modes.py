@@ -12,6 +12,7 @@ import numpy as np
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
 from aeolid.diagnose.hypotheses.parts.modes import RINGS, beyond_rows, highest_hz, kind_of
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Output, State
@@ -55,7 +56,7 @@ def _bodies(motion: Motion, outputs: tuple[Output, ...]) -> dict[str, int]:
 
 def _on(site: Site, motion: Motion, number: int, bodies: Mapping[str, int]) -> Attachment | None:
     low, high = 4.0 / (len(site.u) * site.step), highest_hz(site)
-    if high < 2.4 * low:
+    if high < 2 * in_force().hypotheses.least_band * low:
         return None
     tag = f"bend{number + 1}"
     w, zeta = f"{tag}_frequency_hz", f"{tag}_damping"

@@ -14,6 +14,7 @@ from aeolid.diagnose.hypotheses.parts.following import Filter, following, is_pos
 from aeolid.diagnose.hypotheses.parts.modes import KINDS, Kind, attach_named, derivatives_seen, kind_of, named_mode
 from aeolid.diagnose.hypotheses.parts.settings import Setting
 from aeolid.diagnose.hypotheses.parts.wiring import with_reading
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 _LEAST_DAMPING = 0.01
@@ -40,7 +41,7 @@ def responses(entry: str, site: Site) -> list[Attachment]:
     kind = next(k for k in KINDS if k.entry == entry)
     outputs = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is kind]
     fastest = 0.4 / site.row_step
-    if kind.place != "blade" or fastest < 1.2 * kind.band_hz[0]:
+    if kind.place != "blade" or fastest < in_force().hypotheses.least_band * kind.band_hz[0]:
         return []
     attach = _as_states if is_possible(site) else _on
     return [attach(site, j, kind, min(kind.band_hz[1], fastest)) for j in outputs if not derivatives_seen(site, j)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 
-_HABIT = 0.25  # rows
+from aeolid.diagnose.rules import in_force
 
 
 def lateness(values: Mapping[str, float]) -> float:
@@ -30,7 +30,7 @@ def later_than_a_reading(step: float) -> Callable[[Mapping[str, float]], str]:
 
     def credible(values: Mapping[str, float]) -> str:
         rows = lateness(values) / step
-        if rows >= _HABIT:
+        if rows >= in_force().hypotheses.habit_rows:
             return ""
         return f"late by {rows:.2g} of a sample, which the way of taking samples can be"
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.settings import Setting
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, VELOCITY_UNITS
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter, State
@@ -18,7 +19,6 @@ from aeolid.models.equations import Equations, Parameter, State
 _DAMPING_START = 0.03
 MOST_DAMPING = 0.7
 RINGS = 0.3  # damping of a mode that still rings: a broader response is a lag, or the colour of noise
-_SAME_HZ, _SAME = 0.01, 0.1  # of frequency and damping: nearer to a mode of the model than that is no other mode
 _EVERYWHERE = (0.0, float("inf"))
 
 
@@ -73,7 +73,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
     name, tag = site.output_names[j], f"mode{j + 1}"
     w, zeta = f"{tag}_frequency_hz", f"{tag}_damping"
     low, high = _band(site, kind)
-    if high < 1.2 * low:
+    if high < in_force().hypotheses.least_band * low:
         return None
     spread = float(np.nanstd(site.y[:, j])) or 1.0
     sizes = [spread / (float(np.std(site.u[:, i])) or 1.0) for i in range(len(site.input_names))]
@@ -171,8 +171,10 @@ def _not_had(own: Sequence[tuple[float, float]], highest: float, p: Mapping[str,
 
     With its eight values more it took the name from a channel in another unit, by 23 nats of 6,900.
     """
+    rules = in_force().hypotheses
     for frequency, damping in own:
-        if abs(p["frequency_hz"] - frequency) < _SAME_HZ * frequency and abs(p["damping"] - damping) < _SAME * damping:
+        same = abs(p["frequency_hz"] - frequency) < rules.same_frequency * frequency
+        if same and abs(p["damping"] - damping) < rules.same_damping * damping:
             return f"the model has this mode, at {frequency:.4g} Hz with damping {damping:.2g}"
     return beyond_rows(highest, p)
 

@@ -14,6 +14,7 @@ from scipy.signal import lfilter, welch
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
 from aeolid.diagnose.hypotheses.parts.modes import RINGS, highest_hz
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.structure.signals import static_outputs
 from aeolid.models import expressions as ex
@@ -23,7 +24,6 @@ Array = NDArray[np.float64]
 Modes = tuple[tuple[float, float], ...]  # frequency in Hz and damping ratio of each
 
 MOST_MODES = 3
-_AT_END = 0.999  # of a range
 _LEAST_DAMPING = 1e-4
 _ORDERS = (4, 8, 12, 20)  # of the autoregressions whose poles are tried, beside an even grid
 _GRID_HZ, _GRID_DAMPING = 24, (0.01, 0.05, 0.2)
@@ -31,8 +31,7 @@ _ROWS = 4000  # of the recording that the search looks at
 _GONE = -60.0  # logarithm of a start that nobody sees any more; smaller numbers are slow
 _RIDGE = 1e-12  # of the mean square of the regressors: two that are alike share
 _STEPS = 120  # of a simplex, for each number of modes
-_BINS, _EXCITED = 256, 1e-4
-_SEEN = 1e-3  # of the output's variance: a mode that moves less of it is a correction of others
+_BINS = 256
 _VALUES = 2  # of a mode itself; each input that drives it has two more
 
 
@@ -54,17 +53,19 @@ def behind_static(site: Site) -> list[Attachment]:
     autoregressions and a grid), then all frequencies and dampings are refined together, their shares being linear
     (variable projection). Worth it by the criterion of Schwarz on the squares of the simulation error.
     """
+    rules = in_force().hypotheses
     driving = [i for i, name in enumerate(site.input_names) if name != TIME and np.std(site.u[:, i]) > 0]
     found = []
     for j in static_outputs(site.model) if site.linear is None and driving else []:
         seen = _seen(site, j, driving)
         pool, cost = _pool(seen), _cost(seen, ())
         modes: Modes = ()
-        for _ in range(MOST_MODES if seen.high > 1.2 * seen.low else 0):
+        for _ in range(MOST_MODES if seen.high > rules.least_band * seen.low else 0):
             more = _one_more(seen, pool, modes)
             least = _cost(seen, more)
             gained = _left(seen, modes)[0] - _left(seen, more)[0]
-            if _objection(more, seen.high) or least >= cost or gained < _SEEN * float(np.var(seen.y)):
+            trifle = gained < rules.mode_variance_share * float(np.var(seen.y))
+            if trifle or _objection(more, seen.high) or least >= cost:
                 break
             modes, cost = more, least
             found.append(_attachment(site, j, driving, seen, modes))
@@ -83,7 +84,7 @@ def _seen(site: Site, j: int, driving: list[int]) -> _Seen:
 def _excited_hz(drives: Array, step: float) -> float:
     """Return up to where the inputs excite: 40 dB below their strongest band. Beyond, a mode is a residual term."""
     hz, power = welch(drives, fs=1 / step, nperseg=min(len(drives), _BINS), axis=0)
-    return float(hz[np.any(power > _EXCITED * power.max(axis=0), axis=1)].max())
+    return float(hz[np.any(power > in_force().hypotheses.excited_share * power.max(axis=0), axis=1)].max())
 
 
 def _pool(seen: _Seen) -> list[tuple[float, float]]:
@@ -188,10 +189,11 @@ def _objection(modes: Modes, high: float) -> str:
 
     Two nearer to each other than their half-power bandwidths show one peak (Ewins 2000, section 3.3).
     """
+    rules = in_force().hypotheses
     for k, (f, damping) in enumerate(modes):
-        if f > _AT_END * high:
+        if f > rules.range_end * high:
             return f"the inputs do not excite what lies beyond {high:.4g} Hz, and a mode ran there"
-        if damping > _AT_END * RINGS:
+        if damping > rules.range_end * RINGS:
             return f"a mode at {f:.4g} Hz does not ring"
         for other, broad in modes[:k]:
             if abs(f - other) < damping * f + broad * other:

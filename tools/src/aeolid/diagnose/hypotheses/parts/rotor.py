@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.diagnose.structure.baseline import FELT
 from aeolid.models import expressions as ex
@@ -30,7 +31,6 @@ NAMES = {
     "wave": r"wave|(^|_)eta(_|$)|elevation",
 }
 _POWER_UNITS = {"W", "kW", "MW"}
-_MOST_CHANGE = 0.2  # of the mean: a speed that swings more is no operating speed
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def radians_a_unit(unit: str, values: Array) -> float:
     unit = unit.strip().lower()
     if unit in ("rad", "deg", "degree", "degrees", "°"):
         return 1.0 if unit == "rad" else math.pi / 180
-    return math.pi / 180 if float(np.ptp(values)) > 7.0 else 1.0
+    return math.pi / 180 if float(np.ptp(values)) > in_force().hypotheses.radian_range else 1.0
 
 
 def turning(site: Site) -> float:
@@ -118,7 +118,7 @@ class Angle:
 def angle(site: Site, order: int) -> Angle | None:
     """Return order times the rotor angle; None where it is not recorded or too fast for the sample time."""
     channel, rate = azimuth(site), turning(site)
-    if channel is None or rate == 0.0 or abs(order * rate) * site.step > 0.8 * math.pi:
+    if channel is None or rate == 0.0 or abs(order * rate) * site.step > in_force().hypotheses.nyquist_share * math.pi:
         return None
     now = f"{_radians(site, channel)!r}*{channel.symbol}"
     return Angle(f"({order}*({now} + {0.5 * rate * site.step!r}))", f"({order}*({now}))")
@@ -126,12 +126,13 @@ def angle(site: Site, order: int) -> Angle | None:
 
 def speed(site: Site) -> str | None:
     """Write the rotor's speed in rad/s by a state of the equations; None where none is it or its scale is unknown."""
+    swing = in_force().hypotheses.operating_speed_swing
     rate, states = abs(turning(site)), {s.name for s in site.model.states}
     for j in outputs_like(site, "speed") if site.linear is None else []:
         y = site.y[:, j][np.isfinite(site.y[:, j])]
         mean = float(np.mean(y)) if len(y) else 0.0
         read = next(o.equation for o in site.model.outputs if o.name == site.output_names[j])
-        if rate and isinstance(read, ast.Name) and read.id in states and np.std(y) < _MOST_CHANGE * abs(mean):
+        if rate and isinstance(read, ast.Name) and read.id in states and np.std(y) < swing * abs(mean):
             return f"({rate / mean!r}*{read.id})"
     return None
 
@@ -314,8 +315,9 @@ def on_blades(
     says: Callable[[float, str], str],
 ) -> list[Attachment]:  # fmt: skip
     """Offer one hypothesis on all blade outputs alike; parts: ("cos" or "sin", label), once a turn of each blade."""
+    rules = in_force().hypotheses
     channel, rate = azimuth(site), turning(site)
-    if channel is None or rate == 0.0 or abs(rate) * site.step > 0.8 * math.pi or not outputs:
+    if channel is None or rate == 0.0 or abs(rate) * site.step > rules.nyquist_share * math.pi or not outputs:
         return []
     scale = _radians(site, channel)  # an output is read at its instant: no half step here
     first = site.output_names.index(outputs[0][0])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
 from aeolid.diagnose.structure.baseline import with_force
 from aeolid.diagnose.structure.forces import FORCE
@@ -121,12 +122,13 @@ def _rate(site: Site, state: State) -> float:
 
 def _real_poles(site: Site, linear: StateSpace) -> list[Entrance]:
     """Push along each real pole's own direction, in units of the output that shows it most, slowest first."""
+    structure = in_force().structure
     values, right = np.linalg.eig(linear.A)
     spreads = np.maximum(np.nanstd(site.y, axis=0), 1e-300)
     found = []
     for k in np.argsort(-abs(values)):
         pole = float(values[k].real)
-        if abs(values[k].imag) > 1e-9 or pole <= 0.2:
+        if abs(values[k].imag) > 1e-9 or pole <= structure.least_modulus:
             continue
         shape = np.real(linear.C @ right[:, k])
         j = int(np.argmax(abs(shape) / spreads))

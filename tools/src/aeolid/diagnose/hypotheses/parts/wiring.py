@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.rules.hypotheses import HypothesesRules
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.errors import DataError
 from aeolid.models import expressions as ex
@@ -19,9 +21,6 @@ from aeolid.models.integrate import Compiled, compile_equations, numeric_jacobia
 
 Array = NDArray[np.float64]
 SHARE_SIZE = 0.1  # the effects are blended in linearly, so that any step will do that stands above rounding
-_FADING = 0.3  # a tenth of the frequency: a steady response keeps its size, a speed's falls to a tenth
-_MANY = 20  # values: fewer are a test signal's levels or a counter's
-_SMALL = 0.1  # of an output's own direction: what lies outside the reach of forces must be more to count
 
 
 def with_filter(model: Equations, channel: str, kind: str, parameters: Sequence[Parameter]) -> Equations:
@@ -101,15 +100,19 @@ def spread_of(values: Array) -> float:
 
 def is_continuous(values: Array) -> bool:
     """Tell whether a signal takes many values, also where it holds each for a while; two-level test signals do not."""
-    return len(np.unique(values)) >= _MANY
+    return len(np.unique(values)) >= in_force().hypotheses.signal_values
 
 
-@lru_cache(maxsize=4)
 def likeness(site: Site) -> Array:
     """Return (l, 2): correlation of each output with a free run of the model, and its spread over that of the run.
 
     Zeros where the model cannot run free over the data.
     """
+    return _likeness(site, in_force().data.compared_rows)
+
+
+@lru_cache(maxsize=4)
+def _likeness(site: Site, least_rows: int) -> Array:
     none = np.zeros((len(site.output_names), 2))
     try:
         if site.linear is not None:
@@ -123,7 +126,7 @@ def likeness(site: Site) -> Array:
     free = free[::stride][: len(site.y)]
     for j, (y, m) in enumerate(zip(site.y[: len(free)].T, free.T, strict=True)):
         good = np.isfinite(y)
-        if np.all(np.isfinite(m)) and good.sum() > 50 and spread_of(m) > 0 and spread_of(y) > 0:
+        if np.all(np.isfinite(m)) and good.sum() > least_rows and spread_of(m) > 0 and spread_of(y) > 0:
             none[j] = np.corrcoef(y[good], m[good])[0, 1], spread_of(y) / spread_of(m)
     return none
 
@@ -133,7 +136,6 @@ def _compiled(site: Site) -> Compiled:
     return compile_equations(replace(site.model, filters=()))
 
 
-@lru_cache(maxsize=4)
 def imitated_by_forces(site: Site) -> tuple[bool, ...]:
     """Tell for each output whether steady forces that nobody measured could move it alone.
 
@@ -142,18 +144,23 @@ def imitated_by_forces(site: Site) -> tuple[bool, ...]:
     mass on a spring) is none: the force would have to grow without end. The states of a linear model are anything, a
     disturbance may enter all of them: every output is imitated.
     """
+    return _imitated(site, in_force().hypotheses)
+
+
+@lru_cache(maxsize=4)
+def _imitated(site: Site, rules: HypothesesRules) -> tuple[bool, ...]:
     if site.linear is not None:
         return (True,) * len(site.output_names)
     slow = 2 * np.pi / max(len(site.u) * site.step, 1e-9)  # rad/s: one swing over the recording
     moved, slower = (_responses(site, w) for w in (slow, 0.1 * slow))
     if not slower.size or not np.all(np.isfinite(slower)) or not np.all(np.isfinite(moved)):
         return (False,) * len(site.output_names)
-    steady = np.where(np.abs(slower) > _FADING * np.abs(moved), slower, 0.0)
+    steady = np.where(np.abs(slower) > rules.fading_ratio * np.abs(moved), slower, 0.0)
     sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
     scaled = steady / sizes[:, None]
     U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
-    inside = np.linalg.norm(U[:, s > _SMALL * max(s[0], 1e-300)], axis=1)
-    return tuple(bool(1 - x * x < _SMALL**2) for x in inside)
+    inside = np.linalg.norm(U[:, s > rules.force_reach * max(s[0], 1e-300)], axis=1)
+    return tuple(bool(1 - x * x < rules.force_reach**2) for x in inside)
 
 
 def _responses(site: Site, turn: float) -> Array:

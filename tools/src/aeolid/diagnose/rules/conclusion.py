@@ -1,0 +1,55 @@
+"""What is said in the end, and what is worth a word beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aeolid.diagnose.rules.declaring import rule
+
+
+@dataclass(frozen=True)
+class ConclusionRules:
+    """Hold the numbers of this section; each says what it means."""
+
+    nameless_nats: float = rule(
+        4.0, "nats", 'score from which a form without a name still forbids "the structure is right"'
+    )
+    word_nats: float = rule(
+        20.0,
+        "nats",
+        "what is worth a word beside the verdict: the score of a mode that no input drives, the gain on the "
+        "training data of what the sealed data do not bear out",
+    )
+    law_samples: int = rule(50, "samples", "samples of a fold without which a law without states is not estimated")
+    law_values: int = rule(
+        4, "count", "declared values of a law without states; more are not told apart by a scatter plot"
+    )
+    law_better_share: float = rule(
+        0.9,
+        "share",
+        "part of a law's mean absolute error that may be left, in every fold: a tenth is visible in any plot",
+    )
+    law_right_share: float = rule(
+        0.25, "share", "mean absolute error, of an output's spread, above which the law itself is not right"
+    )
+    law_end_distance: float = rule(
+        0.01, "share", "relative distance to the end of a declared range within which a value is at that end"
+    )
+    recovered_share: float = rule(
+        0.3, "share", "part of what the data would allow below which the name is not the main thing missing"
+    )
+    recovered_by_parameter: float = rule(
+        0.8,
+        "share",
+        'part of what the data would allow where only values are wrong: "the structure is right" is a claim about '
+        "all that is left",
+    )
+    ceiling_nats: float = rule(10.0, "nats", "gain of a model-free correction below which nothing is worth describing")
+    ceiling_rate: float = rule(
+        0.02,
+        "nats a sample and output",
+        "gain of a model-free correction below which nothing is worth describing: one-step errors 2 % smaller",
+    )
+    indistinct_correlation: float = rule(
+        0.99, "correlation", "correlation of two estimates above which the data hardly tell them apart"
+    )

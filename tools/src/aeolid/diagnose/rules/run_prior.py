@@ -1,0 +1,187 @@
+"""When a recording and a simulator's run differ, and which effect is named for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aeolid.diagnose.rules.declaring import RUN_DECISIONS, rule
+
+
+@dataclass(frozen=True)
+class RunPriorRules:
+    """Hold the numbers of this section; each says what it means."""
+
+    lost_nats: float = rule(
+        30.0, "nats", "evidence lost from which something separates recording and run", RUN_DECISIONS
+    )
+    lost_nats_an_output: float = rule(
+        10.0, "nats", "evidence lost, for each output, from which something separates recording and run", RUN_DECISIONS
+    )
+    unsteady_ratio: float = rule(
+        1.5,
+        "times",
+        "evidence lost, over what halves of one side lose under each other, from which something separates the sides",
+        RUN_DECISIONS,
+    )
+    excluded_nats: float = rule(60.0, "nats", "fall of the evidence from which an effect is excluded", RUN_DECISIONS)
+    named_nats: float = rule(
+        30.0, "nats", "gain on the training data that an effect must have to be named", RUN_DECISIONS
+    )
+    held_weight: float = rule(
+        0.1,
+        "weight",
+        "weight of the run, with the effect, from which it explains: what remains is no more than nulls show",
+        RUN_DECISIONS,
+    )
+    explained_share: float = rule(
+        0.5,
+        "share",
+        "part of what was lost that an effect may gain instead: what acts between samples leaves a rest in blocks",
+        RUN_DECISIONS,
+    )
+    moved_mode_share: float = rule(
+        0.25,
+        "share",
+        "part of what was lost that a mode which moved may gain instead: what else it does is not told by poles",
+        RUN_DECISIONS,
+    )
+    least_share: float = rule(
+        0.1,
+        "share",
+        "part of what was lost below which the pair is as different as before, whatever the run's weight does",
+        RUN_DECISIONS,
+    )
+    further_share: float = rule(
+        0.05, "share", "part of the first effect's gain that a further one must have", RUN_DECISIONS
+    )
+    rival_share: float = rule(
+        0.97, "share", "part of the best gain from which another kind is not told from it", RUN_DECISIONS
+    )
+    rival_nats: float = rule(
+        8.0, "nats", "distance to the best gain within which another kind is not told from it", RUN_DECISIONS
+    )
+    richer_nats: float = rule(10.0, "nats", "gain a form must have over a simpler one that it holds", RUN_DECISIONS)
+    refined_share: float = rule(
+        0.15, "share", "part of the best gain from which a hypothesis is refined", RUN_DECISIONS
+    )
+    refined_nats: float = rule(3.0, "nats", "least gain of a hypothesis that is refined", RUN_DECISIONS)
+    group_nats: float = rule(15.0, "nats", "gain from which a group of outputs tells something alone", RUN_DECISIONS)
+    sure_group_nats: float = rule(
+        60.0, "nats", "gain that one of the groups must have; a missing mode itself was worth 43 in one", RUN_DECISIONS
+    )
+    agreeing_ratio: float = rule(
+        1.15,
+        "times",
+        "ratio of the values up to which groups of outputs agree; windows of one output move a lag by some 5 %",
+        RUN_DECISIONS,
+    )
+    agreeing_groups: int = rule(
+        2, "count", "groups of outputs that must tell the same beside a missing mode", RUN_DECISIONS
+    )
+    held_input_share: float = rule(
+        0.4,
+        "share",
+        "samples of an input that repeat the one before, from which it is held between samples",
+        RUN_DECISIONS,
+    )
+    at_range_end_share: float = rule(
+        0.002, "share", "samples of an output at an end of the run's range, above which a limit is asked", RUN_DECISIONS
+    )
+    disc_uneven_log: float = rule(
+        1.5,
+        "log",
+        "growth of the power of a rotor disc's moments about the blades' order, from which the flow is uneven",
+        RUN_DECISIONS,
+    )
+    disc_lines_log: float = rule(
+        1.2,
+        "log",
+        "growth of the power of all outputs about the blades' order, where no blade is recorded, from which the "
+        "flow is uneven",
+        RUN_DECISIONS,
+    )
+    disc_parts_log: float = rule(0.8, "log", "growth of that power in every part of the recording", RUN_DECISIONS)
+    disc_spread_log: float = rule(
+        0.4,
+        "log",
+        "deviation of that growth between runs of one machine in other wind",
+        "measured: -0.7 to 0.5 in 18 pairs",
+    )
+    worse_share: float = rule(
+        0.5, "share", "part of the largest growth of errors from which an output is named beside it", RUN_DECISIONS
+    )
+    aero_rival_share: float = rule(
+        0.6, "share", "part of the gain of a factor on pitch from which a slow wake is not told from it", RUN_DECISIONS
+    )
+    still_distance: float = rule(
+        0.02, "share", "what a frequency may differ by where a mode is only damped otherwise", RUN_DECISIONS
+    )
+    lateral_ratio: float = rule(
+        1.5,
+        "times",
+        "growth of the errors of the tower's sideways motion over that of the blades' from which an imbalance is of "
+        "the mass",
+        RUN_DECISIONS,
+    )
+    region_distance: float = rule(
+        1.0,
+        "deviations",
+        "distance of means, in the deviation within a run, up to which two runs are one region",
+        RUN_DECISIONS,
+    )
+    blade_samples: int = rule(
+        5, "samples", "samples in each sector of the rotor without which no mean over it is shown", RUN_DECISIONS
+    )
+    level_deviations: float = rule(
+        2.0,
+        "deviations",
+        "distance of an output's mean from 0 from which it has a level: an acceleration has none",
+        RUN_DECISIONS,
+    )
+    law_within_deviations: float = rule(
+        2.5,
+        "deviations",
+        "distance from the run's means up to which a mean of the recording is compared",
+        RUN_DECISIONS,
+    )
+    law_shared: float = rule(0.4, "share", "part of the recording's means that must be so near", RUN_DECISIONS)
+    law_means: int = rule(20, "count", "means of the run, and of both, at the least", RUN_DECISIONS)
+    law_sealed_share: float = rule(
+        0.2, "share", "part of the least number of means that the sealed part must have", RUN_DECISIONS
+    )
+    law_sure_deviations: float = rule(6.0, "deviations", "deviations by which a level must have shifted", RUN_DECISIONS)
+    law_sealed_deviations: float = rule(
+        3.0, "deviations", "deviations by which a level must have shifted on the sealed part", RUN_DECISIONS
+    )
+    wind_shift: float = rule(0.01, "share", "least shift of a wind at a given state, of its level", RUN_DECISIONS)
+    thrust_shift: float = rule(0.03, "share", "least shift of a thrust, of its level", RUN_DECISIONS)
+    cyclic_shift: float = rule(
+        0.08,
+        "share",
+        "least shift of a tilt or yaw moment, of its level",
+        "measured: a missing edge mode moves tilt by 0.05",
+    )
+    turned_share: float = rule(
+        0.15,
+        "share",
+        "what a yaw moment's share must differ from the thrust's by for the inflow to be turned",
+        RUN_DECISIONS,
+    )
+    bent_ratio: float = rule(
+        2.0,
+        "times",
+        "growth of the errors of a collective flap moment from which the blade itself moves otherwise",
+        RUN_DECISIONS,
+    )
+    bent_lead: float = rule(
+        0.99, "share", "part of the largest growth of errors that a collective flap moment must have", RUN_DECISIONS
+    )
+    thrust_ratio_slack: float = rule(
+        0.15, "times", "what the ratio of the shifts of thrust and wind may be off", RUN_DECISIONS
+    )
+    slowest_turning: float = rule(
+        0.4, "share", "least mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
+    )
+    fastest_turning: float = rule(
+        1.3, "times", "largest mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
+    )

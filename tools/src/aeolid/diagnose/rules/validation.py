@@ -1,0 +1,35 @@
+"""What sealed data, folds and free runs must show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from aeolid.diagnose.rules.declaring import rule
+
+
+@dataclass(frozen=True)
+class ValidationRules:
+    """Hold the numbers of this section; each says what it means."""
+
+    zero_apart_share: float = rule(
+        0.05, "share", "part of a sensor's zero that must lie outside what the other values can do"
+    )
+    material_error_share: float = rule(
+        0.005, "share", "relative improvement of the prediction error, at some horizon, that is worth a word"
+    )
+    visible_spread_share: float = rule(0.002, "share", "least such improvement, of the output's own spread")
+    fewest_folds: int = rule(3, "count", "folds without which none is left out in turn")
+    undecided_nats: float = rule(
+        0.0, "nats", "upper end of the gain's interval on the sealed data above which it does not refute"
+    )
+    agreeing_share: float = rule(
+        2 / 3,
+        "share",
+        "folds that must have come to what is named, to its kin, or to what all data do not tell from it",
+    )
+    material_rate: float = rule(
+        0.002, "nats a sample", "gain over all folds that shows in predictions: one-step errors 0.2 % smaller"
+    )
+    estimates_apart: float = rule(
+        3.0, "deviations", "difference of two estimates of one value above which one of them is not believed"
+    )
