@@ -41,7 +41,22 @@ class SafeConsole(Console):
 console = SafeConsole(highlight=False)
 progress_console = SafeConsole(stderr=True, highlight=False)
 
-RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names each channel, its unit and role.")]
+
+def _no_roles() -> Path:
+    """Refuse a call without --roles by what makes such a file; never returns."""
+    raise UsageError(
+        "--roles is missing: the TOML file that says what the columns are; aeolid init RECORDING writes one, guessed"
+        " from the headings"
+    )
+
+
+RolesOption = Annotated[
+    Path,
+    typer.Option(
+        "--roles", help="TOML file that names each channel, its unit and role. Required.", default_factory=_no_roles,
+        show_default=False,
+    ),
+]  # fmt: skip
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),
