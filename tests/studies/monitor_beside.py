@@ -29,6 +29,7 @@ from typing import Any
 
 AEOLID = Path(sys.executable).with_name("aeolid")
 TICK_S = 0.5
+PATIENCE_S = 3600.0  # what waits in vain is ended; a busy machine is not
 Process = subprocess.Popen[Any]
 
 
@@ -95,14 +96,14 @@ class Reader(threading.Thread):
 def points(server: str) -> dict[str, int]:
     """Return how many points the database has, by measurement."""
     query = urllib.parse.urlencode({"db": "park", "q": "SELECT count(*) FROM /.*/"})
-    with urllib.request.urlopen(f"{server}/query?{query}", timeout=60) as answer:
+    with urllib.request.urlopen(f"{server}/query?{query}", timeout=PATIENCE_S) as answer:
         series = json.load(answer)["results"][0].get("series", [])
     return {s["name"]: max(v for v in s["values"][0][1:] if isinstance(v, int)) for s in series}
 
 
 def scraped(page: str) -> dict[str, float]:
     """Return what a scraper reads, summed over labels."""
-    with urllib.request.urlopen(f"{page}/metrics", timeout=60) as answer:
+    with urllib.request.urlopen(f"{page}/metrics", timeout=PATIENCE_S) as answer:
         text = answer.read().decode()
     found: dict[str, float] = {}
     for name, value in re.findall(r"^(\w+)(?:\{.*\})? (\S+)", text, re.M):
@@ -135,7 +136,7 @@ class Run:
             [program("influxd"), "run", "-config", str(folder / "influx.conf")], self.ports["database"],
             folder / "influxd.log",
         )  # fmt: skip
-        urllib.request.urlopen(f"{self.server}/query", b"q=CREATE+DATABASE+park", timeout=60).close()
+        urllib.request.urlopen(f"{self.server}/query", b"q=CREATE+DATABASE+park", timeout=PATIENCE_S).close()
         self.broker = self.new_broker()
         self.reader = Reader(self.ports["broker"])
         node = [str(AEOLID), "node", "--turbine", "--past", "20", "--bus", f"tcp:{self.ports['bus']}", "--innovations"]
