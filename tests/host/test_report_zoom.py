@@ -18,9 +18,11 @@ import report_examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aeolid.record import Channel, Record
 from aeolid.report import render_diagnosis, render_identification
 from aeolid.report.markup import Html, write_page
-from aeolid.report.zoom import MOST_SAMPLES, Line, Panel, zoomed
+from aeolid.report.recordings import render_recordings
+from aeolid.report.zoom import MOST_ALONE, MOST_SAMPLES, Line, Panel, zoomed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "sil"))
 from monitor_browser import Browser
@@ -46,7 +48,7 @@ def one(values: list[float] | np.ndarray, time: np.ndarray | None = None, most: 
     y = np.asarray(values, dtype=float)
     t = 0.1 * np.arange(len(y)) if time is None else time
     line = Line("a", "ink", y)
-    return facts_of(zoomed(STILL, "c", t, [Panel("a", "m", (line,))], (0, len(y)), most))
+    return facts_of(zoomed(STILL, "c", t, [Panel("a", (line,))], (0, len(y)), most))
 
 
 @settings(max_examples=60, deadline=None)
@@ -77,7 +79,7 @@ def test_an_even_clock_is_three_numbers_and_another_is_kept_as_it_is() -> None:
 @pytest.mark.parametrize(("view", "first"), [((0, 100), 0), ((5000, 5400), 4700), ((9900, 10_000), 9000)])
 def test_of_long_lines_what_surrounds_the_view_is_kept(view: tuple[int, int], first: int) -> None:
     y = np.arange(10_000.0)
-    panel = Panel("a", "", (Line("a", "ink", y),))
+    panel = Panel("a", (Line("a", "ink", y),))
     facts = facts_of(zoomed(STILL, "c", y, [panel], view, 1000))
     assert facts["clock"]["count"] == 1000 and facts["clock"]["start"] == first
     assert facts["view"] == [view[0], view[1] - 1]
@@ -124,14 +126,46 @@ def test_a_page_may_run_this_one_script_and_only_where_it_needs_it(tmp_path: Pat
 @given(st.text(min_size=1, max_size=40))
 def test_no_name_of_a_line_becomes_markup(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.mktemp("page") / "page.html"
-    panel = Panel(text, text, (Line(text, "ink", np.arange(9.0)),))
+    panel = Panel(text, (Line(text, "ink", np.arange(9.0)),))
     write_page(path, "t", zoomed(STILL, "c", np.arange(9.0), [panel], (0, 9), 100))
     page = path.read_text(encoding="utf-8")
     plain = tmp_path_factory.mktemp("page") / "page.html"
-    simple = Panel("t", "t", (Line("t", "ink", np.arange(9.0)),))
+    simple = Panel("t", (Line("t", "ink", np.arange(9.0)),))
     write_page(plain, "t", zoomed(STILL, "c", np.arange(9.0), [simple], (0, 9), 100))
     assert page.count("<") == plain.read_text(encoding="utf-8").count("<")
     facts_of(page)
+
+
+def recording(samples: int, step: float = 0.05, first: float = 100.0) -> Record:
+    channels = (Channel("pitch", "deg", "input"), Channel("speed", "rpm", "output"))
+    values = np.arange(2.0 * samples).reshape(2, samples).T
+    return Record(first + step * np.arange(samples), values, channels, step, "a.csv", "")
+
+
+def drawn_of(path: Path, records: list[Record], run: Record | None) -> list[dict[str, Any]]:
+    render_recordings("t", records, run, [], [], path)
+    page = path.read_text(encoding="utf-8")
+    panels: list[dict[str, Any]] = facts_of(page)["panels"] if "data-lines" in page else []
+    return panels
+
+
+def test_recordings_and_the_run_share_the_clock_of_the_first(tmp_path: Path) -> None:
+    """The run is shorter and has half the rate: each of its samples stands at the times nearest to it, then nothing."""
+    run = recording(20, 0.1, 0.0)
+    pitch, speed = drawn_of(tmp_path / "a.html", [recording(50)], run)
+    assert [(li["name"], li["kind"]) for li in pitch["lines"]] == [("recording", "after"), ("baseline run", "before")]
+    own, other = (decoded(li) for li in speed["lines"])
+    np.testing.assert_allclose(own, 50.0 + np.arange(50), atol=1e-3)
+    np.testing.assert_allclose(other[:39:2], 20.0 + np.arange(20), atol=1e-3)
+    between = other[1:38:2] - 20.0 - np.arange(19)  # a time between two samples has one of them
+    assert np.all((np.abs(between) < 1e-3) | (np.abs(between - 1) < 1e-3)) and np.isnan(other[40:]).all()
+    two = drawn_of(tmp_path / "b.html", [recording(50), recording(30)], None)
+    assert [li["kind"] for li in two[0]["lines"]] == ["after", "ink"] and two[0]["lines"][0]["name"] == "a.csv"
+
+
+def test_recordings_too_long_for_a_page_stay_a_picture(tmp_path: Path) -> None:
+    assert drawn_of(tmp_path / "a.html", [recording(MOST_ALONE // 2 + 1)], None) == []
+    assert (tmp_path / "a.html").stat().st_size < 1e6
 
 
 @pytest.fixture(scope="module")
@@ -166,7 +200,7 @@ def test_a_stretch_is_chosen_by_dragging_and_read_by_pointing(browser: Browser, 
         "(() => {const s = document.querySelector('.live svg'); s.scrollIntoView();"
         " const b = s.getBoundingClientRect(); return {x: b.x, y: b.y, w: b.width}})()"
     )
-    y_at, left, wide = box["y"] + 60, box["x"] + 78, box["w"] - 78 - 12  # the margins of zoom.js
+    y_at, left, wide = box["y"] + 60, box["x"] + 62, box["w"] - 62 - 12  # the margins of zoom.js
     mouse(browser, "mousePressed", left + 0.25 * wide, y_at)
     mouse(browser, "mouseMoved", left + 0.5 * wide, y_at)
     mouse(browser, "mouseReleased", left + 0.5 * wide, y_at)
@@ -177,7 +211,7 @@ def test_a_stretch_is_chosen_by_dragging_and_read_by_pointing(browser: Browser, 
     assert [a, b] == pytest.approx([first[0] + 0.25 * length, first[0] + 0.5 * length], abs=0.02 * length)
     mouse(browser, "mouseMoved", left + 0.5 * wide, y_at)
     told = browser.evaluate(TOLD).replace("\u2212", "-")
-    t, value = re.match(r"([\d.]+) s: measured (-?[\d.e-]+)", told).groups()  # type: ignore[union-attr]
+    t, value = re.match(r"([\d.]+) s, generator_speed \(rad/s\): measured (-?[\d.e-]+),", told).groups()  # type: ignore[union-attr]
     k = int(np.argmin(np.abs(time - float(t))))
     assert abs(float(t) - 0.5 * (a + b)) < 0.2 and float(value) == pytest.approx(y[k], abs=2e-4 * np.ptp(y))
     mouse(browser, "mousePressed", left + 0.5 * wide, y_at, 2)

@@ -9,6 +9,7 @@ _KINDS = {"input": "at the input", "output": "at the sensor of", "state": "in th
 _NAMED = {"motion": "in the motion", "parameter": "in the value of"}
 _PLAIN = {"recording": "in the recording", "data": "in the recording", "rotor": "at the rotor"}
 _WRITTEN = re.compile(r"(?:\b(?:at|in|of) )?\b(input|output|state|mode|motion|shaft|parameter):(\d[\d.e+-]* Hz|[\w-]+)")
+_RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LARGEST = 12  # powers of ten of odds that are written out; beyond, nobody tells one from the next
 
 
@@ -31,10 +32,11 @@ def odds(gain: float) -> str:
     """Return a gain in log-likelihood as odds for the corrected model, in words.
 
     >>> odds(3.0), odds(646.0), odds(-2.0)
-    ('odds 20 : 1', 'odds beyond 10^12 : 1', 'odds 1 : 7.4')
+    ('odds 20 : 1', 'odds beyond 10¹² : 1', 'odds 1 : 7.4')
     """
     if abs(gain) > _LARGEST * math.log(10):
-        return f"odds beyond 10^{_LARGEST} : 1" if gain > 0 else f"odds beyond 1 : 10^{_LARGEST}"
+        most = "10" + str(_LARGEST).translate(_RAISED)
+        return f"odds beyond {most} : 1" if gain > 0 else f"odds beyond 1 : {most}"
     ratio = math.exp(abs(gain))
     told = f"{ratio:.2g}" if ratio < 100 else f"{float(f'{ratio:.2g}'):,.0f}"
     return f"odds {told} : 1" if gain >= 0 else f"odds 1 : {told}"

@@ -87,11 +87,11 @@ def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, mo
 def _panels(name: str, lines: dict[str, Any], unit: str | None) -> list[Panel]:
     """Return values above and errors below, as the script draws them."""
     kinds = {"measured": "ink"}
-    told = unit_of(unit) if unit else ""
-    panels = [Panel(charts.label(name, unit), told, tuple(Line(k, kinds.get(k, k), v) for k, v in lines.items()), 200)]
+    told = f" ({unit})" if unit and unit_of(unit) else ""
+    panels = [Panel(f"{name}{told}", tuple(Line(k, kinds.get(k, k), v) for k, v in lines.items()), 200)]
     if "measured" in lines:
         errors = [Line(k, k, v - lines["measured"]) for k, v in lines.items() if k != "measured"]
-        panels.append(Panel(charts.label("error", unit), told, tuple(errors), 130))
+        panels.append(Panel(f"error{told}", tuple(errors), 130))
     return [p for p in panels if p.lines]
 
 

@@ -3,7 +3,7 @@
    Without this script, and printed, the still picture stands. Text enters the page as text only. */
 
 const SVG = "http://www.w3.org/2000/svg";
-const LEFT = 78, RIGHT = 12, TOP = 8, GAP = 18, FOOT = 38; // around and between the panels, px
+const LEFT = 62, RIGHT = 12, TOP = 20, GAP = 26, FOOT = 38; // around and between the panels, px
 const LEAST = 4; // samples that are shown at the least
 const MISSING = 65535;
 
@@ -96,7 +96,8 @@ class Chart {
       button.addEventListener("click", act);
       bar.append(button);
     }
-    for (const line of this.panels[0].lines) {
+    const most = this.panels.reduce((a, b) => (b.lines.length > a.lines.length ? b : a));
+    for (const line of most.lines) {
       const key = made("span", { class: `key ${line.kind}` }, line.name);
       bar.append(key);
     }
@@ -108,18 +109,19 @@ class Chart {
 
   listen() {
     const at = (event) => event.clientX - this.svg.getBoundingClientRect().left;
+    const down = (event) => event.clientY - this.svg.getBoundingClientRect().top;
     this.svg.addEventListener("pointerdown", (event) => {
       if (event.button !== 0) return;
       this.from = at(event);
       this.svg.setPointerCapture(event.pointerId);
     });
-    this.svg.addEventListener("pointermove", (event) => this.point(at(event)));
+    this.svg.addEventListener("pointermove", (event) => this.point(at(event), down(event)));
     this.svg.addEventListener("pointerup", (event) => {
       const ends = [this.from, at(event)].map((x) => this.timeAt(x)).sort((a, b) => a - b);
       const far = this.from !== null && Math.abs(at(event) - this.from) > 6;
       this.from = null;
       if (far) this.show(...ends);
-      else this.point(at(event));
+      else this.point(at(event), down(event));
     });
     for (const gone of ["pointercancel", "pointerleave"]) {
       this.svg.addEventListener(gone, () => { this.from = null; this.point(null); });
@@ -203,19 +205,11 @@ class Chart {
     }
     const middle = { x: LEFT + (this.width - LEFT - RIGHT) / 2, y: bottom + 33, "text-anchor": "middle" };
     if (isLast) parts.push(drawn("text", middle, "time (s)"));
-    parts.push(this.title(panel, top));
+    parts.push(drawn("text", { x: LEFT, y: top - 7 }, panel.title));
     for (const line of panel.lines) {
       parts.push(drawn("path", { class: line.kind, d: this.path(line.values, a, b, yOf) }));
     }
     return parts;
-  }
-
-  title(panel, top) {
-    const node = drawn("text", { transform: `translate(13 ${top + panel.height / 2}) rotate(-90)`,
-      "text-anchor": "middle" });
-    const rows = panel.title.split("\n");
-    rows.forEach((row, k) => node.append(drawn("tspan", { x: 0, dy: k ? 14 : 0 }, row)));
-    return node;
   }
 
   /* The places of the samples in view, one more on either side. */
@@ -262,7 +256,7 @@ class Chart {
   }
 
   /* Follow the pointer: the values below it, or the stretch that is being chosen. */
-  point(x) {
+  point(x, y) {
     if (x === null || x < LEFT || x > this.width - RIGHT) {
       this.cursor.setAttribute("d", "");
       this.mark.setAttribute("width", 0);
@@ -277,8 +271,8 @@ class Chart {
     } else this.mark.setAttribute("width", 0);
     const k = this.nearest(this.timeAt(inside));
     this.cursor.setAttribute("d", `M${this.xOf(this.time[k])} ${TOP}V${this.bottom}`);
-    const told = this.panels[0].lines.map((line) => `${line.name} ${this.figures(line.values[k], line.step)}`);
-    this.told.textContent = `${this.stamp(this.time[k])}: ${told.join(", ")}${this.unit()}`;
+    const panel = this.panelAt(y), told = panel.lines.map((line) => `${line.name} ${this.figures(line.values[k], line.step)}`);
+    this.told.textContent = `${this.stamp(this.time[k])}, ${panel.title}: ${told.join(", ")}`;
   }
 
   nearest(t) {
@@ -286,9 +280,14 @@ class Chart {
     return k > 0 && t - this.time[k - 1] < this.time[k] - t ? k - 1 : k;
   }
 
-  unit() {
-    const unit = this.panels[0].unit;
-    return unit ? ` ${unit}` : "";
+  /* The panel at a height, the nearest above one between two. */
+  panelAt(y) {
+    let top = TOP;
+    for (const panel of this.panels) {
+      top += panel.height + GAP;
+      if (y < top) return panel;
+    }
+    return this.panels[this.panels.length - 1];
   }
 
   figures(value, step) {

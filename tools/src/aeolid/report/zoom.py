@@ -20,7 +20,8 @@ from aeolid.report.markup import Html, figure
 from aeolid.report.script import MARK
 
 Array = NDArray[np.float64]
-MOST_SAMPLES = 400_000  # of all lines of a page: some 1.1 MB
+MOST_SAMPLES = 400_000  # of all lines of a page that has other pictures, too: some 1.1 MB
+MOST_ALONE = 900_000  # of a page that has nothing else: some 2.4 MB
 _MISSING = 65535  # the code of a missing sample; the others count steps from the line's least value
 _EVEN = 1e-6  # of a step: what times written as decimals may differ from an even clock by, relative to the last one
 
@@ -36,10 +37,9 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Hold lines that share an axis: what is written beside it, their unit, its height in px."""
+    """Hold lines that share an axis: what is written above it, with the unit, and its height in px."""
 
     title: str
-    unit: str
     lines: tuple[Line, ...]
     height: int = 180
 
@@ -68,8 +68,8 @@ def zoomed(
 
 
 def _panel(panel: Panel, a: int, b: int) -> dict[str, Any]:
-    title, unit = visible_lines(panel.title), visible_lines(panel.unit)
-    return {"title": title, "unit": unit, "height": panel.height, "lines": [_line(x, a, b) for x in panel.lines]}
+    lines = [_line(x, a, b) for x in panel.lines]
+    return {"title": visible_lines(panel.title), "height": panel.height, "lines": lines}
 
 
 def _kept(count: int, view: tuple[int, int], most: int) -> tuple[int, int]:
