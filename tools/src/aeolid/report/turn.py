@@ -87,10 +87,11 @@ def _over_turn(turning: Facts, styles: Mapping[str, Facts], caption: str) -> Htm
                 axes.plot(data["azimuth_deg"], data[key], label=key, **style)
             axes.set_title(charts.label(name, data.get("unit")).replace("\n", " "), fontsize=8.5)
             axes.set_xticks([0, 90, 180, 270, 360])
-        for axes in list(drawing.axes.flat)[len(names) :]:
-            axes.set_visible(False)
-        for axes in drawing.axes[-1]:
-            axes.set_xlabel("rotor azimuth (deg)")
+        for place, axes in enumerate(drawing.axes.flat):
+            axes.set_visible(place < len(names))
+            if place + columns >= len(names):  # nothing is drawn below it
+                axes.tick_params(labelbottom=True)
+                axes.set_xlabel("rotor azimuth (deg)")
         drawing.axes[0, 0].legend(loc="best", fontsize=8)
     waves = folded("Size and place of the waves", _waves(turning, list(styles)))
     return join([tag("h3", "Over the rotor's turn"), figure(drawing.svg, caption), waves])
