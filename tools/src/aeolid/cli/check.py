@@ -11,6 +11,7 @@ import typer
 from aeolid.cli.common import ForceOption, JsonOption, ResampleOption, console, emit_json, extent, read_resample
 from aeolid.errors import DataError
 from aeolid.output import declare
+from aeolid.wording import plain
 
 if TYPE_CHECKING:
     from aeolid.diagnose.data.case import Case
@@ -118,18 +119,8 @@ def _show(files: list[tuple[str, Record]], held: Case | None, odd: tuple[str, ..
         console.print(f"look at this: {text}", markup=False, soft_wrap=True)
 
 
-def _figure(value: float) -> str:
-    """Return four digits of a number; a large one without a power of ten.
-
-    >>> _figure(38752.3), _figure(-0.71984), _figure(4.2e12)
-    ('38750', '-0.7198', '4.2e+12')
-    """
-    text = f"{value:.4g}"
-    return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e9 else text
-
-
 def _cells(row: Any) -> list[str]:
-    numbers = (_figure(v) for v in (row.low, row.mean, row.high))
+    numbers = (plain(f"{v:.4g}") for v in (row.low, row.mean, row.high))
     return [row.name, row.unit, row.role, row.hold, str(row.missing) if row.missing else "", *numbers]
 
 

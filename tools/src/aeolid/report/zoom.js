@@ -74,7 +74,7 @@ class Chart {
     this.first = facts.view;
     this.view = [...facts.view];
     this.svg = drawn("svg", { tabindex: "0", role: "img", "aria-label": facts.title });
-    this.told = made("output", { class: "told" });
+    this.told = made("div", { class: "told" });
     this.build();
     this.listen();
     // what is drawn changes the height alone: only a new width is drawn anew, and not while sizes are being settled
