@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.localise.turn import angles_deg, mean_over_turn
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
+from aeolid.models.multiblade import PARTS
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,15 @@ def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, An
             for j, name in enumerate(pair.outputs)
         }  # fmt: skip
     return facts
+
+
+def series_of(pair: Pair, series: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return the sealed series with the unit of each output; parts of a set of blades have that of its blades."""
+    turning = {j for places in pair.blades for j in places}
+    sources = [n for j, n in enumerate(pair.outputs) if j not in turning]
+    sources += [pair.outputs[places[0]] for places in pair.blades for _ in PARTS]
+    told = dict(zip(pair.shown, sources, strict=True))
+    return {name: {**facts, "unit": units.get(told.get(name, name), "")} for name, facts in series.items()}
 
 
 def turning_mean(sides: Sequence[Side]) -> Array | None:
