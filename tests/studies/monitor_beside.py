@@ -29,6 +29,7 @@ from typing import Any
 
 AEOLID = Path(sys.executable).with_name("aeolid")
 TICK_S = 0.5
+RATE_HZ = 10  # samples a second of the built-in turbine
 PATIENCE_S = 3600.0  # what waits in vain is ended; a busy machine is not
 Process = subprocess.Popen[Any]
 
@@ -122,7 +123,7 @@ def used(process: Process) -> tuple[float, float]:
 class Run:
     """Hold the five programs of a run."""
 
-    def __init__(self, folder: Path, every: float) -> None:
+    def __init__(self, folder: Path, minutes: float, every: float) -> None:
         self.folder = folder
         self.ports = {name: free_port() for name in ("bus", "broker", "database", "internal", "page")}
         self.server = f"http://127.0.0.1:{self.ports['database']}"
@@ -139,7 +140,9 @@ class Run:
         urllib.request.urlopen(f"{self.server}/query", b"q=CREATE+DATABASE+park", timeout=PATIENCE_S).close()
         self.broker = self.new_broker()
         self.reader = Reader(self.ports["broker"])
-        node = [str(AEOLID), "node", "--turbine", "--past", "20", "--bus", f"tcp:{self.ports['bus']}", "--innovations"]
+        samples = str(int(60 * RATE_HZ * (minutes + 5)))  # it must outlive the run
+        node = [str(AEOLID), "node", "--turbine", "--samples", samples, "--past", "20", "--innovations"]
+        node += ["--bus", f"tcp:{self.ports['bus']}"]
         self.node = started(node, self.ports["bus"], folder / "node.log")
         monitor = [
             str(AEOLID), "monitor", "--bus", f"slcan:socket://127.0.0.1:{self.ports['bus']}", "--no-browser",
@@ -216,7 +219,7 @@ def main() -> None:
     asked = parser.parse_args()
     folder = asked.folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    run = Run(folder, asked.every)
+    run = Run(folder, asked.minutes, asked.every)
     try:
         facts = summary(run, watched(run, asked.minutes), asked.minutes, asked.every)
     finally:
