@@ -149,7 +149,7 @@ def drawn_of(path: Path, records: list[Record], run: Record | None) -> list[dict
     return panels
 
 
-def test_recordings_and_the_run_share_the_clock_of_the_first(tmp_path: Path) -> None:
+def test_recordings_and_the_run_share_one_clock(tmp_path: Path) -> None:
     """The run is shorter and has half the rate: each of its samples stands at the times nearest to it, then nothing."""
     run = recording(20, 0.1, 0.0)
     pitch, speed = drawn_of(tmp_path / "a.html", [recording(50)], run)
@@ -159,7 +159,9 @@ def test_recordings_and_the_run_share_the_clock_of_the_first(tmp_path: Path) -> 
     np.testing.assert_allclose(other[:39:2], 20.0 + np.arange(20), atol=1e-3)
     between = other[1:38:2] - 20.0 - np.arange(19)  # a time between two samples has one of them
     assert np.all((np.abs(between) < 1e-3) | (np.abs(between - 1) < 1e-3)) and np.isnan(other[40:]).all()
-    two = drawn_of(tmp_path / "b.html", [recording(50), recording(30)], None)
+    two = drawn_of(tmp_path / "b.html", [recording(30), recording(50)], None)
+    assert np.isnan(decoded(two[0]["lines"][0])).tolist() == [False] * 30 + [True] * 20  # the longest is shown whole
+    assert not np.isnan(decoded(two[0]["lines"][1])).any()
     assert [li["kind"] for li in two[0]["lines"]] == ["after", "ink"] and two[0]["lines"][0]["name"] == "a.csv"
 
 

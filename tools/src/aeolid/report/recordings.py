@@ -43,7 +43,8 @@ def _drawn(records: Sequence[Record], run: Record | None) -> Html:
                 axes.legend(loc="upper right")
         drawing.axes[-1, 0].set_xlabel("time from the first sample (s)")
     caption = "Each channel in its unit. Breaks in a line are missing samples."
-    clock = records[0].time_s - records[0].time_s[0]
+    step, sides = records[0].sample_time_s, [*records, *([run] if run is not None else [])]
+    clock = step * np.arange(round(max(len(r) * r.sample_time_s for r in sides) / step))
     panels = [_panel(c, clock, records, run) for c in channels]
     if sum(len(p.lines) for p in panels) * len(clock) > MOST_ALONE:
         return figure(drawing.svg, caption)
@@ -51,7 +52,7 @@ def _drawn(records: Sequence[Record], run: Record | None) -> Html:
 
 
 def _panel(channel: Channel, clock: Array, records: Sequence[Record], run: Record | None) -> Panel:
-    """Return a channel of all recordings and of the run, at the times of the first recording."""
+    """Return a channel of all recordings and of the run at the times (N,) of a clock, s from the first sample."""
     one, lines = len(records) == 1, []
     for k, record in enumerate(records):
         name = "recording" if one else record.source
