@@ -168,6 +168,7 @@ def test_recordings_and_the_run_share_one_clock(tmp_path: Path) -> None:
 def test_recordings_too_long_for_a_page_stay_a_picture(tmp_path: Path) -> None:
     assert drawn_of(tmp_path / "a.html", [recording(MOST_ALONE // 2 + 1)], None) == []
     assert (tmp_path / "a.html").stat().st_size < 1e6
+    assert drawn_of(tmp_path / "b.html", [recording(50)], recording(50, 1e9)) == []  # 10¹² places of the first's clock
 
 
 @pytest.fixture(scope="module")

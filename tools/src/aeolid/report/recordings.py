@@ -44,10 +44,11 @@ def _drawn(records: Sequence[Record], run: Record | None) -> Html:
         drawing.axes[-1, 0].set_xlabel("time from the first sample (s)")
     caption = "Each channel in its unit. Breaks in a line are missing samples."
     step, sides = records[0].sample_time_s, [*records, *([run] if run is not None else [])]
-    clock = step * np.arange(round(max(len(r) * r.sample_time_s for r in sides) / step))
-    panels = [_panel(c, clock, records, run) for c in channels]
-    if sum(len(p.lines) for p in panels) * len(clock) > MOST_ALONE:
+    count = max(len(r) * r.sample_time_s for r in sides) / step
+    if count * len(channels) * len(sides) > MOST_ALONE:
         return figure(drawing.svg, caption)
+    clock: Array = step * np.arange(round(count), dtype=np.float64)
+    panels = [_panel(c, clock, records, run) for c in channels]
     return zoomed(drawing.svg, caption, clock, panels, (0, len(clock)), len(clock))
 
 
