@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -124,5 +125,9 @@ def test_a_pair_shows_its_two_sides_there_once_and_a_missing_angle_is_said(tmp_p
     assert named.count("gusts average out") == 1
     assert named.index("gusts average out") < named.index("What decided</h2>")
     assert "with the role azimuth is recorded" not in named
+    row = re.search(r"<td class=.t.>1P</td>(.*?)</tr>", named)
+    assert row is not None  # recorded cos ψ, simulated nothing: their difference is the recorded wave
+    cells = re.findall(r"<td class=.n.>([^<]*)</td>", row[1])
+    assert cells[:2] == cells[4:6] == ["1.00", "0"] and "difference" in named
     bare = page(ROTOR, {}, tmp_path)
     assert "no channel with the role azimuth is recorded" in bare

@@ -44,7 +44,12 @@ def both_over_turn(turning: Facts) -> Html:
         "recorded": {"color": charts.INK, "linewidth": 2},
         "simulated": {"color": charts.BEFORE, "linestyle": (0, (4, 2)), "linewidth": 1.8},
     }
-    return _over_turn(turning, styles, caption)
+    both = {name: {**data, "difference": _less(data["recorded"], data["simulated"])} for name, data in turning.items()}
+    return _over_turn(both, styles, caption, ("difference",))
+
+
+def _less(a: Sequence[float], b: Sequence[float]) -> list[float]:
+    return [x - y for x, y in zip(a, b, strict=True)]
 
 
 def errors_over_turn(errors: Facts) -> Html:
@@ -74,7 +79,8 @@ def wave(azimuth_deg: Sequence[float], values: Sequence[float], order: int) -> t
     return float(abs(total)), float(np.degrees(np.angle(total)) % 360.0) / order
 
 
-def _over_turn(turning: Facts, styles: Mapping[str, Facts], caption: str) -> Html:
+def _over_turn(turning: Facts, styles: Mapping[str, Facts], caption: str, listed: Sequence[str] = ()) -> Html:
+    """Draw what has a style, and list its waves and those of what is listed alone."""
     names = list(turning)[:_MOST]
     if not names:
         return Html("")
@@ -93,7 +99,7 @@ def _over_turn(turning: Facts, styles: Mapping[str, Facts], caption: str) -> Htm
                 axes.tick_params(labelbottom=True)
                 axes.set_xlabel("rotor azimuth (deg)")
         drawing.axes[0, 0].legend(loc="best", fontsize=8)
-    waves = folded("Size and place of the waves", _waves(turning, list(styles)))
+    waves = folded("Size and place of the waves", _waves(turning, [*styles, *listed]))
     return join([tag("h3", "Over the rotor's turn"), figure(drawing.svg, caption), waves])
 
 
@@ -103,7 +109,7 @@ def _waves(turning: Facts, keys: Sequence[str]) -> Html:
     for name, data in turning.items():
         for order in _ORDERS:
             found = [wave(data["azimuth_deg"], data[key], order) for key in keys]
-            cells = [text for size, at in found for text in (number(size), f"{at:.0f}")]
+            cells = [text for size, at in found for text in (number(size), str(round(at) % (360 // order)))]
             rows.append((name, f"{order}P", *cells, unit_of(data)))
     head = ["output", "wave", *(f"#{t}" for key in keys for t in (f"{key}", "peak at (deg)")), "unit"]
     note = "Amplitude, and the first azimuth at which the wave peaks; a wave of 3P peaks again every 120 degrees."
