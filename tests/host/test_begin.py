@@ -273,14 +273,29 @@ def test_odd_levels_and_impossible_contexts_are_said(
     assert "rad/s are wanted, not rpm" in capsys.readouterr().err
 
 
+def test_headings_of_two_versions_of_openfast_are_one_case(tmp_path: Path) -> None:
+    """The turbine's .outb has headings of earlier versions, the simulator's those of today: the same channels."""
+    study = load_study("newcomer")
+    if not study.CASE.is_dir():
+        pytest.skip(f"{study.CASE.name}: the known cases are not beside the repository")
+    field, simulator = study.make_files(tmp_path, 10.0, "outb")
+    assert main(["init", str(field), "--baseline", str(simulator)]) == 0
+    own, other = (Roles.load(tmp_path / name) for name in ("roles.toml", "run_roles.toml"))
+    assert [(c.name, c.role) for c in own.channels] == [(c.name, c.role) for c in other.channels]
+    same = {c.column for c in own.channels} & {c.column for c in other.channels}
+    assert len(own.channels) == 10 and same == {"GenTq", "GenSpeed"}
+
+
 @pytest.mark.nightly
-def test_the_newcomer_gets_from_two_files_to_a_named_effect(tmp_path: Path) -> None:
+@pytest.mark.parametrize("field", ["csv", "outb"])
+def test_the_newcomer_gets_from_two_files_to_a_named_effect(field: str, tmp_path: Path) -> None:
     """Three commands: init, check, diagnose; a minute of both files is enough for a lag of 0.3 s."""
     study = load_study("newcomer")
     if not study.CASE.is_dir():
         pytest.skip(f"{study.CASE.name}: the known cases are not beside the repository")
     done = subprocess.run(
-        [sys.executable, study.__file__, str(tmp_path), "--seconds", "60"], capture_output=True, text=True, check=False
-    )
+        [sys.executable, study.__file__, str(tmp_path), "--seconds", "60", "--field", field],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert "3 commands" in done.stdout and "named, pitch acts through a first-order lag" in done.stdout

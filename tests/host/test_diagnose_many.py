@@ -121,21 +121,47 @@ def test_workers_give_the_table_in_the_order_of_the_cases(tmp_path: Path) -> Non
     assert asked == [["a", "b", "c"], ["b"]]
 
 
-def test_two_processes_diagnose_faulty_cases(tmp_path: Path) -> None:
-    """Recordings that contradict themselves end at once; a folder without a case is said so."""
+def faulty_cases(folder: Path) -> list[str]:
+    """Make two cases whose recordings are not there, and a folder without a case."""
     cases = []
     for name in ("t1", "t2"):
-        case = tmp_path / name
+        case = folder / name
         case.mkdir()
         (case / "case.toml").write_text(
             '[recordings]\nfiles = ["a.csv"]\nroles = "roles.toml"\n[baseline]\nkind = "state_space"\nfile = "m.json"\n'
         )
         cases.append(str(case))
-    (tmp_path / "t3").mkdir()
-    out = tmp_path / "out"
-    assert main(["diagnose", *cases, str(tmp_path / "t3"), "--out", str(out), "--workers", "2"]) == 3
+    (folder / "t3").mkdir()
+    return [*cases, str(folder / "t3")]
+
+
+def faults_of(out: Path) -> list[str]:
     rows = json.loads((out / "cases.json").read_text())["cases"]
-    assert [r["case"] for r in rows] == ["t1", "t2", "t3"] and all("no such file" in r["fault"] for r in rows)
+    assert [r["case"] for r in rows] == ["t1", "t2", "t3"]
+    return [r["fault"] for r in rows]
+
+
+def test_two_processes_diagnose_faulty_cases(tmp_path: Path) -> None:
+    """Recordings that contradict themselves end at once; a folder without a case is said so."""
+    out = tmp_path / "out"
+    assert main(["diagnose", *faulty_cases(tmp_path), "--out", str(out), "--workers", "2"]) == 3
+    assert all("no such file" in fault for fault in faults_of(out))
+
+
+def test_a_scheduler_diagnoses_as_processes_do(tmp_path: Path) -> None:
+    """The same cases on the workers of a Dask scheduler: the same table."""
+    distributed = pytest.importorskip("distributed")
+    cases = faulty_cases(tmp_path)
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, protocol="tcp://", host="127.0.0.1",
+        dashboard_address=None, silence_logs="CRITICAL",
+    ) as local:  # fmt: skip
+        there = ["--scheduler", local.scheduler_address, "--insecure-scheduler"]
+        assert main(["diagnose", *cases, "--out", str(tmp_path / "there"), *there]) == 3
+        assert not local.scheduler.tasks  # nothing is left behind
+        assert sum(w.state.executed_count for w in local.workers.values()) == 3
+    assert main(["diagnose", *cases, "--out", str(tmp_path / "here")]) == 3
+    assert faults_of(tmp_path / "there") == faults_of(tmp_path / "here")
 
 
 def test_options_of_workers_are_those_of_the_fleet(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

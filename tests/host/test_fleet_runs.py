@@ -18,6 +18,7 @@ from aeolid.fleet.tables import SCHEMA, mode_rows, write_models
 from aeolid.formats import write_table
 from aeolid.models.recursion import run_states
 from aeolid.plants.lti import simulate_fourth_order
+from aeolid.publish.rows import rows_of_fleet
 from aeolid.record import Roles
 from aeolid.report.fleet import render_fleet
 from aeolid.report.fleet_charts import clock_of, colours_of, keys_of, newest
@@ -184,6 +185,11 @@ def test_a_mode_that_falls_is_named_with_size_and_time(tmp_path, capsys):
     assert main(["fleet", str(tmp_path / "data"), *words]) == 0
     facts = json.loads((tmp_path / "out" / "fleet.json").read_text())
     (told,) = facts["moved"]
+    assert main(["fleet", str(tmp_path / "data"), *words, "--fail-on-change"]) == 1  # the factors are those of before
+    changes = {r.tags["mode"]: r for r in rows_of_fleet(facts) if r.measurement == "fleet_change"}
+    assert changes["0"].values["moved"] == 1 and sum(r.values["moved"] for r in changes.values()) == 1
+    assert changes["0"].values["change_hz"] == pytest.approx(-0.015, abs=0.003)
+    assert changes["0"].time_s == facts["periods"][-1]["middle_s"]
     assert (
         told in " ".join(capsys.readouterr().out.split())
         and "mode 0: falls from 0." in told

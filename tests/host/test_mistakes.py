@@ -121,6 +121,16 @@ def context_word() -> None:
     Path("case.toml").write_text(CASE.format(context='blades = "three"'))
 
 
+def thirty_blades() -> None:
+    in_rpm()
+    Path("case.toml").write_text(CASE.format(context="blades = 30"))
+
+
+def cut() -> None:
+    again()
+    Path("a.csv").write_text(Path("a.csv").read_text()[:-6])
+
+
 def no_model() -> None:
     in_rpm()
     Path("case.toml").write_text(CASE.format(context=""))
@@ -151,14 +161,20 @@ MISTAKES: tuple[tuple[str, Callable[[], None], str], ...] = (
     ("an uneven clock", uneven, IDENTIFY),
     ("channels of two rates", two_rates, "aeolid identify a.mf4 --roles roles.toml --out model.json"),
     ("a heading with another name", unknown_name, IDENTIFY),
+    ("no roles file named", again, "aeolid identify a.csv --out model.json"),
+    ("a row that is cut off", cut, IDENTIFY),
+    ("a window that is no time", again, f"{IDENTIFY} --past 3x"),
     ("a resampling that is no time", again, f"{IDENTIFY} --resample fast"),
     ("a rated speed in rpm", in_rpm, "aeolid check ."),
     ("a number of blades in words", context_word, "aeolid check ."),
+    ("a rotor of 30 blades", thirty_blades, "aeolid check ."),
     ("a case whose model is not there yet", no_model, "aeolid check ."),
     ("no case at all", nothing, "aeolid diagnose . --out diagnosis"),
     ("`init` where roles exist already", again, "aeolid init a.csv"),
     ("a file of no known format", workbook, "aeolid identify a.doc --roles roles.toml --out model.json"),
     ("a recording given as a bus", nothing, "aeolid listen --bus a.csv"),
+    ("a log in a folder that does not exist", nothing, "aeolid listen --bus virtual:x --record no/bus.csv"),
+    ("an address that is none", nothing, "aeolid monitor --bus virtual:x --publish mqtt:/x"),
     (
         "an output in a folder that does not exist",
         again,

@@ -63,4 +63,9 @@ def test_ci_calls_what_there_is() -> None:
     (wheels,) = (s for s in flow["jobs"]["wheels"]["steps"] if "cibuildwheel" in s.get("uses", ""))
     assert (ROOT / wheels["with"]["package-dir"] / "pyproject.toml").is_file()
     minor = PROJECT["project"]["requires-python"].removeprefix(">=3.")
-    assert PROJECT["tool"]["cibuildwheel"]["build"] == f"cp3{minor}-*"
+    settings = PROJECT["tool"]["cibuildwheel"]
+    assert settings["build"] == f"cp3{minor}-*" and "*-win*" in settings["skip"]
+    systems = flow["jobs"]["wheels"]["strategy"]["matrix"]["os"]
+    assert not any("windows" in name for name in systems) and any("macos" in name for name in systems)
+    assert any("windows" in name for name in flow["jobs"]["library"]["strategy"]["matrix"]["os"])
+    assert settings["macos"]["archs"] == ["arm64"] and PROJECT["tool"]["scikit-build"]["wheel"]["py-api"] == "py3"

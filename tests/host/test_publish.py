@@ -198,6 +198,9 @@ def test_periods_of_a_fleet_keep_their_time() -> None:
         row.time_s == 19000 * 86400.0 and row.tags["name"] == "tower fore-aft" and "frequency_std_hz" not in row.values
     )
     assert rows_of_fleet({"periods": [period | {"middle_s": 5.0}]})[0].time_s is None
+    still = {"turbine": "T1", "track": 2, "name": "", "frequency_hz": {"onset": None}, "moved": False, "until_s": 5.0}
+    (change,) = rows_of_fleet({"tracks": [still]})
+    assert change.values == {"moved": 0} and change.time_s is None and change.measurement == "fleet_change"
     assert rows_of_monitor({}) == () and prometheus_text([]) == line_protocol([], 0.0) == ""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
-from aeolid.diagnose.run_prior.shown import sides_of, turning_mean
+from aeolid.diagnose.run_prior.shown import series_of, sides_of, turning_mean
 
 STEP, SPEED = 0.05, 1.27
 
@@ -49,3 +49,15 @@ def test_both_sides_are_written_by_output_with_units() -> None:
     assert turn["unit"] == "m/s^2" and np.ptp(turn["recorded"]) > 3.5 > 0.2 > np.ptp(turn["simulated"])
     alone = sides_of(pair, Modal((), (), ()), {})
     assert "responses" not in alone
+
+
+def test_series_of_a_set_of_blades_have_the_unit_of_the_blades() -> None:
+    """Blades stand between other outputs; their parts come behind all others."""
+    outputs, zero = ("flap_1", "speed", "flap_2", "flap_3"), np.zeros((1, 7))
+    shown = ("speed", "flap_collective", "flap_cosine", "flap_sine")
+    one = side(100, 1.0, 1)
+    pair = Pair(("pitch",), outputs, shown, (one,), (one,), STEP, 2, 10, ((0, 2, 3),), zero, zero[0])
+    units = {"speed": "rpm", "flap_1": "kN m", "flap_2": "kN m", "flap_3": "kN m"}
+    found = series_of(pair, {n: {"measured": [1.0]} for n in shown}, units)
+    assert [found[n]["unit"] for n in shown] == ["rpm", "kN m", "kN m", "kN m"]
+    assert found["flap_sine"]["measured"] == [1.0] and series_of(pair, {}, units) == {}

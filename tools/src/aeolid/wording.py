@@ -9,6 +9,9 @@ _KINDS = {"input": "at the input", "output": "at the sensor of", "state": "in th
 _NAMED = {"motion": "in the motion", "parameter": "in the value of"}
 _PLAIN = {"recording": "in the recording", "data": "in the recording", "rotor": "at the rotor"}
 _WRITTEN = re.compile(r"(?:\b(?:at|in|of) )?\b(input|output|state|mode|motion|shaft|parameter):(\d[\d.e+-]* Hz|[\w-]+)")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_POWER = re.compile(r"(?<![\w.])-?\d(?:\.\d+)?e([+-]\d+)\b")
+_WRITTEN_OUT = 9  # powers of ten from which a number is not written out
 _LARGEST = 12  # powers of ten of odds that are written out; beyond, nobody tells one from the next
 
 
@@ -31,21 +34,38 @@ def odds(gain: float) -> str:
     """Return a gain in log-likelihood as odds for the corrected model, in words.
 
     >>> odds(3.0), odds(646.0), odds(-2.0)
-    ('odds 20 : 1', 'odds beyond 10^12 : 1', 'odds 1 : 7.4')
+    ('odds 20 : 1', 'odds beyond 10¹² : 1', 'odds 1 : 7.4')
     """
     if abs(gain) > _LARGEST * math.log(10):
-        return f"odds beyond 10^{_LARGEST} : 1" if gain > 0 else f"odds beyond 1 : 10^{_LARGEST}"
+        most = "10" + str(_LARGEST).translate(_RAISED)
+        return f"odds beyond {most} : 1" if gain > 0 else f"odds beyond 1 : {most}"
     ratio = math.exp(abs(gain))
     told = f"{ratio:.2g}" if ratio < 100 else f"{float(f'{ratio:.2g}'):,.0f}"
     return f"odds {told} : 1" if gain >= 0 else f"odds 1 : {told}"
 
 
 def spoken(text: str) -> str:
-    """Return a sentence with the places in it in words.
+    """Return a sentence with the places in it in words, and numbers as they are read.
 
     >>> spoken("1.3% more mass moves at mode:3.01 Hz than the model has")
     '1.3% more mass moves in the mode near 3.01 Hz than the model has'
     >>> spoken("the score of sensor_lag output:speed, 19.0, is above 15.0")
     'the score of sensor_lag at the sensor of speed, 19.0, is above 15.0'
     """
-    return _WRITTEN.sub(lambda found: place(f"{found[1]}:{found[2]}"), text)
+    return plain(_WRITTEN.sub(lambda found: place(f"{found[1]}:{found[2]}"), text))
+
+
+def plain(text: str) -> str:
+    """Return a text with its numbers as they are read: written out, or with a power of ten where they are long.
+
+    >>> plain("3.02e+03 kg m, 1790 ± 1.1e+02; 4.2e+12, -1.5e-07"), plain("1e3x 2.5")
+    ('3020 kg m, 1790 ± 110; 4.2·10¹², -1.5·10⁻⁷', '1e3x 2.5')
+    """
+    return _POWER.sub(_read, text)
+
+
+def _read(found: re.Match[str]) -> str:
+    exponent = int(found[1])
+    if 0 <= exponent < _WRITTEN_OUT:
+        return f"{float(found[0]):.0f}"
+    return f"{found[0].partition('e')[0]}·10{str(exponent).translate(_RAISED)}"

@@ -11,6 +11,7 @@ import typer
 from aeolid.cli.common import ForceOption, JsonOption, ResampleOption, console, emit_json, extent, read_resample
 from aeolid.errors import DataError
 from aeolid.output import declare
+from aeolid.wording import plain
 
 if TYPE_CHECKING:
     from aeolid.diagnose.data.case import Case
@@ -119,7 +120,7 @@ def _show(files: list[tuple[str, Record]], held: Case | None, odd: tuple[str, ..
 
 
 def _cells(row: Any) -> list[str]:
-    numbers = (f"{v:.4g}" for v in (row.low, row.mean, row.high))
+    numbers = (plain(f"{v:.4g}") for v in (row.low, row.mean, row.high))
     return [row.name, row.unit, row.role, row.hold, str(row.missing) if row.missing else "", *numbers]
 
 

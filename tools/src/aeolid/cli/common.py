@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import threading
 import time
@@ -41,7 +42,26 @@ class SafeConsole(Console):
 console = SafeConsole(highlight=False)
 progress_console = SafeConsole(stderr=True, highlight=False)
 
-RolesOption = Annotated[Path, typer.Option("--roles", help="TOML file that names each channel, its unit and role.")]
+_NONE = Path(os.devnull, "none")  # what no call can name
+
+
+def _roles_given(context: typer.Context, value: Path) -> Path:
+    """Return the roles file; refuse a call without one by what makes it."""
+    if value == _NONE and not context.resilient_parsing:  # a shell that completes has not all words yet
+        raise UsageError(
+            "--roles is missing: the TOML file that says what the columns are; aeolid init RECORDING writes one,"
+            " guessed from the headings"
+        )
+    return value
+
+
+RolesOption = Annotated[
+    Path,
+    typer.Option(
+        "--roles", help="TOML file that names each channel, its unit and role. Required.",
+        default_factory=lambda: _NONE, show_default=False, callback=_roles_given,
+    ),
+]  # fmt: skip
 JsonOption = Annotated[
     str | None,
     typer.Option("--json", metavar="FILE", help="Write the same facts as JSON to this file, or - for standard output."),

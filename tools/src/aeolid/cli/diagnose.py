@@ -247,6 +247,7 @@ def _print_values(effect: dict[str, Any]) -> None:
     """Say the values of an effect, each by what it means, and what to set in which simulator."""
     from aeolid.diagnose.hypotheses.catalogue import meaning_of, name_of
     from aeolid.report.numbers import OPEN, is_loose
+    from aeolid.wording import plain
 
     called = name_of(effect["id"])
     for name, value in effect["parameters"].items():
@@ -260,7 +261,7 @@ def _print_values(effect: dict[str, Any]) -> None:
             spread = f" ± {value['std']:.2g}"
         meaning = meaning_of(effect["id"], name)
         label = f"{meaning} ({name})" if meaning else name
-        console.print(f"  {called}: {label} = {told}{spread}{unit}", soft_wrap=True, markup=False)
+        console.print(f"  {called}: {label} = {plain(told + spread)}{unit}", soft_wrap=True, markup=False)
     for row in effect.get("settings", []):
         console.print(f"  in {row['simulator']}: set {row['set']}", soft_wrap=True, markup=False)
 

@@ -79,6 +79,9 @@ def fleet(
             "--diagnose", metavar="CASE_DIR", help="Hold each turbine's recordings against the baseline of this case."
         ),
     ] = None,
+    fail_on_change: Annotated[
+        bool, typer.Option("--fail-on-change", help="Exit 1 when a mode has moved by more than chance.")
+    ] = False,
     publish: PublishOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -125,6 +128,8 @@ def fleet(
         members = _members(facts, plan, paths)
         facts["diagnoses"] = _diagnose(diagnose, roles, members, out, where, force, json_target != "-")
     emit_json(facts, json_target)
+    if fail_on_change and facts["moved"]:
+        raise typer.Exit(1)
 
 
 def _diagnose(

@@ -82,8 +82,8 @@ def say_change(track: Facts) -> str:
         when += f" (95 %: {_when(bounds[0], track)} to {_when(bounds[1], track)})"
     verb = "falls" if onset["change"] < 0 else "rises"
     size = f"{abs(percent):.2f} ± {spread:.2f} %"
-    who = f"{track['turbine']}, mode {track['track']}"
-    return f"{who}: {verb} from {before:.4g} Hz by {size} {when}, {track['periods']} periods"
+    name = track.get("name") or f"mode {track['track']}"
+    return f"{track['turbine']}, {name}: {verb} from {before:.4g} Hz by {size} {when}, {track['periods']} periods"
 
 
 def _when(time: float, track: Facts) -> str:

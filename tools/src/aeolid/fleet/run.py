@@ -68,11 +68,13 @@ def run_fleet(paths: Sequence[Path], plan: Plan, out: Path, pool: Pool, notice: 
     _mark_tracks(found)
     reused, tracks = sum(f.reused for f in done), _tracks(found)
     count = Counter(p["turbine"] for p in found)
+    for own in tracks:
+        own["moved"] = notable(own, count[own["turbine"]])
     return {
         "version": aeolid.__version__, "settings": plan.to_json(), "recordings": len(paths), "usable": len(done),
         "reused": reused, "turbines": len({p["turbine"] for p in found}), "order_reasons": reasons,
         "periods": found, "tracks": tracks, "skipped": skipped.rows,
-        "moved": [say_change(t) for t in tracks if notable(t, count[t["turbine"]])], "notes": _notes(done, plan),
+        "moved": [say_change(t) for t in tracks if t["moved"]], "notes": _notes(done, plan),
     }  # fmt: skip
 
 
@@ -234,6 +236,8 @@ def _tracks(periods: list[Facts]) -> list[Facts]:
             "track": number,
             "periods": len(points),
             "per": "day" if clocks else "period",
+            "name": Counter(str(m.get("name") or "") for m in modes).most_common(1)[0][0],
+            "until_s": max(p["middle_s"] for p in periods if p["turbine"] == turbine),
         }
         for key, std in (("frequency_hz", "frequency_std_hz"), ("damping", "damping_std")):
             facts[key] = {"first": modes[0][key], "last": modes[-1][key], "last_std": modes[-1][std]}

@@ -74,18 +74,29 @@ def _number(text: Any) -> float:
 
 
 def rows_of_fleet(facts: Mapping[str, Any]) -> tuple[Row, ...]:
-    """Return the rows of a fleet: every mode of every period, at the period's time where the recordings have a date."""
+    """Return the rows of a fleet: each mode of each period at its time where the recordings have a date; each change.
+
+    A change is that of a track's frequency until the newest period; `moved` is 1 where it is more than chance.
+    """
     found = []
     for period in facts.get("periods") or []:
-        at = float(period["middle_s"])
-        when = at if at >= _EPOCH else None
+        when = _dated(period["middle_s"])
         for mode in period["modes"]:
             if abs(mode["damping"]) >= 1:
                 continue
             tags = {"turbine": period["turbine"], "mode": mode["track"], "name": mode.get("name") or ""}
             names = ("frequency_hz", "frequency_std_hz", "damping", "damping_std")
             found.append(_row("fleet_mode", tags, {name: mode.get(name) for name in names}, when))
+    for track in facts.get("tracks") or []:
+        onset = track["frequency_hz"].get("onset") or {}
+        tags = {"turbine": track["turbine"], "mode": track["track"], "name": track["name"]}
+        values = {"change_hz": onset.get("change"), "change_std_hz": onset.get("change_std")}
+        found.append(_row("fleet_change", tags, values | {"moved": track["moved"]}, _dated(track["until_s"])))
     return tuple(row for row in found if row.values)
+
+
+def _dated(time_s: float) -> float | None:
+    return float(time_s) if time_s >= _EPOCH else None
 
 
 def prometheus_text(rows: Sequence[Row]) -> str:

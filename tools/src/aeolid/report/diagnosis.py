@@ -12,6 +12,7 @@ from aeolid.report.markup import CONTENTS, Html, folded, join, section, table, t
 from aeolid.report.numbers import OPEN, is_open, number, quantity, unit_of, with_std
 from aeolid.report.pair import sides
 from aeolid.report.ranking import Named, called, label_of, ranking
+from aeolid.report.turn import NOT_DRAWN, both_over_turn, errors_over_turn, turns_with_rotor
 from aeolid.report.where import maps
 from aeolid.wording import place
 
@@ -22,7 +23,7 @@ def render_diagnosis(diagnosis: Facts, evidence: Facts, path: str | Path) -> Non
     """Write one page from a diagnosis (the content of diagnosis.json) and the evidence behind it.
 
     Every key of `evidence` is optional: title, series, spectra, horizon, bank, bands, cells, equations, confusion,
-    forensics, split, parameters, timing_s.
+    forensics, split, parameters, timing_s, turning, turning_errors.
     """
     title = str(evidence.get("title") or "Diagnosis")
     write_page(path, title, tag("h1", title), diagnosis_parts(diagnosis, evidence))
@@ -39,6 +40,9 @@ def _after(diagnosis: Facts) -> str:
 def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     """Build the parts of the page below its title."""
     effects = diagnosis.get("effects") or []
+    turns = turns_with_rotor(effects)
+    errors = errors_over_turn(evidence.get("turning_errors") or {})
+    over_turn = errors or both_over_turn(evidence.get("turning") or {}) or NOT_DRAWN
     found: Named = {(e.get("id"), (e.get("location") or {}).get("entry")) for e in effects}
     return join(
         [
@@ -47,11 +51,11 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
             Html(CONTENTS),
             _next_experiment(diagnosis.get("next_experiment") or {}),
             before_after(evidence, diagnosis.get("sealed") or {}, after=_after(diagnosis)),
-            _effects(effects, diagnosis.get("beside") or {}),
+            _effects(effects, diagnosis.get("beside") or {}, over_turn if turns else None),
             ranking(evidence.get("candidates") or [], found),
             None if diagnosis.get("verdict") == "ambiguous" else _rivals(effects),
-            sides(evidence),
-            _where(diagnosis, effects, evidence),
+            sides(evidence, turning=not turns),
+            _where(diagnosis, effects, evidence, None if turns else errors),
             score_bank(evidence.get("bank") or [], found),
             confusion(evidence.get("confusion") or {}),
             _not_excluded(diagnosis.get("not_excluded") or []),
@@ -61,7 +65,7 @@ def diagnosis_parts(diagnosis: Facts, evidence: Facts) -> Html:
     )
 
 
-def _effects(effects: list[Facts], beside: Facts) -> Html:
+def _effects(effects: list[Facts], beside: Facts, over_turn: Html | None) -> Html:
     parts: list[Html | None] = []
     for effect in effects:
         identifier = str(effect.get("id", ""))
@@ -71,8 +75,9 @@ def _effects(effects: list[Facts], beside: Facts) -> Html:
         parts += _described(
             "unlisted", "without a name", "no entry of the catalogue has this form; the corrected model has it", beside
         )
+    parts.append(over_turn)
     title = {0: "What comes nearest", 1: "The effect"}.get(len(effects), "The effects")
-    return section(title if parts else "The effects", *parts)
+    return section(title, *parts)
 
 
 def _described(identifier: str, name: str, kind: str, effect: Facts) -> list[Html | None]:
@@ -117,7 +122,7 @@ def _rivals(effects: list[Facts]) -> Html:
     )
 
 
-def _where(diagnosis: Facts, effects: list[Facts], evidence: Facts) -> Html:
+def _where(diagnosis: Facts, effects: list[Facts], evidence: Facts, over_turn: Html | None) -> Html:
     places = [(name_of(str(e.get("id"))), e["location"]) for e in effects if e.get("location")]
     if diagnosis.get("location") and diagnosis["location"] not in [where for _, where in places]:
         places.append(("evidence, before any name", diagnosis["location"]))
@@ -130,7 +135,7 @@ def _where(diagnosis: Facts, effects: list[Facts], evidence: Facts) -> Html:
         "time_s": "time (s)",
         "azimuth_order": "azimuth order",
     }
-    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows), maps(evidence))
+    return section("Where it sits", table(["", *(titles.get(k, k) for k in used)], rows), maps(evidence), over_turn)
 
 
 def _place(value: Any, key: str) -> str:

@@ -12,6 +12,7 @@ from aeolid.report.charts import DOT, INK
 from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import is_open, number, percent, unit_of, with_std
 from aeolid.report.ranking import called, label_of
+from aeolid.report.zoom import MOST_SAMPLES, Line, Panel, zoomed
 from aeolid.wording import spoken
 
 Facts = dict[str, Any]
@@ -29,10 +30,11 @@ def before_after(evidence: Facts, sealed: Facts, *, after: str) -> Html:
     """
     series, spectra = evidence.get("series") or {}, evidence.get("spectra") or {}
     parts: list[Html] = [_numbers(sealed)]
+    most = MOST_SAMPLES // (5 * max(min(len(series), _MOST_OUTPUTS), 1))  # of three lines and two errors
     for place, name in enumerate(_by_gain(list(dict.fromkeys([*series, *spectra])), sealed)[:_MOST_OUTPUTS]):
         drawn = []
         if name in series:
-            drawn.append(_time_figure(name, series[name], after, sealed.get("horizon_s")))
+            drawn.append(_time_figure(name, series[name], after, sealed.get("horizon_s"), most))
         if name in spectra:
             drawn.append(_spectrum_figure(name, spectra[name], (series.get(name) or {}).get("unit")))
         parts += drawn if place < _OPEN_OUTPUTS else [folded(f"{name}: in time and by frequency", *drawn)]
@@ -52,7 +54,7 @@ def _numbers(sealed: Facts) -> Html:
     return table(["output", "#error before (NRMSE)", "#error after (NRMSE)"], rows)
 
 
-def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None) -> Html:
+def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None, most: int) -> Html:
     time = np.asarray(data["time_s"], dtype=float)
     lines = {k: np.asarray(data[k], dtype=float) for k in ("measured", "before", "after") if data.get(k)}
     start = _busiest(lines)
@@ -74,11 +76,23 @@ def _time_figure(name: str, data: Facts, after: str, horizon_s: float | None) ->
         bottom.axhline(0, color=charts.GREY, linewidth=0.8)
         top.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     whole = f" of {number(float(time[-1] - time[0]))} s" if len(time) > _ZOOM_SAMPLES else ""
-    return figure(
-        drawing.svg,
+    caption = (
         f"{name}: the stretch{whole} where the two models differ most. Grey: measured; dashed: the model as it was;"
-        f" blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}",
+        f" blue: {after}. Below: model minus measured.{_restart(time, horizon_s)}"
     )
+    view = (start, min(start + _ZOOM_SAMPLES, len(time)))
+    return zoomed(drawing.svg, caption, time, _panels(name, lines, data.get("unit")), view, most)
+
+
+def _panels(name: str, lines: dict[str, Any], unit: str | None) -> list[Panel]:
+    """Return values above and errors below, as the script draws them."""
+    kinds = {"measured": "ink"}
+    told = f" ({unit})" if unit and unit_of(unit) else ""
+    panels = [Panel(f"{name}{told}", tuple(Line(k, kinds.get(k, k), v) for k, v in lines.items()), 200)]
+    if "measured" in lines:
+        errors = [Line(k, k, v - lines["measured"]) for k, v in lines.items() if k != "measured"]
+        panels.append(Panel(f"error{told}", tuple(errors), 130))
+    return [p for p in panels if p.lines]
 
 
 def _restart(time: Any, horizon_s: float | None) -> str:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from aeolid import __version__, output
 from aeolid.display import visible_lines
+from aeolid.report.script import MARK, script, script_hash
 
 STYLE = """
 :root { --ink: #1b1f24; --soft: #5a6470; --line: #d5dae0; --tint: #f4f6f8; --accent: #0072b2; --paper: #fff;
@@ -32,6 +33,23 @@ figure { margin: .6rem 0 1.2rem; break-inside: avoid; }
 figure svg { width: 100%; height: auto; display: block; }
 .zoom { display: block; text-align: right; font-size: .8rem; color: var(--soft); cursor: pointer; }
 figure:has(> .zoom input:checked) svg { width: 220%; max-width: none; }
+.live { display: none; }
+@media screen {
+  figure.moves > .live { display: block; } figure.moves > .scroll, figure.moves > .zoom { display: none; }
+}
+.live svg { min-width: 0; font-size: 12px; touch-action: pan-y; cursor: crosshair; user-select: none; }
+.live svg:focus-visible { outline: 2px solid var(--accent); } .live text { fill: var(--soft); }
+.live path { fill: none; stroke-width: 1.4; vector-effect: non-scaling-stroke; }
+.live .grid { stroke: var(--grid); stroke-width: 1; } .live .cursor { stroke: var(--soft); stroke-width: 1; }
+.live .mark { fill: var(--accent); opacity: .18; } .live path.ink { stroke: var(--ink); stroke-width: 2; opacity: .6; }
+.live path.before { stroke: var(--before); stroke-dasharray: 5 3; } .live path.after { stroke: var(--after); }
+.bar { display: flex; flex-wrap: wrap; gap: .25rem; align-items: center; font-size: .85rem; }
+.bar button { font: inherit; color: var(--ink); background: var(--tint); border: 1px solid var(--line);
+  border-radius: .2rem; min-width: 2.2rem; min-height: 2rem; cursor: pointer; }
+.key { margin-left: .8rem; } .key::before { content: ""; display: inline-block; width: 1.6rem; margin-right: .35rem;
+  vertical-align: middle; border-top: 2px solid var(--ink); }
+.key.before::before { border-top: 2px dashed var(--before); } .key.after::before { border-color: var(--after); }
+.told { display: block; font-size: .85rem; color: var(--soft); font-variant-numeric: tabular-nums; min-height: 1.4em; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); gap: 0 1.5rem; }
 .contents { font-size: .9rem; margin: 1rem 0; columns: 17rem; max-width: 62rem; }
 .contents ol { margin: 0; padding-left: 1.5rem; } .contents li { break-inside: avoid; }
@@ -70,7 +88,8 @@ CONTENTS = "<!--contents-->"  # where write_page lists a page's parts; no text b
 _LISTED = 4  # parts from which a page has a list of them
 
 
-_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"  # the browser itself holds us to "no network"
+# The browser itself holds us to "no network", and to no script but ours where a page has figures for it.
+_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 class Html(str):
@@ -110,12 +129,12 @@ def section(title: str, *parts: object, level: str = "h2") -> Html:
     return tag("section", tag(level, title), content) if content else Html("")
 
 
-def figure(drawing: Html, caption: str) -> Html:
+def figure(drawing: Html, caption: str, **attributes: str) -> Html:
     """Put a drawing and the sentence that says what to see in it together; a wide one can be made larger."""
     zoom = (
         tag("label", Html('<input type="checkbox">'), " larger", class_="zoom") if 'class="wide"' in drawing else None
     )
-    return tag("figure", zoom, tag("div", drawing, class_="scroll"), tag("figcaption", caption))
+    return tag("figure", zoom, tag("div", drawing, class_="scroll"), tag("figcaption", caption), **attributes)
 
 
 def folded(summary: str, *parts: object) -> Html:
@@ -142,13 +161,17 @@ def _with_contents(body: Html) -> Html:
 
 def write_page(path: str | Path, title: str, *parts: object) -> None:
     """Write one self-contained page; raises UsageError where the file cannot be written."""
+    body = join(parts)
+    moves = MARK in body
+    allowed = f"; script-src '{script_hash()}'" if moves else ""
     head = tag(
         "head",
         Html('<meta charset="utf-8">'),
-        Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'),
+        Html(f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}{allowed}">'),
         Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
         tag("title", title), tag("style", Html(STYLE)),
     )  # fmt: skip
     footer = tag("footer", f"aeolid {__version__}. This page holds everything it shows; it needs no network.")
-    page = Html("<!doctype html>\n") + tag("html", head, tag("body", _with_contents(join(parts)), footer), lang="en")
+    last = Html(f"<script>{script()}</script>") if moves else None
+    page = Html("<!doctype html>\n") + tag("html", head, tag("body", _with_contents(body), footer, last), lang="en")
     output.write_text(path, page + "\n")

@@ -9,6 +9,7 @@ import numpy as np
 from aeolid.report import charts
 from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import with_std
+from aeolid.report.turn import both_over_turn
 
 Facts = dict[str, Any]
 _LIGHT = 0.3  # damping below which a mode swings for long enough to be worth a row
@@ -19,13 +20,16 @@ _OPEN_ROWS = 2  # of them that are not folded
 _NORMAL = 1.96  # 95 %
 
 
-def sides(evidence: Facts) -> Html:
-    """Show what is known of both sides; nothing where there is only one."""
+def sides(evidence: Facts, *, turning: bool = True) -> Html:
+    """Show what is known of both sides; nothing where there is only one.
+
+    turning: with the means over the rotor's angle; False where they stand beside the effect already.
+    """
     modes = evidence.get("modes") or {}
     return section(
         "The recording against the simulation",
         _modes(modes.get("recorded") or [], modes.get("simulated") or []),
-        _turning(evidence.get("turning") or {}),
+        both_over_turn(evidence.get("turning") or {}) if turning else None,
         _responses(evidence.get("responses") or {}),
     )
 
@@ -90,34 +94,6 @@ def _moved(mine: Facts | None, other: Facts | None) -> str:
         if spread > 0 and abs(change) > 2.58 * spread:
             said.append(f"{word} {'higher' if change > 0 else 'lower'} in the recording")
     return ", ".join(said)
-
-
-def _turning(turning: dict[str, Facts]) -> Html:
-    """Draw the mean of each output over the rotor's angle, on both sides: what turns with the rotor stands still."""
-    names = list(turning)[:_MOST_ROWS]
-    if not names:
-        return Html("")
-    columns = min(len(names), 4)
-    rows = -(-len(names) // columns)
-    with charts.sketch((charts.WIDE[0], 2.3 * rows), rows, columns, sharex=True) as drawing:
-        for axes, name in zip(drawing.axes.flat, names, strict=False):
-            data = turning[name]
-            axes.plot(data["azimuth_deg"], data["recorded"], color=charts.INK, linewidth=2, label="recorded")
-            style = {"color": charts.BEFORE, "linestyle": (0, (4, 2)), "linewidth": 1.8}
-            axes.plot(data["azimuth_deg"], data["simulated"], label="simulated", **style)
-            axes.set_title(charts.label(name, data.get("unit")).replace("\n", " "), fontsize=8.5)
-            axes.set_xticks([0, 90, 180, 270, 360])
-        for axes in list(drawing.axes.flat)[len(names) :]:
-            axes.set_visible(False)
-        for axes in drawing.axes[-1]:
-            axes.set_xlabel("rotor azimuth (deg)")
-        drawing.axes[0, 0].legend(loc="best", fontsize=8)
-    caption = (
-        "Mean of each output over the rotor's angle, less its mean over the turn. One wave a turn that the simulation"
-        " lacks is an imbalance of masses or blade pitch, in blade loads shear, yaw or gravity; three waves are the"
-        " blades passing the tower."
-    )
-    return join([tag("h3", "Over the rotor's turn"), figure(drawing.svg, caption)])
 
 
 def _responses(both: Facts) -> Html:

@@ -6,12 +6,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from aeolid.record import Record
+from aeolid.record import Channel, Record
 from aeolid.report import charts
 from aeolid.report.markup import Html, figure, section, table, tag, write_page
+from aeolid.report.zoom import MOST_ALONE, Line, Panel, zoomed
 
+Array = NDArray[np.float64]
 _MOST = 40  # channels that are drawn
+_KINDS = ("after", "ink")  # how the first recording is drawn, and the others
 
 
 def render_recordings(
@@ -38,7 +42,33 @@ def _drawn(records: Sequence[Record], run: Record | None) -> Html:
             if i == 0 and run is not None:
                 axes.legend(loc="upper right")
         drawing.axes[-1, 0].set_xlabel("time from the first sample (s)")
-    return figure(drawing.svg, "Each channel in its unit. Breaks in a line are missing samples.")
+    caption = "Each channel in its unit. Breaks in a line are missing samples."
+    step, sides = records[0].sample_time_s, [*records, *([run] if run is not None else [])]
+    count = max(len(r) * r.sample_time_s for r in sides) / step
+    if count * len(channels) * len(sides) > MOST_ALONE:
+        return figure(drawing.svg, caption)
+    clock: Array = step * np.arange(round(count), dtype=np.float64)
+    panels = [_panel(c, clock, records, run) for c in channels]
+    return zoomed(drawing.svg, caption, clock, panels, (0, len(clock)), len(clock))
+
+
+def _panel(channel: Channel, clock: Array, records: Sequence[Record], run: Record | None) -> Panel:
+    """Return a channel of all recordings and of the run at the times (N,) of a clock, s from the first sample."""
+    one, lines = len(records) == 1, []
+    for k, record in enumerate(records):
+        name = "recording" if one else record.source
+        lines.append(Line(name, _KINDS[min(k, 1)], _at(clock, record, channel.name)))
+    if run is not None and any(c.name == channel.name for c in run.channels):
+        lines.append(Line("baseline run", "before", _at(clock, run, channel.name)))
+    return Panel(f"{channel.name} ({channel.unit or '1'})", tuple(lines), 90)
+
+
+def _at(clock: Array, record: Record, name: str) -> Array:
+    """Return the sample nearest to each time (N,) after the first one; NaN beyond the last."""
+    place = np.rint(clock / record.sample_time_s).astype(int)
+    values = np.asarray(record.column(name), dtype=float)
+    found: Array = np.where(place < len(values), values[np.minimum(place, len(values) - 1)], np.nan)
+    return found
 
 
 def _line(axes: object, record: Record, name: str, color: str, label: str | None, alpha: float) -> None:

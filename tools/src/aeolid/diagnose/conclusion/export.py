@@ -14,6 +14,7 @@ from aeolid import output
 from aeolid.diagnose.conclusion.correction import Correction, correct
 from aeolid.diagnose.conclusion.verdict import shown_proof
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.localise.turn import turning_errors
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import differing, in_force
 from aeolid.diagnose.stats.numbers import finite
@@ -136,4 +137,8 @@ def evidence(study: Study) -> dict[str, Any]:
     }
     if proof is not None:
         facts |= {"series": proof.series, "spectra": proof.spectra, "horizon": proof.profile}
+        names = [s.name for s in prepared.extended.inputs]
+        facts["turning_errors"] = turning_errors(
+            prepared.split.sealed[0], names, study.case.records[0].channels, proof.series
+        )
     return facts

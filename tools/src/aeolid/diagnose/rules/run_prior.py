@@ -129,9 +129,6 @@ class RunPriorRules:
         "distance of means, in the deviation within a run, up to which two runs are one region",
         RUN_DECISIONS,
     )
-    blade_samples: int = rule(
-        5, "samples", "samples in each sector of the rotor without which no mean over it is shown", RUN_DECISIONS
-    )
     level_deviations: float = rule(
         2.0,
         "deviations",

@@ -26,7 +26,7 @@ from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.replicated import with_replicated
 from aeolid.diagnose.run_prior.search import Search
-from aeolid.diagnose.run_prior.shown import sides_of
+from aeolid.diagnose.run_prior.shown import series_of, sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
@@ -219,5 +219,5 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units:
             for s in rows
         ],
         "evaluations": x.evaluations,
-        "series": study.proof.series if study.names and study.is_borne_out else {},
+        "series": series_of(study.pair, study.proof.series, units) if study.names and study.is_borne_out else {},
     } | sides_of(study.pair, x.modal, units)  # fmt: skip

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.localise.turn import angles_deg, mean_over_turn
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
+from aeolid.models.multiblade import PARTS
 
 Array = NDArray[np.float64]
-_BINS = 36  # of a turn of the rotor
 
 
 def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, Any]:
@@ -28,13 +28,22 @@ def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, An
         facts["responses"] = dict(zip(("recorded", "simulated"), modal.responses, strict=True)) | {"units": dict(units)}
     recorded, simulated = (turning_mean(sides) for sides in (pair.recordings, pair.runs))
     if recorded is not None and simulated is not None:
-        angle = (np.arange(_BINS) + 0.5) * 360.0 / _BINS
+        angle = angles_deg()
         facts["turning"] = {
             name: {"azimuth_deg": angle.tolist(), "recorded": recorded[:, j].tolist(),
                    "simulated": simulated[:, j].tolist(), "unit": units.get(name, "")}
             for j, name in enumerate(pair.outputs)
         }  # fmt: skip
     return facts
+
+
+def series_of(pair: Pair, series: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -> dict[str, Any]:
+    """Return the sealed series with the unit of each output; parts of a set of blades have that of its blades."""
+    turning = {j for places in pair.blades for j in places}
+    sources = [n for j, n in enumerate(pair.outputs) if j not in turning]
+    sources += [pair.outputs[places[0]] for places in pair.blades for _ in PARTS]
+    told = dict(zip(pair.shown, sources, strict=True))
+    return {name: {**facts, "unit": units.get(told.get(name, name), "")} for name, facts in series.items()}
 
 
 def turning_mean(sides: Sequence[Side]) -> Array | None:
@@ -46,11 +55,4 @@ def turning_mean(sides: Sequence[Side]) -> Array | None:
     if not kept:
         return None
     angle = np.concatenate([np.asarray(s.azimuth)[~s.missing] for s in kept])
-    y = np.vstack([s.y[~s.missing] for s in kept])
-    place = (np.mod(angle, 2 * np.pi) / (2 * np.pi) * _BINS).astype(int) % _BINS
-    count = np.bincount(place, minlength=_BINS)
-    if count.min() < in_force().run_prior.blade_samples:
-        return None
-    means = np.column_stack([np.bincount(place, c, minlength=_BINS) / count for c in y.T])
-    out: Array = means - means.mean(axis=0)
-    return out
+    return mean_over_turn(angle, np.vstack([s.y[~s.missing] for s in kept]))
