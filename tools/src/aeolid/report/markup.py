@@ -48,7 +48,8 @@ figure:has(> .zoom input:checked) svg { width: 220%; max-width: none; }
   border-radius: .2rem; min-width: 2.2rem; min-height: 2rem; cursor: pointer; }
 .key { margin-left: .8rem; } .key::before { content: ""; display: inline-block; width: 1.6rem; margin-right: .35rem;
   vertical-align: middle; border-top: 2px solid var(--ink); }
-.key.before::before { border-top: 2px dashed var(--before); } .key.after::before { border-color: var(--after); }
+.key.ink::before { opacity: .6; } .key.before::before { border-top: 2px dashed var(--before); }
+.key.after::before { border-color: var(--after); }
 .told { display: block; font-size: .85rem; color: var(--soft); font-variant-numeric: tabular-nums; min-height: 1.4em; }
 .pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); gap: 0 1.5rem; }
 .contents { font-size: .9rem; margin: 1rem 0; columns: 17rem; max-width: 62rem; }
