@@ -294,3 +294,15 @@ def test_a_node_may_begin_to_serve_its_port_after_its_listener(monkeypatch: pyte
     monkeypatch.setattr(source, "PATIENCE_S", 0.3)
     with pytest.raises(DataError, match="cannot be opened"):
         open_source(text)
+
+
+def test_a_bus_that_breaks_off_before_the_first_frame_is_told_as_such(capsys: pytest.CaptureFixture[str]) -> None:
+    """Not as a node that is silent: the remedy is another one."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        peer = threading.Thread(target=lambda: server.accept()[0].close(), daemon=True)
+        peer.start()
+        bus = f"slcan:socket://127.0.0.1:{server.getsockname()[1]}"
+        assert main(["listen", "--bus", bus, "--no-reconnect", "--no-modes"]) == 3
+        peer.join(60)
+    said = " ".join(capsys.readouterr().err.split())
+    assert "the bus broke off before the first frame" in said and "is a node sending" not in said

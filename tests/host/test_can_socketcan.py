@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import random
 import socket
+from collections import deque
 
 import can
 import numpy as np
@@ -84,6 +86,54 @@ def test_the_buffer_is_large_before_the_first_frame_can_come(monkeypatch: pytest
     bus = BulkSocketcanBus("can0")
     assert told.index(f"buffer {BUFFER}") < told.index("bind can0")
     assert isinstance(bus.socket, Recorder)
+
+
+class _GoneDown:
+    """Stand in for a socket whose interface went down: the kernel gives the error first and the waiting frames after.
+
+    What arrives goes through a pair of real sockets, so that waiting works.
+    """
+
+    def __init__(self, frames: list[bytes]) -> None:
+        self.reading, self._writing = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.reading.setblocking(False)
+        self._error: OSError | None = OSError(errno.ENETDOWN, "Network is down")
+        for frame in frames:
+            self._writing.send(frame)
+
+    def fileno(self) -> int:
+        return self.reading.fileno()
+
+    def recvmsg(self, *sizes: int) -> tuple[bytes, list[tuple[int, int, bytes]], int, None]:
+        if self._error is not None:
+            error, self._error = self._error, None
+            raise error
+        return *self.reading.recvmsg(*sizes)[:3], None
+
+    def close(self) -> None:
+        self.reading.close()
+        self._writing.close()
+
+
+def open_gone_down(frames: list[bytes]) -> BulkSocketcanBus:
+    """Return a bus on an interface that went down after these frames had come."""
+    bus = BulkSocketcanBus.__new__(BulkSocketcanBus)
+    bus.overrun, bus._fault, bus._pending = 0, None, deque()
+    bus._socket = _GoneDown(frames)  # type: ignore[assignment]
+    return bus
+
+
+def test_what_came_before_the_interface_went_down_is_delivered() -> None:
+    """A listener that had not yet read when the interface went lost everything that waited in its socket."""
+    sent = draw(1, False, 30)
+    bus = open_gone_down([build_can_frame(m) for m in sent])
+    try:
+        received = bus.read_frames(1.0)
+        np.testing.assert_array_equal(received.id, unpack([build_can_frame(m) for m in sent], [0.0] * 30).id)
+        with pytest.raises(can.CanOperationError, match="down"):
+            bus.read_frames(1.0)
+    finally:
+        bus._socket.close()
 
 
 def test_an_interface_that_is_not_there_is_named() -> None:

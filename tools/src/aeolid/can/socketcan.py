@@ -64,9 +64,7 @@ class BulkSocketcanBus(SocketcanBus):
         Raises can.CanOperationError when the interface is down or gone. Cost: about 3 µs a frame.
         """
         try:
-            if self._fault is not None:
-                raise self._fault
-            if not select.select([self.socket], [], [], timeout)[0]:
+            if self._fault is None and not select.select([self.socket], [], [], timeout)[0]:
                 return no_frames()
             raw, stamps = self._receive()
         except (OSError, ValueError) as error:
@@ -82,11 +80,11 @@ class BulkSocketcanBus(SocketcanBus):
                 data, extra, _, _ = receive(_LONG, 64, MSG_DONTWAIT)
             except BlockingIOError:
                 break
-            except OSError as error:  # the interface went down: first what came before
+            except OSError as error:  # the interface went down: the kernel says so before what had come until then
+                if self._fault is not None:
+                    break
                 self._fault = error
-                if not raw:
-                    raise
-                break
+                continue
             stamp = float("nan")
             for _, kind, value in extra:
                 if kind == SO_TIMESTAMPNS:
@@ -96,6 +94,8 @@ class BulkSocketcanBus(SocketcanBus):
                     self.overrun = int.from_bytes(value, sys.byteorder)
             raw.append(data)
             stamps.append(stamp)
+        if self._fault is not None and not raw:
+            raise self._fault
         return raw, stamps
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:

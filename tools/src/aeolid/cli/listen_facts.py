@@ -206,4 +206,6 @@ def why_nothing(reception: Reception, nodes: list[Node]) -> str:
         ),
         lambda: reception.source.status or None,
     ]
-    return next((text for problem in problems if (text := problem())), "not one frame; is a node sending?")
+    ended = None if reception.source.is_log else reception.source.ended
+    silence = f"the bus broke off before the first frame ({ended})" if ended else "not one frame; is a node sending?"
+    return next((text for problem in problems if (text := problem())), silence)
