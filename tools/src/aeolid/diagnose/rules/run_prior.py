@@ -182,3 +182,42 @@ class RunPriorRules:
     fastest_turning: float = rule(
         1.3, "times", "largest mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
     )
+    answer_segments: int = rule(
+        6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
+    )
+    answer_gaps: float = rule(
+        0.05, "share", "missing samples of a side above which its answers are not compared", RUN_DECISIONS
+    )
+    late_angle: float = rule(
+        0.04,
+        "rad",
+        "angle of the rotor by which it answers its pitch angle late, from which lift or a blade is late",
+        "measured: at most 0.03 in 30 nulls of 600 s and of 300 s",
+    )
+    late_deviations: float = rule(
+        4.0, "deviations", "deviations by which a rotor must answer late, or more strongly", RUN_DECISIONS
+    )
+    bending_angle: float = rule(
+        0.15, "rad", "angle by which it answers late from which a blade bends; below, lift builds up", RUN_DECISIONS
+    )
+    late_bending_fall: float = rule(
+        0.6, "log", "fall of that power where a blade bends", "measured: 0.98 to 3.9; 0.46 behind a delay of 0.15 s"
+    )
+    quick_gain: float = rule(
+        0.25, "log", "gain of quick answers to the pitch angle from which the flow answers its rate", RUN_DECISIONS
+    )
+    quick_deviations: float = rule(
+        2.5, "deviations", "deviations by which quick answers must be stronger, where slow ones are late", RUN_DECISIONS
+    )
+    strong_gain: float = rule(
+        0.06, "log", "gain of all answers to the pitch angle from which the wake has its own time", RUN_DECISIONS
+    )
+    bending_swell: float = rule(
+        0.7, "log", "growth of the power of wind's loads about a blade's second bending mode", RUN_DECISIONS
+    )
+    bending_fall: float = rule(
+        1.0, "log", "fall of the power of wind's loads above a blade's second bending mode", RUN_DECISIONS
+    )
+    rest_spread: float = rule(
+        0.1, "log", "deviation of the shape of wind's spectrum between runs of one machine", "measured: 30 nulls"
+    )

@@ -1,4 +1,4 @@
-"""Name what moves levels and unevenness: thinner air, another power coefficient, shear, yaw, a wake, a flexible blade.
+"""Name what moves levels, answers and unevenness: thinner air, shear, yaw, a wake, late lift, a blade that bends.
 
 All numbers that decide stand here; a level that moved counts where both parts of the recording show it.
 """
@@ -12,10 +12,13 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.answering import Answer, named
 from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair
+from aeolid.diagnose.run_prior.responses import answering_of
+from aeolid.diagnose.run_prior.search import FIT
 from aeolid.record import Record
 
 _CUBE = 3  # of the wind a power goes with: IEC 61400-12-1 normalises wind speeds by the cube root of the density
@@ -50,7 +53,8 @@ def standing_of(
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     if wind is not None:
         return (_power(laws, wind, wind_of(records[0], runs[0])),)
-    found = _blade(laws, moved) or _inflow(laws, detected)
+    answer = named(pair, answering_of(pair, records, runs, context, FIT), _still(laws))
+    found = _answered(answer) if answer is not None else _blade(laws, moved) or _inflow(laws, detected)
     if found is not None:
         return (found,)
     disc = disc_of(pair, context)
@@ -60,6 +64,20 @@ def standing_of(
 def _sure(laws: Mapping[str, Shift], law: str, least: float) -> Shift | None:
     shift = laws.get(law)
     return shift if shift is not None and shift.is_sure and abs(shift.share) > least else None
+
+
+def _still(laws: Mapping[str, Shift]) -> bool | None:
+    """Tell whether power and thrust at rest are the simulation's; None where no wind tells."""
+    rules = in_force().run_prior
+    if any(_sure(laws, law, rules.thrust_shift) for law in ("thrust", "thrust without wind")):
+        return False
+    return True if "wind" in laws else None
+
+
+def _answered(answer: Answer) -> Standing:
+    nats, interval = _proof(float(np.sqrt(2 * max(answer.nats, 0.0))), answer.nats)
+    where = {n: f"output:{answer.channel}" if n == "blade_flap" else "rotor" for n in answer.entries}
+    return Standing(answer.entries, where, {}, answer.words, nats, interval)
 
 
 def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:

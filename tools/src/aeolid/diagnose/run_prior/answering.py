@@ -1,0 +1,203 @@
+"""Name what makes a rotor answer its pitch angle otherwise: lift that builds up late, a blade that bends, a slow wake.
+
+Between one and six revolutions a late answer is a delay T, told as the angle Ω T that the rotor turns by meanwhile:
+circulation takes 3.5 c/(2 V) to build up (Jones 1938: 0.165/0.0455 + 0.335/0.3 half chords), 0.05 to 0.15 rad on
+slender to broad blades, a blade's first flapwise mode 2 ζ Ω/ω, 0.2 to 0.4 rad. What is quicker tells them apart: a
+pitching profile without unsteady aerodynamics hardly moves the thrust there, a blade that bends takes up what wind
+does. A wake in equilibrium takes up a part of every change, one with a time of its own none of the quick ones (Snel,
+Schepers 1995), and where all settles nothing has changed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aeolid.diagnose.hypotheses.parts.modes import KINDS
+from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.pair import Pair
+from aeolid.diagnose.run_prior.responses import Answering, Answers, fitted
+from aeolid.models.multiblade import without_part
+
+Array = NDArray[np.float64]
+ANGLE = r"pitch|blpit|beta"  # of names of inputs that turn the blades
+_SLOW, _SWELL, _QUICK, _FALL = (0.0, 6.0), (6.0, 13.0), (8.0, np.inf), (15.0, np.inf)  # bands in orders of the rotor
+_SLACK = 0.1  # part of a response that no delay and gain need explain: a resonance beside it
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Hold what a part of the recordings shows against the runs, each with its deviation.
+
+    late: Ω T in rad of slow answers; gain: logarithm of the gain of all answers; quick: of that of quick answers of the
+    thrust; fall, swell: logarithms of the power of what wind does to the thrust, quick and middling over slow.
+    """
+
+    late: float
+    late_std: float
+    gain: float
+    gain_std: float
+    quick: float
+    quick_std: float
+    fall: float
+    swell: float
+    fall_std: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Hold entries, likeliest first, the output that shows it, a sentence of each, nats on the sealed part."""
+
+    entries: tuple[str, ...]
+    channel: str
+    words: Mapping[str, str]
+    nats: float
+
+
+def named(pair: Pair, answering: Answering | None, still: bool | None) -> Answer | None:
+    """Return what the answers to the pitch angle tell, None where they tell nothing.
+
+    still: whether the levels of power and thrust are the simulation's; None where they could not be compared.
+    """
+    if answering is None:
+        return None
+    angle = next((i for i, n in enumerate(pair.inputs) if re.search(ANGLE, n.lower())), None)
+    thrust = _thrust(pair)
+    if angle is None or not thrust:
+        return None
+    outputs = [*thrust, *_of_kind(pair, "drivetrain_torsion")]
+    whole, chosen, sealed = (
+        _seen(answering, part, angle, thrust[0], outputs)
+        for part in (answering.whole, answering.chosen, answering.sealed)
+    )
+    channel, nats = pair.shown[thrust[0]], replicated(answering, angle, outputs)
+    if is_late(whole) and is_late(chosen, 0.5) and sealed.late > 0:
+        return _late(whole, sealed, channel, nats)
+    if is_second_bending(whole, bool(pair.blades)) and min(sealed.swell, -sealed.fall) > 0:
+        words = (
+            f"what wind does to {channel} is {np.exp(whole.swell):.2g} times as strong (in power) about ten times a"
+            f" revolution and {np.exp(whole.fall):.2g} times above fifteen, as behind a flexible blade"
+        )
+        return Answer(("blade_flap",), channel, {"blade_flap": words}, nats)
+    if still is not False and is_strong(whole) and sealed.gain > 0:
+        return _strong(whole, channel, bool(still), nats)
+    return None
+
+
+def replicated(a: Answering, angle: int, outputs: Sequence[int]) -> float:
+    """Return by how many nats the answers before the sealed part foretell those in it better than the runs' do.
+
+    Outputs hear the same wind, so that they count as one.
+    """
+    at = list(outputs)
+    seen, known = (np.asarray(x[:, angle][:, at]) for x in (a.sealed.H, a.sealed.V))
+    nats = np.zeros(len(at))
+    for side, sign in ((a.run, 1.0), (a.chosen, -1.0)):
+        variance = known + side.V[:, angle][:, at]
+        nats += sign * np.sum(np.abs(seen - side.H[:, angle][:, at]) ** 2 / variance + np.log(variance), axis=0)
+    return float(nats.mean())
+
+
+def is_late(s: Seen, share: float = 1.0) -> bool:
+    """Tell whether answers come late: far enough for lift or a blade, and surely so."""
+    rules = in_force().run_prior
+    return s.late > rules.late_angle * share and s.late > rules.late_deviations * share * s.late_std
+
+
+def is_strong(s: Seen) -> bool:
+    """Tell whether the rotor answers more strongly, and not late."""
+    rules = in_force().run_prior
+    sure = s.gain > max(rules.strong_gain, rules.late_deviations * s.gain_std)
+    return sure and s.quick > 0 and s.late < rules.late_angle and abs(s.swell) < rules.bending_swell
+
+
+def is_second_bending(s: Seen, has_blades: bool) -> bool:
+    """Tell whether wind's loads swell about a blade's second bending mode and fall above it."""
+    rules = in_force().run_prior
+    return has_blades and s.swell > rules.bending_swell and s.fall < -rules.bending_fall
+
+
+def _late(whole: Seen, sealed: Seen, channel: str, nats: float) -> Answer | None:
+    rules = in_force().run_prior
+    late = f"the rotor answers its pitch angle late, by {whole.late:.2g} rad of a revolution"
+    if whole.late > rules.bending_angle and whole.fall < -rules.late_bending_fall:
+        words = (
+            f"{late}, and what wind does to {channel} falls to {np.exp(whole.fall):.2g} times the power above fifteen"
+            " times a revolution: the blades bend flapwise"
+        )
+        return Answer(("blade_flap",), channel, {"blade_flap": words}, nats)
+    quickly = whole.quick > max(rules.quick_gain, rules.quick_deviations * whole.quick_std)
+    if whole.late < rules.bending_angle and quickly and sealed.quick > 0:
+        words = (
+            f"{late}, but {np.exp(whole.quick):.2g} times as strongly as in the simulation when it turns quickly: lift"
+            " builds up with the flow (unsteady aerodynamics)"
+        )
+        return Answer(("unsteady_aero",), channel, {"unsteady_aero": words}, nats)
+    return None
+
+
+def _strong(whole: Seen, channel: str, still: bool, nats: float) -> Answer:
+    strength = f"the rotor answers its pitch angle {np.exp(whole.gain):.3g} times as strongly as in the simulation"
+    same = ", while its levels are the same" if still else ""
+    words = {
+        "dynamic_inflow": f"{strength}{same}: the wake takes its time (dynamic inflow)",
+        "air_density": f"{strength}: the air is denser",
+    }
+    names = ("dynamic_inflow",) if still else ("dynamic_inflow", "air_density")
+    return Answer(names, channel, {n: words[n] for n in names}, nats)
+
+
+def _thrust(pair: Pair) -> list[int]:
+    """Return places of outputs that go with the thrust: mean flap moments of all blades, then the tower fore-aft."""
+    return [*_of_kind(pair, "blade_flap"), *_of_kind(pair, "tower_fore_aft")]
+
+
+def _of_kind(pair: Pair, entry: str) -> list[int]:
+    pattern = next(k.pattern for k in KINDS if k.entry == entry)
+    parts = ("collective",) if entry == "blade_flap" else ("",)
+    found = [(j, *without_part(n)) for j, n in enumerate(pair.shown)]
+    return [j for j, stem, part in found if part in parts and re.search(pattern, stem.lower())]
+
+
+def _seen(a: Answering, part: Answers, angle: int, thrust: int, outputs: Sequence[int]) -> Seen:
+    places, turn = (angle, outputs), 2 * np.pi * a.hz
+    slow = fitted(part, a.run, _within(a, _SLOW), a.orders, a.hz, places, _SLACK)
+    every = fitted(part, a.run, a.orders > 0, a.orders, a.hz, places, _SLACK)
+    weights = every.gain_std**-2
+    common = np.sqrt(len(outputs))  # all outputs hear the same wind
+    rest = np.log(part.rest[:, thrust] / a.run.rest[:, thrust])
+    count = np.minimum(part.count, a.run.count)
+    base, base_var = _mean(rest, count, _within(a, _SLOW))
+    fall, fall_var = _mean(rest, count, _within(a, _FALL))
+    swell, _ = _mean(rest, count, _within(a, _SWELL))
+    quick, quick_std = _strength(a, part, angle, thrust)
+    return Seen(
+        turn * slow.delay_s, turn * slow.delay_std_s * common, float(np.sum(weights * every.gain) / weights.sum()),
+        float(every.gain_std.mean()), quick, quick_std, fall - base, swell - base,
+        float(np.hypot(np.sqrt(base_var + fall_var), in_force().run_prior.rest_spread)),
+    )  # fmt: skip
+
+
+def _strength(a: Answering, part: Answers, angle: int, thrust: int) -> tuple[float, float]:
+    """Return the logarithm of the size of quick answers of the thrust, a part's over the runs', and its deviation."""
+    at, logs, variance = _within(a, _QUICK), [], 0.0
+    for s in (part, a.run):
+        square, V = np.abs(s.H[at, angle, thrust]) ** 2, s.V[at, angle, thrust]
+        power = max(float(np.sum(square - V)), float(np.sum(V)), 1e-300)  # no less than what cannot be told from none
+        logs.append(0.5 * float(np.log(power)))
+        variance += float(np.sum(2 * np.maximum(square - V, 0.0) * V + V**2)) / (2 * power) ** 2
+    return logs[0] - logs[1], float(np.sqrt(variance))
+
+
+def _within(a: Answering, band: tuple[float, float]) -> NDArray[np.bool_]:
+    return np.asarray((a.orders > band[0]) & (a.orders < band[1]))
+
+
+def _mean(values: Array, count: Array, at: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return the mean of logarithms of power ratios over bands, and its variance: two sides of so many averages."""
+    total = float(count[at].sum())
+    return float(np.sum(values[at] * count[at]) / total), 2.0 / total
