@@ -65,6 +65,12 @@ class RunPriorRules:
         0.15, "share", "part of the best gain from which a hypothesis is refined", RUN_DECISIONS
     )
     refined_nats: float = rule(3.0, "nats", "least gain of a hypothesis that is refined", RUN_DECISIONS)
+    own_load_times: float = rule(
+        3.0,
+        "times",
+        "how often the gain of a load that turns with the rotor must exceed what the runs' own gains there",
+        "measured: 27 to 69 nats in 9 of 13 nulls in uniform wind, which gained 0.9 to 2.2 times as much",
+    )
     group_nats: float = rule(15.0, "nats", "gain from which a group of outputs tells something alone", RUN_DECISIONS)
     sure_group_nats: float = rule(
         60.0, "nats", "gain that one of the groups must have; a missing mode itself was worth 43 in one", RUN_DECISIONS
@@ -211,6 +217,9 @@ class RunPriorRules:
     )
     strong_gain: float = rule(
         0.06, "log", "gain of all answers to the pitch angle from which the wake has its own time", RUN_DECISIONS
+    )
+    strong_apart: float = rule(
+        0.6, "share", "part of that gain up to which the outputs may differ in it: a wake acts on all", RUN_DECISIONS
     )
     bending_swell: float = rule(
         0.7, "log", "growth of the power of wind's loads about a blade's second bending mode", RUN_DECISIONS

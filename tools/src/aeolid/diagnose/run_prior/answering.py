@@ -33,7 +33,8 @@ _SLACK = 0.1  # part of a response that no delay and gain need explain: a resona
 class Seen:
     """Hold what a part of the recordings shows against the runs, each with its deviation.
 
-    late: Ω T in rad of slow answers; gain: logarithm of the gain of all answers; quick: of that of quick answers of the
+    late: Ω T in rad of slow answers; gain: logarithm of the gain of all answers; apart: of an output's over
+    that, at most; quick: of that of quick answers of the
     thrust; fall, swell: logarithms of the power of what wind does to the thrust, quick and middling over slow.
     """
 
@@ -41,6 +42,7 @@ class Seen:
     late_std: float
     gain: float
     gain_std: float
+    apart: float
     quick: float
     quick_std: float
     fall: float
@@ -112,7 +114,8 @@ def is_strong(s: Seen) -> bool:
     """Tell whether the rotor answers more strongly, and not late."""
     rules = in_force().run_prior
     sure = s.gain > max(rules.strong_gain, rules.late_deviations * s.gain_std)
-    return sure and s.quick > 0 and s.late < rules.late_angle and abs(s.swell) < rules.bending_swell
+    alike = s.apart < max(rules.strong_apart * s.gain, rules.late_deviations * s.gain_std)
+    return sure and alike and s.quick > 0 and s.late < rules.late_angle and abs(s.swell) < rules.bending_swell
 
 
 def is_second_bending(s: Seen, has_blades: bool) -> bool:
@@ -168,6 +171,7 @@ def _seen(a: Answering, part: Answers, angle: int, thrust: int, outputs: Sequenc
     slow = fitted(part, a.run, _within(a, _SLOW), a.orders, a.hz, places, _SLACK)
     every = fitted(part, a.run, a.orders > 0, a.orders, a.hz, places, _SLACK)
     weights = every.gain_std**-2
+    gain = float(np.sum(weights * every.gain) / weights.sum())
     common = np.sqrt(len(outputs))  # all outputs hear the same wind
     rest = np.log(part.rest[:, thrust] / a.run.rest[:, thrust])
     count = np.minimum(part.count, a.run.count)
@@ -176,8 +180,8 @@ def _seen(a: Answering, part: Answers, angle: int, thrust: int, outputs: Sequenc
     swell, _ = _mean(rest, count, _within(a, _SWELL))
     quick, quick_std = _strength(a, part, angle, thrust)
     return Seen(
-        turn * slow.delay_s, turn * slow.delay_std_s * common, float(np.sum(weights * every.gain) / weights.sum()),
-        float(every.gain_std.mean()), quick, quick_std, fall - base, swell - base,
+        turn * slow.delay_s, turn * slow.delay_std_s * common, gain, float(every.gain_std.mean()),
+        float(np.abs(every.gain - gain).max()), quick, quick_std, fall - base, swell - base,
         float(np.hypot(np.sqrt(base_var + fall_var), in_force().run_prior.rest_spread)),
     )  # fmt: skip
 

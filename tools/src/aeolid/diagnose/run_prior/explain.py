@@ -110,6 +110,8 @@ def _with_further(
     x = replace(x, evaluations=x.evaluations + second.evaluations)
     if further is None or further.nats <= max(rules.named_nats, rules.further_share * best.nats):
         return x
+    if further.weight <= second.base.weight and further.nats <= rules.explained_share * second.lost:
+        return x  # what the first effect leaves over is as large as before
     return replace(
         x, found=(*x.found, Found(further, None, rivals_of(further, more))), change=further.change.after(best.change),
         after=further.weight, table=(*x.table, *more),

@@ -103,7 +103,8 @@ class Search:
         """Return what the same change gains on the run alone: its second half under its first, both changed.
 
         A change that brings information back which blocks have lost gains there, too; it is no effect. Nor is a load
-        that turns with the rotor and that the runs have themselves.
+        that turns with the rotor and that the runs have themselves, unless the recordings' is far larger: how much of
+        it there is goes with the wind.
         """
         change = h.change(values)
         if change.extra is not None and any(s.turned is None for s in self.pair.runs):
@@ -113,7 +114,8 @@ class Search:
         behind = change.after(replace(self.found, inputs={}, extra=None))  # what stands is done to the runs' outputs
         prior = prior_of(self.pair.of_runs_changed(replace(behind, extra=None), 0.0, 0.5), self.ridge)
         changed = evidence(prior, self.pair.of_runs_changed(behind, 0.5, 1.0), self._other.weight)
-        return max(0.0, self._share * (changed.nats - self._other.nats))
+        times = 1.0 if change.extra is None else in_force().run_prior.own_load_times
+        return max(0.0, times * self._share * (changed.nats - self._other.nats))
 
     def screen(self, hypotheses: Sequence[Hypothesis], tick: Callable[[str], None] = lambda _: None) -> list[Scored]:
         """Return the best grid value of every hypothesis, best first."""
