@@ -1,7 +1,7 @@
-"""Gate: the libraries that the test build made, at their levels, compute the bits of the library as gcc makes it at -O2.
+"""Gate: the libraries of the test build, each at its level, compute the bits of the library as gcc makes it at -O2.
 
-python levels.py ROOT PRECISION=ARCHIVE…, by day and by night. The archives hold what other levels, wider vectors or none
-make of the same sources (tests/CMakeLists.txt): only the digest of tests/firmware is compiled and linked here.
+python levels.py ROOT PRECISION=ARCHIVE…, by day and by night. The archives hold what other levels, wider vectors or
+none make of the same sources (tests/CMakeLists.txt): only the digest of tests/firmware is compiled and linked here.
 """
 
 import sys
