@@ -23,7 +23,9 @@ needs_reference = pytest.mark.skipif(not study.REFERENCE.exists(), reason="../sh
 RUNS = {"turbine": 4, "four": 5, "loop": 8, "benchmark": 3, "bilinear": 2, "blade": 3}
 
 
-BY_NIGHT = {"benchmark", "bilinear", "blade"}  # test_identify_lpv_reference.py asks the same answers by day
+# By day test_identify_lpv_reference.py asks the scheduled answers, test_identify_varx.py and test_identify_varmax.py the
+# turbine's poles with the longest window and with extended least squares, on the same recordings.
+BY_NIGHT = {"turbine", "benchmark", "bilinear", "blade"}
 SETS = [pytest.param(name, marks=pytest.mark.nightly) if name in BY_NIGHT else name for name in RUNS]
 
 
@@ -44,7 +46,7 @@ def found(name):
 
 
 @needs_reference
-@pytest.mark.nightly  # the sets of BY_NIGHT; what they read by day is another file's
+@pytest.mark.nightly  # with the sets of BY_NIGHT
 def test_every_stored_answer_is_used():
     """All of toolbox/ and the data sets that have an answer; true systems are built in and compared elsewhere."""
     answers = {p.name for p in (study.REFERENCE / "toolbox").glob("*.npz")}
