@@ -17,8 +17,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 import gate
 
 TESTS = Path(__file__).resolve().parents[1]
-# Inputs by day; `sh tests/run nightly` has minutes. With a quarter of those for the filters a seeded defect went unseen;
-# one for the wire takes five times as long, and unit tests send damaged and lost frames.
+# Inputs by day; `sh tests/run nightly` has minutes. With a quarter of the filters' a seeded defect went unseen; one for
+# the wire takes five times as long, and unit tests send damaged and lost frames.
 RUNS = {"filters": 40_000, "wire": 20_000}
 FUZZERS = {
     "filters": [TESTS / "fuzz/fuzz.c", TESTS / "family/family.c"],

@@ -23,8 +23,8 @@ needs_reference = pytest.mark.skipif(not study.REFERENCE.exists(), reason="../sh
 RUNS = {"turbine": 4, "four": 5, "loop": 8, "benchmark": 3, "bilinear": 2, "blade": 3}
 
 
-# By day test_identify_lpv_reference.py asks the scheduled answers, test_identify_varx.py and test_identify_varmax.py the
-# turbine's poles with the longest window and with extended least squares, on the same recordings.
+# By day test_identify_lpv_reference.py asks the scheduled answers; test_identify_varx.py and test_identify_varmax.py
+# the turbine's poles, with a window of 30 and with extended least squares, on the same recordings.
 BY_NIGHT = {"turbine", "benchmark", "bilinear", "blade"}
 SETS = [pytest.param(name, marks=pytest.mark.nightly) if name in BY_NIGHT else name for name in RUNS]
 
