@@ -46,8 +46,13 @@ typedef aeo_lanes_there_t aeo_few_there_t;
 #endif
 typedef aeo_real_t aeo_one_t, aeo_one_there_t;
 
+/* The header of all that later processors can do takes longer to read than a source of this library to compile. */
 #if defined(__SSE2__) && AEO_LANES > 1
+#ifdef __AVX__
 #include <immintrin.h>
+#else
+#include <emmintrin.h>
+#endif
 #endif
 
 /* What a lane of a sum begins with: -0, to which any number, -0 too, adds itself. So beginning with a product is the same. */

@@ -38,6 +38,7 @@ class Target:
     precisions: tuple[str, ...]  # by day the first
     libraries: tuple[str, ...] = ()
     tools: tuple[str, ...] = ()
+    library: tuple[str, ...] = ()  # how other gates compile the library for it, to the same code: once for all
 
 
 def arm(machine: str) -> list[str]:
@@ -51,7 +52,7 @@ def clang(triple: str, *flags: str) -> list[str]:
 
 
 TARGETS = {
-    "pc": Target(["gcc"], "pc.c", [], ("float", "double"), ("-lm",)),
+    "pc": Target(["gcc"], "pc.c", [], ("float", "double"), ("-lm",), library=("gcc",)),
     # the same processor in other forms: no vectors, wider ones, another compiler, other levels (the last one counts)
     "pc-scalar": Target(["gcc", "-DAEO_NO_VECTORS"], "pc.c", [], ("float", "double"), ("-lm", "-O0")),
     "pc-small": Target(["gcc", "-DAEO_NO_VECTORS"], "pc.c", [], ("double", "float"), ("-lm", "-Os")),
@@ -64,6 +65,7 @@ TARGETS = {
         arm("mps2-an386"),
         ("float",),
         ("-lm",),
+        library=("arm-none-eabi-gcc", *gate.CORTEX_M4F),
     ),
     "cortex-m7": Target(
         ["arm-none-eabi-gcc", "-mcpu=cortex-m7", "-mfpu=fpv5-d16", *MPS2],
@@ -98,19 +100,44 @@ def missing_tool(target: Target) -> str:
     return next((tool for tool in tools if shutil.which(tool) is None), "")
 
 
-def build(target: Target, program: str, precision: str, path: Path, *flags: str) -> str:
-    """Build one of the programs of tests/firmware for a target; returns the compiler's messages, empty when built."""
+def compile_program(target: Target, program: str, precision: str, objects: Path, *flags: str) -> str:
+    """Compile one of the programs of tests/firmware without the library; returns the messages, empty when compiled."""
     sources = [FIRMWARE / program, FIRMWARE / target.board, FIRMWARE / "text.c", TESTS / "family/family.c"]
     include = [gate.ROOT / "include", gate.ROOT / "src", FIRMWARE, TESTS / "family"]
-    levels = [word for word in target.libraries if word.startswith("-O")]
-    wanted = [*COMMON, *gate.PRECISIONS[precision], *flags, *levels]
+    return gate.compile_each(target.compiler, [*_flags(target, precision, *flags), *UNUSED], include, sources, objects)
+
+
+def build(target: Target, program: str, precision: str, path: Path, *flags: str) -> str:
+    """Build one of the programs of tests/firmware for a target; returns the compiler's messages, empty when built.
+
+    Args:
+        target: the machine.
+        program: name of the source.
+        precision: `float` or `double`.
+        path: of the program.
+        flags: of the program; the library has those of the target.
+    """
     objects = gate.scratch()
-    messages = gate.compile_each(target.compiler, [*wanted, *UNUSED], include, [*sources, *gate.SOURCES], objects)
-    if messages:
-        return messages
-    command = [*target.compiler, *wanted, *map(str, sorted(objects.glob("*.o"))), *target.libraries, "-o", str(path)]
+    if target.library:
+        command, wanted = list(target.library), [*gate.LIBRARY, *gate.PRECISIONS[precision]]
+    else:
+        command, wanted = target.compiler, [*_flags(target, precision), *UNUSED]
+    messages = compile_program(target, program, precision, objects, *flags)
+    messages = messages or gate.compile_sources(command, wanted, objects)
+    return messages or link(target, precision, sorted(objects.glob("*.o")), path)
+
+
+def link(target: Target, precision: str, parts: list[Path], path: Path) -> str:
+    """Link objects and archives; returns the linker's messages, empty when linked."""
+    command = [*target.compiler, *_flags(target, precision), *map(str, parts), *target.libraries, "-o", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return "" if done.returncode == 0 else done.stderr or "compiler failed"
+
+
+def _flags(target: Target, precision: str, *flags: str) -> list[str]:
+    """Return the flags that a target's sources are compiled and linked with; the last level counts."""
+    levels = [word for word in target.libraries if word.startswith("-O")]
+    return [*COMMON, *gate.PRECISIONS[precision], *flags, *levels]
 
 
 def run(target: Target, path: Path) -> tuple[int, list[str]]:

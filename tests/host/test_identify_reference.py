@@ -5,6 +5,7 @@ with all runs is tests/studies/results/reference.md.
 """
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,9 +23,15 @@ needs_reference = pytest.mark.skipif(not study.REFERENCE.exists(), reason="../sh
 RUNS = {"turbine": 4, "four": 5, "loop": 8, "benchmark": 3, "bilinear": 2, "blade": 3}
 
 
-@pytest.fixture(scope="module")
-def found():
-    """Return the cases of all sets and the names of the files that were read."""
+# By day test_identify_lpv_reference.py asks the scheduled answers; test_identify_varx.py and test_identify_varmax.py
+# the turbine's poles, with a window of 30 and with extended least squares, on the same recordings.
+BY_NIGHT = {"turbine", "benchmark", "bilinear", "blade"}
+SETS = [pytest.param(name, marks=pytest.mark.nightly) if name in BY_NIGHT else name for name in RUNS]
+
+
+@cache
+def found(name):
+    """Return the cases of a set and the names of the files that were read."""
     read, load, past = set(), np.load, study.BILINEAR_PAST
 
     def note(path, *arguments, **options):
@@ -33,17 +40,18 @@ def found():
 
     np.load, study.BILINEAR_PAST = note, (3, 5, 6, 8)  # 2, 4, 7 and 9: test_identify_lpv_reference.py
     try:
-        return {name: list(study.SETS[name](study.REFERENCE, runs)) for name, runs in RUNS.items()}, read
+        return list(study.SETS[name](study.REFERENCE, RUNS[name])), read
     finally:
         np.load, study.BILINEAR_PAST = load, past
 
 
 @needs_reference
-def test_every_stored_answer_is_used(found):
+@pytest.mark.nightly  # with the sets of BY_NIGHT
+def test_every_stored_answer_is_used():
     """All of toolbox/ and the data sets that have an answer; true systems are built in and compared elsewhere."""
     answers = {p.name for p in (study.REFERENCE / "toolbox").glob("*.npz")}
     data = {p.name for p in (study.REFERENCE / "data").glob("*.npz") if not p.name.startswith("true_")}
-    assert answers and answers | data <= found[1]
+    assert answers and answers | data <= set().union(*(found(name)[1] for name in RUNS))
 
 
 @needs_reference
@@ -69,10 +77,10 @@ def test_the_true_systems_are_those_of_the_models_file():
 
 
 @needs_reference
-@pytest.mark.parametrize("name", RUNS)
-def test_ours_is_at_least_as_good(found, name):
+@pytest.mark.parametrize("name", SETS)
+def test_ours_is_at_least_as_good(name):
     """Nothing is behind but what is explained, and that by its figure; what the toolbox gets wrong is better."""
-    for case in found[0][name]:
+    for case in found(name)[0]:
         for row in case.rows():
             known = (row["set"], row["measure"]) in study.EXPLAINED
             assert row["word"] != "behind" or known, row
@@ -84,7 +92,7 @@ def test_ours_is_at_least_as_good(found, name):
 
 @needs_reference
 @pytest.mark.parametrize("name", study.PRINTED_FOUR)
-def test_single_answers_lie_within_the_scatter_of_a_draw(found, name):
+def test_single_answers_lie_within_the_scatter_of_a_draw(name):
     """Where one printed answer is all there is: the log ratio against the deviation of fresh draws of ours, 5 %."""
     feedback, samples = (0.25 if "cl" in name else 0.0), int(name.partition("_N")[2])
     judge = study.fourth_order_judge(study.REFERENCE)
@@ -92,16 +100,17 @@ def test_single_answers_lie_within_the_scatter_of_a_draw(found, name):
         judge([simulate_fourth_order(samples, 100 + seed, feedback=feedback)], () if feedback else ("u1", "u2"))
         for seed in range(12)
     ]
-    for case in found[0]["four"]:
+    for case in found("four")[0]:
         for row in case.rows() if case.name.startswith(name + ",") else ():
             spread = np.std([np.log(f[row["measure"]]) for f in fresh], ddof=1)
             assert np.log(row["ours"] / row["toolbox"]) < student.ppf(0.95, 11) * np.sqrt(2) * spread, row
 
 
 @needs_reference
-def test_scheduled_models_explain_better_on_average(found):
+@pytest.mark.nightly  # by day test_identify_lpv_reference.py
+def test_scheduled_models_explain_better_on_average():
     for name in ("benchmark", "blade"):
-        for case in found[0][name]:
+        for case in found(name)[0]:
             for measure in case.ours:
                 if "VAF" in measure or "gain" in measure:
                     assert case.ours[measure].mean() < case.theirs[measure].mean(), (case.name, measure)
