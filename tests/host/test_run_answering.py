@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -14,7 +15,9 @@ from aeolid.compiled import njit
 from aeolid.diagnose.run_prior.answering import named, replicated
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.responses import Answering, answering_of, fitted
+from aeolid.diagnose.run_prior.shown import answers_of
 from aeolid.record import Channel, Record
+from aeolid.report.pair import sides
 
 Array = NDArray[np.float64]
 STEP, SAMPLES, SPEED = 0.05, 12_000, 1.267
@@ -167,3 +170,19 @@ def test_what_is_not_recorded_tells_nothing() -> None:
         turbine(21, bend=BEND, samples=3000),
     ):  # fmt: skip
         assert entries(other, run) == ()
+
+
+def test_the_page_shows_what_the_answers_are() -> None:
+    """A picture with a column an output; a ratio of 1.2 stands as 1.2 within its deviations."""
+    recording, run = turbine(23, gain=1.2), turbine(0)
+    pair = pair_of([recording], [run], CONTEXT)
+    facts = answers_of(pair, answers(recording, run))
+    flap = facts["answers"]["outputs"][0]
+    assert flap["output"] == "flap_moment_collective"
+    z = np.log(np.array(flap["gain"]) / 1.2) / np.array(flap["std"])
+    assert np.sqrt(np.mean(z**2)) < 1.6  # near 1, of 16 bands
+    json.dumps(facts, allow_nan=False)
+    page = str(sides({**facts, "modes": {}}))
+    assert page.count("<svg") == 1
+    assert "flap_moment_collective" in page
+    assert answers_of(pair, None) == {}

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.report import charts
+from aeolid.report.answers import answers_part
 from aeolid.report.markup import Html, figure, folded, join, section, table, tag
 from aeolid.report.numbers import with_std
 from aeolid.report.turn import both_over_turn
@@ -30,6 +31,7 @@ def sides(evidence: Facts, *, turning: bool = True) -> Html:
         "The recording against the simulation",
         _modes(modes.get("recorded") or [], modes.get("simulated") or []),
         both_over_turn(evidence.get("turning") or {}) if turning else None,
+        answers_part(evidence.get("answers") or {}),
         _responses(evidence.get("responses") or {}),
     )
 

@@ -67,11 +67,10 @@ def named(pair: Pair, answering: Answering | None, still: bool | None) -> Answer
     """
     if answering is None:
         return None
-    angle = next((i for i, n in enumerate(pair.inputs) if re.search(ANGLE, n.lower())), None)
-    thrust = _thrust(pair)
+    angle, thrust = angle_of(pair), _thrust(pair)
     if angle is None or not thrust:
         return None
-    outputs = [*thrust, *_of_kind(pair, "drivetrain_torsion")]
+    outputs = shown_outputs(pair)
     whole, chosen, sealed = (
         _seen(answering, part, angle, thrust[0], outputs)
         for part in (answering.whole, answering.chosen, answering.sealed)
@@ -88,6 +87,16 @@ def named(pair: Pair, answering: Answering | None, still: bool | None) -> Answer
     if still is not False and is_strong(whole) and sealed.gain > 0:
         return _strong(whole, channel, bool(still), nats)
     return None
+
+
+def angle_of(pair: Pair) -> int | None:
+    """Return the place of the input that turns the blades."""
+    return next((i for i, n in enumerate(pair.inputs) if re.search(ANGLE, n.lower())), None)
+
+
+def shown_outputs(pair: Pair) -> list[int]:
+    """Return the places of outputs whose answers are compared: those that go with the thrust, then speeds."""
+    return [*_thrust(pair), *_of_kind(pair, "drivetrain_torsion")]
 
 
 def replicated(a: Answering, angle: int, outputs: Sequence[int]) -> float:

@@ -21,12 +21,14 @@ from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
 from aeolid.diagnose.run_prior.explain import Explanation, Found, explain, with_standing
 from aeolid.diagnose.run_prior.least import not_excluded
+from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
 from aeolid.diagnose.run_prior.replicated import with_replicated
-from aeolid.diagnose.run_prior.search import Search
-from aeolid.diagnose.run_prior.shown import series_of, sides_of
+from aeolid.diagnose.run_prior.responses import Answering, answering_of
+from aeolid.diagnose.run_prior.search import FIT, Search
+from aeolid.diagnose.run_prior.shown import answers_of, series_of, sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
 from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
@@ -37,13 +39,14 @@ _FAULTS = ("data_time_offset", "sensor_sign")  # of what was found, what is the 
 
 @dataclass(frozen=True, eq=False)
 class RunStudy:
-    """Hold a pair, what explains it, how sure that is, and the values told of each effect."""
+    """Hold a pair, what explains it, how sure that is, the values told of each effect, and how both sides answer."""
 
     pair: Pair
     explanation: Explanation
     proof: RunProof
     told: tuple[Told, ...]
     names: tuple[tuple[Name, ...], ...]
+    answering: Answering | None = None
 
     @property
     def is_borne_out(self) -> bool:
@@ -73,7 +76,8 @@ def study_run(
     found = explain(pair, context, units, deadline, tick)
     if not deadline.passed:
         found = with_replicated(pair, with_beside(pair, found, context, units, tick), units, tick)
-    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart)
+    answering = answering_of(pair, records, runs, context, FIT) if is_turbine(context) else None
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering)
     found = with_standing(found, standing)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
@@ -87,7 +91,7 @@ def study_run(
         values = values_of(*((pair, ridge) if own is None else (own, Search(own).ridge)), effect, others)
         told.append(shown_values(effect, *values))
     names = tuple(tuple(names_of(f, t, found, context)) for f, t in zip(found.found, told, strict=True))
-    return RunStudy(pair, found, proof, tuple(told), names)
+    return RunStudy(pair, found, proof, tuple(told), names, answering)
 
 
 def _others(found: Explanation, effect: Found) -> Change:
@@ -220,4 +224,4 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units:
         ],
         "evaluations": x.evaluations,
         "series": series_of(study.pair, study.proof.series, units) if study.names and study.is_borne_out else {},
-    } | sides_of(study.pair, x.modal, units)  # fmt: skip
+    } | sides_of(study.pair, x.modal, units) | answers_of(study.pair, study.answering)  # fmt: skip

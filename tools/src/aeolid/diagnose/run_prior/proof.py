@@ -55,8 +55,9 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     trust = float(np.clip(explanation.after, TRUST, 1.0)) if np.isfinite(explanation.after) else TRUST
     bare = _foretold(pair, NOTHING, ridge, edges, trust)
     freed = _foretold(pair, NOTHING, ridge, edges, explanation.weight)
-    full = freed if own else _foretold(pair, explanation.change, ridge, edges, trust)
-    gains = full.nats - bare.nats
+    only = all(f.scored is None for f in explanation.found) and bool(explanation.found)  # the model is the recordings'
+    full = freed if own or only else _foretold(pair, explanation.change, ridge, edges, trust)
+    gains = np.zeros(_BLOCKS) if only and not own else full.nats - bare.nats
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
     spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
     gain = float(gains.sum()) + sum(s.nats for s in apart)

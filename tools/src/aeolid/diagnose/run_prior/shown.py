@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.localise.turn import angles_deg, mean_over_turn
+from aeolid.diagnose.run_prior.answering import angle_of, shown_outputs
 from aeolid.diagnose.run_prior.modal import Modal
 from aeolid.diagnose.run_prior.pair import Pair, Side
+from aeolid.diagnose.run_prior.responses import Answering
 from aeolid.models.multiblade import PARTS
 
 Array = NDArray[np.float64]
@@ -35,6 +37,29 @@ def sides_of(pair: Pair, modal: Modal, units: Mapping[str, str]) -> dict[str, An
             for j, name in enumerate(pair.outputs)
         }  # fmt: skip
     return facts
+
+
+def answers_of(pair: Pair, answering: Answering | None) -> dict[str, Any]:
+    """Return the recordings' answers to the pitch angle over the runs', by output and band, as JSON.
+
+    gain, phase_deg: of their ratio; std: of the gain's logarithm, and of the phase in rad; wind: ratio of the powers of
+    what the answers leave.
+    """
+    angle = angle_of(pair)
+    if answering is None or angle is None:
+        return {}
+    own, run = answering.whole, answering.run
+    outputs = []
+    for j in shown_outputs(pair):
+        a, b = own.H[:, angle, j], run.H[:, angle, j]
+        ratio = a / np.where(b == 0, np.nan, b)
+        spread = np.sqrt(0.5 * (own.V[:, angle, j] / np.abs(a) ** 2 + run.V[:, angle, j] / np.abs(b) ** 2))
+        outputs.append({
+            "output": pair.shown[j], "gain": np.abs(ratio).tolist(), "phase_deg": np.angle(ratio, deg=True).tolist(),
+            "std": spread.tolist(), "wind": (own.rest[:, j] / run.rest[:, j]).tolist(),
+        })  # fmt: skip
+    orders = answering.orders.tolist()
+    return {"answers": {"input": pair.inputs[angle], "orders": orders, "hz": answering.hz, "outputs": outputs}}
 
 
 def series_of(pair: Pair, series: Mapping[str, Mapping[str, Any]], units: Mapping[str, str]) -> dict[str, Any]:

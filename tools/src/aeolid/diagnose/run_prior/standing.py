@@ -17,8 +17,7 @@ from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.pair import Pair
-from aeolid.diagnose.run_prior.responses import answering_of
-from aeolid.diagnose.run_prior.search import FIT
+from aeolid.diagnose.run_prior.responses import Answering
 from aeolid.record import Record
 
 _CUBE = 3  # of the wind a power goes with: IEC 61400-12-1 normalises wind speeds by the cube root of the density
@@ -44,16 +43,16 @@ class Standing:
 
 def standing_of(
     pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any],
-    moved: Mapping[str, float], detected: bool,
+    moved: Mapping[str, float], detected: bool, answering: Answering | None = None,
 ) -> tuple[Standing, ...]:  # fmt: skip
-    """Return what levels and unevenness of a turbine tell, the level of power first; at most one effect of each."""
+    """Return what levels, answers and unevenness of a turbine tell, the level of power first; one effect at most."""
     if not is_turbine(context):
         return ()
     laws = shifts_of(records, runs, context)
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     if wind is not None:
         return (_power(laws, wind, wind_of(records[0], runs[0])),)
-    answer = named(pair, answering_of(pair, records, runs, context, FIT), _still(laws))
+    answer = named(pair, answering, _still(laws))
     found = _answered(answer) if answer is not None else _blade(laws, moved) or _inflow(laws, detected)
     if found is not None:
         return (found,)
