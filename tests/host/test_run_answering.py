@@ -172,6 +172,33 @@ def test_what_is_not_recorded_tells_nothing() -> None:
         assert entries(other, run) == ()
 
 
+@pytest.mark.parametrize(("every", "bands"), [(8, True), (40, False)])
+def test_rare_samples_are_compared_as_far_as_they_reach(every: int, bands: bool) -> None:
+    """At 0.4 s bands reach to five revolutions, above which nothing is told; at 2 s there are none worth the name."""
+    slow = [thinned(r, every) for r in (turbine(21, bend=BEND), turbine(0))]
+    pair = pair_of(slow[:1], slow[1:], CONTEXT)
+    found = answering_of(pair, slow[:1], slow[1:], CONTEXT, 0.7)
+    assert (found is not None) == bands
+    assert named(pair, found, True) is None
+    assert not bands or found is None or found.orders.max() < 5
+
+
+def thinned(record: Record, every: int) -> Record:
+    """Return every n-th sample."""
+    return replace(record, values=record.values[::every], time_s=record.time_s[::every], sample_time_s=every * STEP)
+
+
+def test_several_regions_and_runs_left_out_are_not_mixed() -> None:
+    """Answers of a rotor go with the wind: means over other winds on either side are none of one rotor."""
+    near, far = turbine(21, bend=BEND), turbine(25)
+    values = far.values.copy()
+    values[:, 0] += 12.0  # another pitch angle: another region
+    far = replace(far, values=values)
+    for recordings, runs in (([near], [turbine(0), far]), ([near, far], [turbine(0), far])):
+        pair = pair_of(recordings, runs, CONTEXT)
+        assert answering_of(pair, recordings, runs, CONTEXT, 0.7) is None
+
+
 def test_the_page_shows_what_the_answers_are() -> None:
     """A picture with a column an output; a ratio of 1.2 stands as 1.2 within its deviations."""
     recording, run = turbine(23, gain=1.2), turbine(0)

@@ -191,6 +191,9 @@ class RunPriorRules:
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
     )
+    answer_bands: int = rule(
+        6, "count", "bands below the Nyquist frequency that answers are compared in, at the least", RUN_DECISIONS
+    )
     answer_gaps: float = rule(
         0.05, "share", "missing samples of a side above which its answers are not compared", RUN_DECISIONS
     )

@@ -135,7 +135,7 @@ def is_second_bending(s: Seen, has_blades: bool) -> bool:
 
 def _late(whole: Seen, sealed: Seen, channel: str, nats: float) -> Answer | None:
     rules = in_force().run_prior
-    late = f"the rotor answers its pitch angle late, by {whole.late:.2g} rad of a revolution"
+    late = f"the rotor answers its pitch angle late, by the time in which it turns by {whole.late:.2g} rad"
     if whole.late > rules.bending_angle and whole.fall < -rules.late_bending_fall:
         words = (
             f"{late}, and what wind does to {channel} falls to {np.exp(whole.fall):.2g} times the power above fifteen"
@@ -198,6 +198,8 @@ def _seen(a: Answering, part: Answers, angle: int, thrust: int, outputs: Sequenc
 def _strength(a: Answering, part: Answers, angle: int, thrust: int) -> tuple[float, float]:
     """Return the logarithm of the size of quick answers of the thrust, a part's over the runs', and its deviation."""
     at, logs, variance = _within(a, _QUICK), [], 0.0
+    if not at.any():
+        return 0.0, np.inf
     for s in (part, a.run):
         square, V = np.abs(s.H[at, angle, thrust]) ** 2, s.V[at, angle, thrust]
         power = max(float(np.sum(square - V)), float(np.sum(V)), 1e-300)  # no less than what cannot be told from none
@@ -211,6 +213,11 @@ def _within(a: Answering, band: tuple[float, float]) -> NDArray[np.bool_]:
 
 
 def _mean(values: Array, count: Array, at: NDArray[np.bool_]) -> tuple[float, float]:
-    """Return the mean of logarithms of power ratios over bands, and its variance: two sides of so many averages."""
+    """Return the mean of logarithms of power ratios over bands, and its variance: two sides of so many averages.
+
+    Of no bands, where samples are too rare for them, it is 0 and anything.
+    """
     total = float(count[at].sum())
+    if total <= 0:
+        return 0.0, np.inf
     return float(np.sum(values[at] * count[at]) / total), 2.0 / total

@@ -71,19 +71,23 @@ class Fit:
 def answering_of(
     pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any], fit: float
 ) -> Answering | None:
-    """Return the answers of both sides; None without as many recorded excitations as inputs or with too few segments.
+    """Return the answers of both sides; None where they cannot be compared.
 
-    fit: part of each recording that is not sealed.
+    As many excitations must be recorded as there are inputs, all sides lie in one region of operation, and hold enough
+    segments without gaps. fit: part of each recording that is not sealed.
     """
     rules, names = in_force().run_prior, records[0].names("excitation")
     turn = context.get("rated_speed_rad_s")
-    sides = (*records, *runs)
-    if not turn or len(names) != len(pair.inputs) or any(not _moves(r, names) for r in sides):
+    if not turn or len(names) != len(pair.inputs) or any(not _moves(r, names) for r in (*records, *runs)):
+        return None
+    if len(pair.offset) > 1 or len(pair.recordings) != len(records) or len(pair.runs) != len(runs):
         return None
     if any(s.missing.mean() > rules.answer_gaps for s in (*pair.recordings, *pair.runs)):
         return None
     hz = float(turn) / (2 * np.pi)
     edges = _edges(min(_HIGHEST, _NYQUIST / (2 * pair.step * hz)))
+    if len(edges) < rules.answer_bands + 1:
+        return None
 
     def of(group: Sequence[Side], told: Sequence[Record], first: float, last: float) -> Answers | None:
         parts = []
@@ -92,7 +96,7 @@ def answering_of(
             table = np.hstack([z, s.u, fixed_frame(s.y, s.azimuth, pair.blades)])
             a, b = round(first * len(s)), round(last * len(s))
             parts.append(_spectra(table[a:b], pair.step, hz))
-        return _answers(parts, len(names), len(pair.inputs), edges * hz, pair.step, hz)
+        return _answers(parts, len(names), len(pair.inputs), edges * hz, pair.step)
 
     made = [
         of(pair.recordings, records, 0.0, 1.0), of(pair.recordings, records, 0.0, fit),
@@ -117,8 +121,8 @@ def _edges(top: float) -> Array:
     return np.array(found)
 
 
-def _spectra(table: Array, step: float, hz: float) -> tuple[ComplexArray, int]:
-    """Return the sum of conj(X_i) X_j (f, c, c) over Hann windows that overlap by half, and their number."""
+def _spectra(table: Array, step: float, hz: float) -> tuple[ComplexArray, int, int]:
+    """Return the sum of conj(X_i) X_j (f, c, c) over Hann windows that overlap by half, their number and length."""
     length = round(_TURNS / (hz * step))
     starts = range(0, len(table) - length + 1, length // 2)
     window = np.hanning(length)[:, None]
@@ -127,18 +131,18 @@ def _spectra(table: Array, step: float, hz: float) -> tuple[ComplexArray, int]:
         x = table[a : a + length]
         X = np.fft.rfft(window * (x - x.mean(axis=0)), axis=0)
         total += X.conj()[:, :, None] * X[:, None, :]
-    return total, len(starts)
+    return total, len(starts), length
 
 
 def _answers(
-    parts: Sequence[tuple[ComplexArray, int]], z: int, u: int, edges_hz: Array, step: float, hz: float
+    parts: Sequence[tuple[ComplexArray, int, int]], z: int, u: int, edges_hz: Array, step: float
 ) -> Answers | None:
-    segments = sum(n for _, n in parts)
+    segments, length = sum(n for _, n, _ in parts), parts[0][2]
     if segments < in_force().run_prior.answer_segments:
         return None
-    total = np.sum([s for s, _ in parts], axis=0) / segments
-    f = np.arange(len(total)) * hz / _TURNS
-    seconds = (segments + len(parts)) * _TURNS / (2 * hz)
+    total = np.sum([s for s, _, _ in parts], axis=0) / segments
+    f = np.fft.rfftfreq(length, step)
+    seconds = (segments + len(parts)) * length * step / 2
     made = []
     for low, high in pairwise(edges_hz):
         inside = (f >= low) & (f < high)
