@@ -1,4 +1,4 @@
-"""What is held against a name: a load that the runs have themselves, a second effect that brings nothing back."""
+"""What is held against a name: loads of the runs, a second effect that brings nothing back, what looks alike."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ import pytest
 from aeolid.diagnose.rules import in_force, with_rules
 from aeolid.diagnose.run_prior import explain
 from aeolid.diagnose.run_prior.build import pair_of
-from aeolid.diagnose.run_prior.explain import Explanation
+from aeolid.diagnose.run_prior.explain import Explanation, Found, with_standing
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
-from aeolid.diagnose.run_prior.modal import Modal
+from aeolid.diagnose.run_prior.modal import Absent, Modal
+from aeolid.diagnose.run_prior.naming import names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
+from aeolid.diagnose.run_prior.standing import Standing
 from aeolid.record import Channel, Record
 
 STEP, SAMPLES, SPEED = 0.1, 6000, 1.2
@@ -85,6 +87,32 @@ def test_a_second_effect_brings_the_run_back_or_explains_half(
     first = Scored(hypothesis("output:speed"), (1.5,), 137.0, 137.0, 0.1)
     other = Scored(hypothesis("output:acceleration"), (1.2,), nats, nats, weight)
     monkeypatch.setattr(explain, "Search", partial(_Second, other))
-    x = Explanation(454.0, 0.03, {}, (explain.Found(first, None),), (first,), Modal((), (), ()))
+    x = Explanation(454.0, 0.03, {}, (Found(first, None),), (first,), Modal((), (), ()))
     told = explain._with_further(cast(Pair, None), x, first, cast(Any, [other.hypothesis]), lambda _: None)
     assert len(told.found) == count
+
+
+NONE = Explanation(454.0, 0.03, {}, (), (), Modal((), (), ()))
+
+
+@pytest.mark.parametrize(("kind", "answers", "kept"), [("", True, 0), ("", False, 1), ("tower_fore_aft", True, 1)])
+def test_a_mode_without_a_name_is_part_of_how_the_rotor_answers(kind: str, answers: bool, kept: int) -> None:
+    """Rigid blades moved a mode of 3 Hz at the tower's top, which was told instead of the blades."""
+    mode = Absent(2.98, 0.02, 0.021, 0.003, "tower_acc_fore_aft", kind=kind)
+    told = Standing(("blade_flap",), {"blade_flap": "rotor"}, {}, {"blade_flap": "blades bend"}, 100.0, answers=answers)
+    found = with_standing(replace(NONE, found=(Found(None, mode),)), (told,)).found
+    assert sum(f.mode is not None for f in found) == kept
+    assert sum(f.standing is not None for f in found) == 1 - kept
+
+
+@pytest.mark.parametrize(("output", "factor", "names"), [
+    ("tower_acc_fore_aft", 0.954, ["sensor_scale", "added_mass"]),
+    ("tower_acc_fore_aft", 0.5, ["sensor_scale"]),
+    ("generator_speed", 0.954, ["sensor_scale"]),
+])  # fmt: skip
+def test_a_tower_that_moves_a_little_less_may_be_heavier(output: str, factor: float, names: list[str]) -> None:
+    """A nacelle heavier by 8 % was told as a sensor's factor of 0.954, and sure of it."""
+    scored = Scored(hypothesis(f"output:{output}"), (factor,), 60.0, 60.0, 0.3)
+    told = names_of(Found(scored, None), {"factor": (factor, 0.03)}, NONE, CONTEXT)
+    assert [n.entry for n in told] == names
+    assert all(f"{factor:.3g}" in statement(n, {}) for n in told)

@@ -188,6 +188,12 @@ class RunPriorRules:
     fastest_turning: float = rule(
         1.3, "times", "largest mean speed, of the rated one, that a turbine at work can have", RUN_DECISIONS
     )
+    mass_factor: float = rule(
+        1.25,
+        "times",
+        "factor of a tower's motion, or its inverse, up to which it may be another mass as well as a sensor's",
+        "measured: 0.954 with a nacelle heavier by 8 %",
+    )
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
     )

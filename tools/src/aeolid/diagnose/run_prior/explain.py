@@ -127,10 +127,13 @@ def limit_of(pair: Pair, unsteady: float) -> float:
 def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
     """Return an explanation with what levels tell: beside an actuator or sensor, in place of an aerodynamic factor.
 
-    A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved.
+    A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved; but
+    where a rotor answers as behind other blades or another flow, a mode without a name is a part of that.
     """
     if not standing:
         return x
+    if any(s.answers for s in standing):
+        x = replace(x, found=tuple(f for f in x.found if f.mode is None or f.mode.kind or f.edge))
     kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
     told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.place.get("air_density"))
     if not told:

@@ -39,6 +39,7 @@ _WORDS = {
     "data_time_offset": "the outputs are stamped {offset_s:.3g} s late against the inputs",
     "sensor_lag": "{name} is measured through a lag of {tau_s:.3g} s that the simulation leaves out",
     "sensor_scale": "{name} reads {factor:.3g} times what the simulation says",
+    "added_mass": "{name} moves {factor:.3g} times as much as in the simulation: another mass moves with it",
     "sensor_sign": "{name} has the other sign in the recording",
     "sensor_rectified": "{name} is recorded as its absolute value",
     "sensor_saturation": "{name} is cut at the ends of its range",
@@ -125,11 +126,15 @@ def _mode_name(found: Found, context: Mapping[str, Any]) -> str:
 
 
 def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Mapping[str, Any]) -> list[str]:
-    """Return what an operator may stand for: a factor on the pitch of a turbine is aerodynamic."""
+    """Return what an operator may stand for: a factor on a turbine's pitch is aerodynamic, on its tower a mass."""
     if h.entry == "mass_imbalance":
         return _imbalance(explanation)
     if h.entry == "tower_shadow":
         return ["tower_shadow", "rotational_sampling"]
+    if h.entry == "sensor_scale" and is_turbine(context) and _is_of_tower(h):
+        assert found.scored is not None
+        most = in_force().run_prior.mass_factor
+        return ["sensor_scale", "added_mass"] if 1 / most < found.scored.values[0] < most else ["sensor_scale"]
     if h.entry != "parameter_error" or not is_turbine(context) or not h.place.startswith("input:"):
         return [h.entry]
     if not _is_angle(h):
@@ -139,6 +144,11 @@ def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Ma
     if slow > in_force().run_prior.aero_rival_share * found.scored.nats and found.scored.values[0] > 1:
         return ["dynamic_inflow", "parameter_error"]
     return ["air_density", "parameter_error"]
+
+
+def _is_of_tower(h: Hypothesis) -> bool:
+    """Tell whether an output shows how the tower swings: a heavier nacelle swings less under the same loads."""
+    return any(k.place == "tower" and re.search(k.pattern, h.place.lower()) for k in KINDS)
 
 
 def _is_angle(h: Hypothesis) -> bool:

@@ -29,7 +29,8 @@ _RATIOS = {"air_density": -0.6, "sensor_scale": 0.0, "cp_change": 1.0}  # thrust
 class Standing:
     """Hold an effect that levels or unevenness tell: entries, likeliest first, with place, values and sentence each.
 
-    nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead.
+    nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead; answers: it
+    is told by how the rotor answers, which moves the modes that the sides do not share.
     """
 
     entries: tuple[str, ...]
@@ -39,6 +40,7 @@ class Standing:
     nats: float = 0.0
     interval: tuple[float, float] = (0.0, 0.0)
     own: bool = False
+    answers: bool = False
 
 
 def standing_of(
@@ -76,7 +78,7 @@ def _still(laws: Mapping[str, Shift]) -> bool | None:
 def _answered(answer: Answer) -> Standing:
     nats, interval = _proof(float(np.sqrt(2 * max(answer.nats, 0.0))), answer.nats)
     where = {n: f"output:{answer.channel}" if n == "blade_flap" else "rotor" for n in answer.entries}
-    return Standing(answer.entries, where, {}, answer.words, nats, interval)
+    return Standing(answer.entries, where, {}, answer.words, nats, interval, answers=True)
 
 
 def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
