@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from functools import cache
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from aeolid.compiled import njit
-from aeolid.diagnose.run_prior.answering import named, replicated
+from aeolid.diagnose.run_prior.answering import named, replicated, told_apart
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.responses import Answering, answering_of, fitted
 from aeolid.diagnose.run_prior.shown import answers_of
@@ -197,6 +198,19 @@ def test_several_regions_and_runs_left_out_are_not_mixed() -> None:
     for recordings, runs in (([near], [turbine(0), far]), ([near, far], [turbine(0), far])):
         pair = pair_of(recordings, runs, CONTEXT)
         assert answering_of(pair, recordings, runs, CONTEXT, 0.7) is None
+
+
+@pytest.mark.parametrize(
+    ("recording", "said"),
+    [
+        (turbine(26), "the answers to pitch_demand and torque_demand differ by no more than other wind makes them"),
+        (turbine(27, delay=4), r"the answers to pitch_demand \(\d+ nats on the test data\) differ, those to torque"),
+    ],
+)  # fmt: skip
+def test_what_has_no_name_is_told_by_input(recording: Record, said: str) -> None:
+    pair = pair_of([recording], [turbine(0)], CONTEXT)
+    assert re.match(said, told_apart(pair, answers(recording, turbine(0))))
+    assert told_apart(pair, None) == ""
 
 
 def test_the_page_shows_what_the_answers_are() -> None:

@@ -197,6 +197,12 @@ class RunPriorRules:
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
     )
+    answer_nats: float = rule(
+        12.0,
+        "nats",
+        "gain on the test data by the recording's own answers from which an input is answered otherwise",
+        "measured: -6 to 4 in 32 nulls",
+    )
     answer_bands: int = rule(
         6, "count", "bands below the Nyquist frequency that answers are compared in, at the least", RUN_DECISIONS
     )

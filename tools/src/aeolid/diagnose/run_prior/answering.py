@@ -113,6 +113,21 @@ def replicated(a: Answering, angle: int, outputs: Sequence[int]) -> float:
     return float(nats.mean())
 
 
+def told_apart(pair: Pair, answering: Answering | None) -> str:
+    """Say which inputs are answered otherwise than in the simulation; empty where answers cannot be compared."""
+    outputs = shown_outputs(pair)
+    if answering is None or not outputs:
+        return ""
+    least = in_force().run_prior.answer_nats
+    nats = {n: replicated(answering, i, outputs) for i, n in enumerate(pair.inputs)}
+    other = [f"{n} ({v:.0f} nats on the test data)" for n, v in nats.items() if v > least]
+    if not other:
+        return f"the answers to {' and '.join(nats)} differ by no more than other wind makes them"
+    same = [n for n in nats if nats[n] <= least]
+    rest = f", those to {' and '.join(same)} by no more than other wind makes them" if same else ""
+    return f"the answers to {' and '.join(other)} differ{rest}"
+
+
 def is_late(s: Seen, share: float = 1.0) -> bool:
     """Tell whether answers come late: far enough for lift or a blade, and surely so."""
     rules = in_force().run_prior

@@ -16,6 +16,7 @@ from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.answering import told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
@@ -157,7 +158,7 @@ def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
         return (
             f"The recording and the simulation differ ({x.lost:.0f} nats), most in {most}, whose prediction errors are"
             f" {np.sqrt(x.moved[most]):.2g} times as large as they need be; no entry of the catalogue that was tried"
-            f" explains it"
+            f" explains it{'; ' + apart if (apart := told_apart(study.pair, study.answering)) else ''}"
         )
     groups = [" — or: ".join(statement(n, units) for n in names) for names in study.names]
     return "; and ".join(groups)
