@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -211,6 +212,26 @@ def test_what_has_no_name_is_told_by_input(recording: Record, said: str) -> None
     pair = pair_of([recording], [turbine(0)], CONTEXT)
     assert re.match(said, told_apart(pair, answers(recording, turbine(0))))
     assert told_apart(pair, None) == ""
+
+
+@pytest.mark.parametrize(
+    ("columns", "change"),
+    [
+        (slice(-1, None), lambda x, noise: 1e-9 * x),
+        (slice(-2, -1), lambda x, noise: noise),  # an excitation that excites nothing
+        (slice(3, 6), lambda x, noise: 1e9 * x),  # a gain whose exponential would be none
+        (slice(2, 6), lambda x, noise: noise),  # outputs that answer nothing
+    ],
+)
+def test_odd_channels_end_in_numbers(columns: slice, change: Callable[[Array, Array], Array]) -> None:
+    values = turbine(28).values.copy()
+    x = values[:, columns]
+    values[:, columns] = change(x, np.random.default_rng(0).standard_normal(x.shape))
+    recording, run = replace(turbine(28), values=values), turbine(0)
+    pair = pair_of([recording], [run], CONTEXT)
+    found = answers(recording, run)
+    assert named(pair, found, True) is None
+    assert "differ" in told_apart(pair, found)
 
 
 def test_the_page_shows_what_the_answers_are() -> None:

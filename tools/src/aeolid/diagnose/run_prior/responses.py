@@ -25,6 +25,7 @@ from aeolid.record import Record
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 _TURNS = 4.0  # revolutions of a segment
+_MOST_GAIN = 10.0  # of the logarithm of a gain: beyond it nothing is an answer
 _LOWEST, _HIGHEST, _RATIO = 0.75, 25.0, 1.2  # of the bands, in multiples of the rotor's frequency
 _NYQUIST = 0.8  # part of the Nyquist frequency up to which bands reach
 
@@ -181,6 +182,8 @@ def fitted(
         return np.asarray(np.sqrt(2.0) * np.concatenate([r.real.ravel(), r.imag.ravel()]))
 
     starts = [np.array([t / (2 * np.pi * hz), *np.zeros(len(outputs))]) for t in (0.0, 0.1, 0.3)]
-    best = min((least_squares(errors, x, x_scale="jac") for x in starts), key=lambda r: float(r.cost))
+    far = np.array([0.5 / hz, *[_MOST_GAIN] * len(outputs)])
+    fits = (least_squares(errors, x, x_scale="jac", bounds=(-far, far)) for x in starts)
+    best = min(fits, key=lambda r: float(r.cost))
     std = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
     return Fit(float(best.x[0]), float(std[0]), best.x[1:], std[1:])
