@@ -47,7 +47,7 @@ def test_making_stops_and_goes_on_and_leaves_nothing_half_made(tmp_path, monkeyp
     few = [*design.all_pairs()[:5], design.all_pairs()[9]]
     names = dict.fromkeys(n for p in few for n in (p.simulation, p.recording))
     monkeypatch.setattr(making, "all_pairs", lambda: few)
-    monkeypatch.setattr(making, "runs_in_order", lambda: [design.all_runs()[n] for n in names])
+    monkeypatch.setattr(making, "runs_in_order", lambda part=None: [design.all_runs()[n] for n in names])
     said, made = [], []
 
     def fails_at_the_third(run, folder, scratch):

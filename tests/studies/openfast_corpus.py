@@ -1,6 +1,7 @@
 """Make a corpus of simulated pairs with OpenFAST and score the product's diagnoses of it.
 
-    python tests/studies/openfast_corpus.py make FOLDER [--workers 1] [--time-limit S] [--simulator ../shared/openfast]
+    python tests/studies/openfast_corpus.py make FOLDER [--workers 1] [--part tuning|held] [--time-limit S]
+                                            [--simulator ../shared/openfast]
     python tests/studies/openfast_corpus.py score FOLDER --part tuning|held [--json FILE] [--before FILE]
 
 `make` goes on where it stopped: a run (600 s, 75 to 100 s of a core) and a case are there whole or not at all. 82
@@ -35,7 +36,8 @@ def _make(options: argparse.Namespace) -> int:
     if not script.is_file():
         _say(f"{script}: no such file, so no run can be made; name the simulator's folder with --simulator")
         return 2
-    whole = making.make(options.folder, making.simulator(script.resolve()), options.workers, options.time_limit, _say)
+    runner = making.simulator(script.resolve())
+    whole = making.make(options.folder, runner, options.workers, options.time_limit, _say, options.part)
     _say(f"{options.folder}: {making.write_cases(options.folder)}{'' if whole else '; the same command goes on'}")
     failed = any((options.folder / "failed").glob("*.txt"))
     return 1 if failed and not whole else 0
@@ -66,6 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
     make = commands.add_parser("make", help="make runs and cases")
     make.add_argument("folder", type=Path, help="folder of the corpus")
     make.add_argument("--workers", type=int, default=1, help="runs at a time")
+    make.add_argument("--part", choices=design.PARTS, help="only the runs that this half needs")
     make.add_argument("--time-limit", type=float, metavar="S", help="begin no run after so many seconds")
     make.add_argument("--simulator", type=Path, default=SIMULATOR, help="folder with run.py")
     score = commands.add_parser("score", help="diagnose the cases that are there and print the table")

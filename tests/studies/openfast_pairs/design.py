@@ -146,8 +146,9 @@ def _interleaved(nulls: Iterator[Pair], effects: Iterator[Pair]) -> Iterator[Pai
         yield from four
 
 
-def runs_in_order() -> list[Run]:
-    """Return the runs in the order in which pairs need them."""
+def runs_in_order(part: str | None = None) -> list[Run]:
+    """Return the runs, of one part or of both, in the order in which pairs need them."""
     known: Mapping[str, Run] = all_runs()
-    names = dict.fromkeys(n for p in all_pairs() for n in (p.simulation, p.recording))
+    pairs = (p for p in all_pairs() if part in (None, p.part))
+    names = dict.fromkeys(n for p in pairs for n in (p.simulation, p.recording))
     return [known[n] for n in names]

@@ -97,8 +97,11 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def make(folder: Path, runner: Runner, workers: int, limit_s: float | None, say: Callable[[str], None]) -> bool:
-    """Make what is missing; no run begins after limit_s. Returns whether all is there."""
+def make(
+    folder: Path, runner: Runner, workers: int, limit_s: float | None, say: Callable[[str], None],
+    part: str | None = None,
+) -> bool:  # fmt: skip
+    """Make what is missing of one part or of both; no run begins after limit_s. Returns whether all of it is there."""
     begun = time.monotonic()
     with alone(folder):
         scratch = folder / "scratch"
@@ -106,7 +109,7 @@ def make(folder: Path, runner: Runner, workers: int, limit_s: float | None, say:
             shutil.rmtree(left) if left.is_dir() else left.unlink()
         scratch.mkdir(exist_ok=True)
         write_cases(folder)
-        missing = [r for r in runs_in_order() if not (folder / "runs" / r.name).is_dir()]
+        missing = [r for r in runs_in_order(part) if not (folder / "runs" / r.name).is_dir()]
         first, rest = missing[:1], missing[1:]  # the first one unpacks the programs, alone
         for runs, count in ((first, 1), (rest, workers)):
             _run_all(folder, runs, runner, count, lambda: limit_s is None or time.monotonic() - begun < limit_s, say)
