@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from aeolid.compiled import njit
-from aeolid.diagnose.run_prior.answering import named, replicated, told_apart
+from aeolid.diagnose.run_prior.answering import Seen, is_building_up, named, replicated, told_apart
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.responses import Answering, answering_of, fitted
 from aeolid.diagnose.run_prior.shown import answers_of
@@ -158,6 +158,16 @@ def test_a_late_command_alone_is_neither_blade_nor_lift() -> None:
     """Late answers of the angle alone, behind which wind's loads are as before, are a drive's or a delay's."""
     for delay in (1, 4):
         assert entries(turbine(24, delay=delay), turbine(0)) == ()
+
+
+@pytest.mark.parametrize(
+    ("late", "quick", "told"),
+    [(0.046, 0.59, True), (0.095, 0.53, True), (0.034, -0.05, False), (0.01, 0.59, False), (0.16, 0.59, False)],
+)
+def test_lift_of_slender_blades_is_late_by_little_and_strong_when_quick(late: float, quick: float, told: bool) -> None:
+    """Seen on rotors of 15 and 2.8 MW, a null, and what only one of both shows."""
+    seen = Seen(late, 0.016, 0.29, 0.04, 0.1, quick, 0.12, 2.3, 0.7, 0.14)
+    assert is_building_up(seen) == told
 
 
 def test_what_is_not_recorded_tells_nothing() -> None:

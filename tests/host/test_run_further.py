@@ -92,12 +92,53 @@ def test_a_second_effect_brings_the_run_back_or_explains_half(
     assert len(told.found) == count
 
 
+@pytest.mark.parametrize(
+    ("weight", "before", "lost", "count"),
+    [(0.316, 0.316, 318.0, 0), (1.0, 0.316, 318.0, 1), (1.0, 1.0, 0.0, 1), (0.316, 0.316, 60.0, 1)],
+)
+def test_an_effect_that_leaves_the_run_as_it_was_must_explain_half(
+    weight: float, before: float, lost: float, count: int
+) -> None:
+    """A wake of its own time cost 318 nats; a limit on the torque's rate gained 32 of them and had the name."""
+    scored = Scored(hypothesis("input:torque"), (6.2,), 33.0, 33.0, weight)
+    search = cast(Any, SimpleNamespace(base=SimpleNamespace(weight=before)))
+    assert (explain.chosen(search, [scored], lost) is not None) == bool(count)
+
+
+@pytest.mark.parametrize(
+    ("once", "names"),
+    [
+        ({"tower_acc_side_side": 3.6, "flap_cosine": -0.8, "flap_sine": -0.6}, ["mass_imbalance"]),
+        ({"tower_acc_side_side": 0.7, "flap_cosine": 2.1, "flap_sine": 5.7}, ["aero_imbalance"]),
+        ({"generator_speed": 0.8, "tower_acc_fore_aft": 0.5}, ["mass_imbalance", "aero_imbalance"]),
+    ],
+)
+def test_the_loads_once_a_revolution_tell_which_imbalance(once: dict[str, float], names: list[str]) -> None:
+    """Both were left open, mass first, where tilt and yaw moments turned 300 times as strongly as the tower swayed."""
+    turning = replace(hypothesis("rotor"), entry="mass_imbalance", names=(), units=())
+    scored = Scored(turning, (), 60.0, 60.0, 1.0)
+    told = names_of(Found(scored, None), {}, replace(NONE, once=once), CONTEXT)
+    assert [n.entry for n in told] == names
+
+
+@pytest.mark.parametrize(("nats", "count"), [(256.0, 2), (700.0, 1)])
+def test_a_mode_that_moved_and_leaves_most_unexplained_has_two_names(nats: float, count: int) -> None:
+    """A blade's edgewise mode was missing, which moves the drive train's; another mass alone was told, and surely."""
+    moved = replace(hypothesis("output:generator_speed"), entry="added_mass", names=("frequency_hz", "damping"),
+                    units=("Hz", "1"), of=(0.691, 0.047))  # fmt: skip
+    scored = Scored(moved, (0.651, 0.04), nats, nats, 0.1)
+    values = {"frequency_hz": (0.651, 0.003), "damping": (0.04, 0.002)}
+    told = names_of(Found(scored, None), values, replace(NONE, lost=1015.0), CONTEXT)
+    assert len(told) == count
+    assert told[0].entry == "added_mass"
+
+
 NONE = Explanation(454.0, 0.03, {}, (), (), Modal((), (), ()))
 
 
-@pytest.mark.parametrize(("kind", "answers", "kept"), [("", True, 0), ("", False, 1), ("tower_fore_aft", True, 1)])
-def test_a_mode_without_a_name_is_part_of_how_the_rotor_answers(kind: str, answers: bool, kept: int) -> None:
-    """Rigid blades moved a mode of 3 Hz at the tower's top, which was told instead of the blades."""
+@pytest.mark.parametrize(("kind", "answers", "kept"), [("", True, 0), ("", False, 1), ("drivetrain_torsion", True, 0)])
+def test_a_mode_is_part_of_how_the_rotor_answers(kind: str, answers: bool, kept: int) -> None:
+    """Rigid blades moved a mode of 3 Hz at one tower's top, of 1.75 Hz in another rotor's speed: told instead."""
     mode = Absent(2.98, 0.02, 0.021, 0.003, "tower_acc_fore_aft", kind=kind)
     told = Standing(("blade_flap",), {"blade_flap": "rotor"}, {}, {"blade_flap": "blades bend"}, 100.0, answers=answers)
     found = with_standing(replace(NONE, found=(Found(None, mode),)), (told,)).found

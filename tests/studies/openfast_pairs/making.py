@@ -34,7 +34,7 @@ TWO = ("pitch_demand", "torque_demand", "generator_speed", "tower_acc_fore_aft",
 OUTPUTS = {"all": tuple(CHANNELS), "two": TWO}
 STEP_S = 0.05
 _CASE = """[case]
-title = "5 MW turbine, above rated: does the simulation lack anything?"
+title = "{title}, above rated: does the simulation lack anything?"
 
 [recordings]
 files = ["recording.csv.gz"]
@@ -48,9 +48,11 @@ same_inputs = false
 [context]
 machine = "wind turbine"
 blades = 3
-rated_speed_rad_s = 1.267
-gearbox_ratio = 97.0
+rated_speed_rad_s = {speed:.6g}
+gearbox_ratio = {ratio:.6g}
 """
+Machine = tuple[str, float, float]  # title, rated speed of the rotor in rad/s, ratio of the gear
+_MACHINE: Machine = ("5 MW turbine", 1.267, 97.0)
 
 Runner = Callable[[Run, Path, Path], str]  # run, folder to fill, scratch → what went wrong, or nothing
 
@@ -167,12 +169,13 @@ def write_cases(folder: Path) -> str:
         for outputs in OUTPUTS:
             there += 1
             if not (folder / pair.part / case_name(pair, outputs)).is_dir():
-                _write_case(folder, pair, outputs)
+                write_case(folder, pair, outputs, pair.part, _MACHINE)
     runs = sum(1 for r in runs_in_order() if (folder / "runs" / r.name).is_dir())
     return f"{runs} of {len(runs_in_order())} runs, {there} of {len(OUTPUTS) * len(pairs)} cases"
 
 
-def _write_case(folder: Path, pair: Pair, outputs: str) -> None:
+def write_case(folder: Path, pair: Pair, outputs: str, part: str, machine: Machine) -> None:
+    """Write the case of a pair of runs that are there into a part, whole or not at all, and its truth beside it."""
     name, channels = case_name(pair, outputs), OUTPUTS[outputs]
     new = folder / "scratch" / f"making-{name}"
     if new.exists():
@@ -181,12 +184,14 @@ def _write_case(folder: Path, pair: Pair, outputs: str) -> None:
     rows = round(pair.seconds / STEP_S)
     _write_table(folder / "runs" / pair.recording / "run.csv.gz", new / "recording.csv.gz", channels, rows)
     _write_table(folder / "runs" / pair.simulation / "run.csv.gz", new / "simulation.csv.gz", channels, None)
-    (new / "case.toml").write_text(_CASE, encoding="utf-8")
+    title, speed, ratio = machine
+    case = _CASE.format(title=title, speed=speed, ratio=ratio)
+    (new / "case.toml").write_text(case, encoding="utf-8")
     (new / "roles.toml").write_text(_roles(channels), encoding="utf-8")
     truth = folder / "scratch" / f"making-{name}.truth.json"
     truth.write_text(json.dumps(truth_of(pair, outputs), indent=1) + "\n", encoding="utf-8")
-    truth.rename(folder / pair.part / f"{name}.truth.json")
-    new.rename(folder / pair.part / name)
+    truth.rename(folder / part / f"{name}.truth.json")
+    new.rename(folder / part / name)
 
 
 def _write_table(source: Path, target: Path, channels: tuple[str, ...], rows: int | None) -> None:

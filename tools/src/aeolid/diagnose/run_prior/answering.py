@@ -76,8 +76,10 @@ def named(pair: Pair, answering: Answering | None, still: bool | None) -> Answer
         for part in (answering.whole, answering.chosen, answering.sealed)
     )
     channel, nats = pair.shown[thrust[0]], replicated(answering, angle, outputs)
-    if is_late(whole) and is_late(chosen, 0.5) and sealed.late > 0:
-        return _late(whole, sealed, channel, nats)
+    if is_late(whole) and is_late(chosen, 0.5) and sealed.late > 0 and (bent := _bent(whole, channel, nats)):
+        return bent
+    if is_building_up(whole) and is_building_up(chosen, 0.5) and min(sealed.late, sealed.quick) > 0:
+        return _building_up(whole, channel, nats)
     if is_second_bending(whole, bool(pair.blades)) and min(sealed.swell, -sealed.fall) > 0:
         words = (
             f"what wind does to {channel} is {np.exp(whole.swell):.2g} times as strong (in power) about ten times a"
@@ -137,7 +139,7 @@ def is_late(s: Seen, share: float = 1.0) -> bool:
 def is_strong(s: Seen) -> bool:
     """Tell whether the rotor answers more strongly, and not late."""
     rules = in_force().run_prior
-    sure = s.gain > max(rules.strong_gain, rules.late_deviations * s.gain_std)
+    sure = s.gain > max(rules.strong_gain, rules.strong_deviations * s.gain_std)
     alike = s.apart < max(rules.strong_apart * s.gain, rules.late_deviations * s.gain_std)
     return sure and alike and s.quick > 0 and s.late < rules.late_angle and abs(s.swell) < rules.bending_swell
 
@@ -148,23 +150,48 @@ def is_second_bending(s: Seen, has_blades: bool) -> bool:
     return has_blades and s.swell > rules.bending_swell and s.fall < -rules.bending_fall
 
 
-def _late(whole: Seen, sealed: Seen, channel: str, nats: float) -> Answer | None:
+def is_building_up(s: Seen, share: float = 1.0) -> bool:
+    """Tell whether slow answers come late and quick ones are stronger, which together is sure.
+
+    How late lift comes goes with the chord: on slender blades hardly later than other wind makes it look, so that what
+    one of both lacks in deviations the other may have.
+    """
     rules = in_force().run_prior
-    late = f"the rotor answers its pitch angle late, by the time in which it turns by {whole.late:.2g} rad"
-    if whole.late > rules.bending_angle and whole.fall < -rules.late_bending_fall:
-        words = (
-            f"{late}, and what wind does to {channel} falls to {np.exp(whole.fall):.2g} times the power above fifteen"
-            " times a revolution: the blades bend flapwise"
-        )
-        return Answer(("blade_flap",), channel, {"blade_flap": words}, nats)
-    quickly = whole.quick > max(rules.quick_gain, rules.quick_deviations * whole.quick_std)
-    if whole.late < rules.bending_angle and quickly and sealed.quick > 0:
-        words = (
-            f"{late}, but {np.exp(whole.quick):.2g} times as strongly as in the simulation when it turns quickly: lift"
-            " builds up with the flow (unsteady aerodynamics)"
-        )
-        return Answer(("unsteady_aero",), channel, {"unsteady_aero": words}, nats)
-    return None
+    late, quick = s.late / s.late_std, s.quick / s.quick_std
+    plain = s.late > rules.lift_angle * share and s.quick > rules.quick_gain * share
+    sure = min(late, quick) > rules.lift_deviations * share
+    together = np.hypot(late, quick) > np.hypot(rules.late_deviations, rules.quick_deviations) * share
+    return bool(plain and sure and together and s.late < rules.bending_angle)
+
+
+def _late_words(s: Seen) -> str:
+    return f"the rotor answers its pitch angle late, by the time in which it turns by {s.late:.2g} rad"
+
+
+def _bent(s: Seen, channel: str, nats: float) -> Answer | None:
+    """Return a blade that bends: late answers, and quick loads that wind does not make.
+
+    Between a blade's first and second bending mode wind's loads go into its motion; above the second, where that is
+    low, too.
+    """
+    rules = in_force().run_prior
+    eased = min(s.fall, s.swell)
+    if s.late <= rules.bending_angle or eased >= -rules.late_bending_fall:
+        return None
+    where = "above fifteen" if s.fall < s.swell else "about ten"
+    words = (
+        f"{_late_words(s)}, and what wind does to {channel} falls to {np.exp(eased):.2g} times the power {where} times"
+        " a revolution: the blades bend flapwise"
+    )
+    return Answer(("blade_flap",), channel, {"blade_flap": words}, nats)
+
+
+def _building_up(s: Seen, channel: str, nats: float) -> Answer:
+    words = (
+        f"{_late_words(s)}, but {np.exp(s.quick):.2g} times as strongly as in the simulation when it turns quickly:"
+        " lift builds up with the flow (unsteady aerodynamics)"
+    )
+    return Answer(("unsteady_aero",), channel, {"unsteady_aero": words}, nats)
 
 
 def _strong(whole: Seen, channel: str, still: bool, nats: float) -> Answer:

@@ -19,8 +19,9 @@ from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypothe
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.resonances import resonances
-from aeolid.diagnose.run_prior.search import Scored, Search
+from aeolid.diagnose.run_prior.search import FIT, Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
+from aeolid.diagnose.run_prior.standing_out import lone_mode, once_of
 
 Array = NDArray[np.float64]
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
@@ -65,6 +66,7 @@ class Explanation:
     evaluations: int = 0
     after: float = np.nan  # the run's weight with all effects
     tried: Mapping[str, tuple[Hypothesis, tuple[tuple[Values, float], ...]]] = field(default_factory=dict)
+    once: Mapping[str, float] = field(default_factory=dict)  # by output, growth of the log power once a revolution
     limit: float = field(default_factory=lambda: in_force().run_prior.lost_nats)
 
     @property
@@ -90,10 +92,12 @@ def explain(
     best = chosen(first, table, lost)
     x = Explanation(
         lost, first.base.weight, moved, (), tuple(table), modal, NOTHING, tuple(screened), first.evaluations,
-        tried=first.tried, limit=limit,
+        tried=first.tried, limit=limit, once=once_of(pair, context),
     )  # fmt: skip
-    if best is None:
-        return replace(x, found=_from_modes(modal, moved, context, pair) if lost > limit else ())
+    if best is None or best.hypothesis.of:
+        lone = _from_modes(modal, moved, context, pair, best is not None) if lost > limit else ()
+        if lone or best is None:
+            return replace(x, found=lone)
     x = replace(x, found=(Found(best, None, rivals_of(best, table)),), change=best.change, after=best.weight)
     return x if deadline.passed else _with_further(pair, x, best, hypotheses, tick)
 
@@ -128,14 +132,15 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
     """Return an explanation with what levels tell: beside an actuator or sensor, in place of an aerodynamic factor.
 
     A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved; but
-    where a rotor answers as behind other blades or another flow, a mode without a name is a part of that.
+    where a rotor answers as behind other blades or another flow, a mode beside it is a part of that: blades that bend
+    move the drive train's and the tower's modes, while neither of these makes a rotor answer late.
     """
     if not standing:
         return x
     if any(s.answers for s in standing):
-        x = replace(x, found=tuple(f for f in x.found if f.mode is None or f.mode.kind or f.edge))
+        x = replace(x, found=tuple(f for f in x.found if f.mode is None or f.edge))
     kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
-    told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.place.get("air_density"))
+    told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.beside)
     if not told:
         return x
     change = x.change if len(kept) == len(x.found) else NOTHING
@@ -153,13 +158,20 @@ def _moved(search: Search) -> dict[str, float]:
 def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
     rules = in_force().run_prior
-    least = max(rules.held_weight, search.base.weight)
     table = [s for s in table if s.nats > max(rules.named_nats, rules.least_share * lost)]
     share, of_moved = rules.explained_share, rules.moved_mode_share
-    fit = [s for s in table if s.weight >= least or s.nats > (of_moved if s.hypothesis.of else share) * lost]
+    fit = [
+        s for s in table
+        if _brings_back(s.weight, search.base.weight) or s.nats > (of_moved if s.hypothesis.of else share) * lost
+    ]  # fmt: skip
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - rules.richer_nats * (len(s.values) - 1))
+
+
+def _brings_back(weight: float, before: float) -> bool:
+    """Tell whether the run counts more than before, or fully: an effect that leaves it as it was explains little."""
+    return weight >= in_force().run_prior.held_weight and (weight > before or weight >= 1.0)
 
 
 def rivals_of(best: Scored, table: Sequence[Scored]) -> tuple[Scored, ...]:
@@ -174,9 +186,17 @@ def _holds(form: Hypothesis, other: Hypothesis) -> bool:
     return form.place == other.place and other.entry in SIMPLER.get(form.entry, ())
 
 
-def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, Any], pair: Pair) -> tuple[Found, ...]:
-    """Return the mode that the runs lack: a pair of edgewise whirl modes as one, else the sharpest where it moved."""
+def _from_modes(
+    modal: Modal, moved: Mapping[str, float], context: Mapping[str, Any], pair: Pair, plain: bool
+) -> tuple[Found, ...]:  # fmt: skip
+    """Return the mode that the runs lack: one that stands out of their spectra, then the sharpest where errors grow.
+
+    A pair of edgewise whirl modes is one. plain: only what stands out, where a mode that moved explains the pair.
+    """
     rules = in_force().run_modes
+    lone = lone_mode(pair, modal, context, FIT)
+    if plain:
+        return () if lone is None else (Found(None, lone),)
     turn = context.get("rated_speed_rad_s")
     if turn:
         apart = 2 * float(turn) / (2 * np.pi)
@@ -189,6 +209,8 @@ def _from_modes(modal: Modal, moved: Mapping[str, float], context: Mapping[str, 
                         (a.damping + b.damping) / 2, float(np.hypot(a.damping_std, b.damping_std)), a.output,
                     )  # fmt: skip
                     return (Found(None, middle, edge=True),)
+    if lone is not None:
+        return (Found(None, lone),)
     most = max(moved.values())
     named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > rules.named_growth]
     least = rules.shown_growth_share * most

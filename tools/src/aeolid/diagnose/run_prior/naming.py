@@ -73,7 +73,7 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     h = found.scored.hypothesis
     units = dict(zip(h.names, h.units, strict=True))
     if h.of:
-        return _moved_names(h, found, told)
+        return _moved_names(h, found, told, explanation)
     own = _physical(h, found, explanation, context)
     share = 1.0 / len(own)
     names = [Name(n, h.place, told, units, share) for n in own]
@@ -91,13 +91,19 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
     return names
 
 
-def _moved_names(h: Hypothesis, found: Found, told: Told) -> list[Name]:
-    """Return what moves a mode: a stiffness or a mass; its damping alone where its frequency stays."""
+def _moved_names(h: Hypothesis, found: Found, told: Told, explanation: Explanation) -> list[Name]:
+    """Return what moves a mode: a stiffness or a mass; its damping alone where its frequency stays.
+
+    Both, where most of what separates the sides is left: then it may as well be a mode beside it.
+    """
     (f, _), (zeta, _) = told["frequency_hz"], told["damping"]
     what = next((k.words for k in KINDS if re.search(k.pattern, h.place.lower())), "a mode")
     now = f"{what} of {h.of[0]:.3g} Hz and damping {h.of[1]:.2g} in the simulation is at {f:.3g} Hz with {zeta:.2g}"
     still = abs(f / h.of[0] - 1) < in_force().run_prior.still_distance
     names = ["damping_change"] if still else [h.entry, *(r.hypothesis.entry for r in found.rivals if r.hypothesis.of)]
+    assert found.scored is not None
+    if not still and found.scored.nats < in_force().run_prior.explained_share * explanation.lost:
+        names = list(dict.fromkeys([*names, "stiffness_change", "added_mass"]))
     why = {"damping_change": "it is damped otherwise", "stiffness_change": "its stiffness differs",
            "added_mass": "its mass differs"}  # fmt: skip
     words = {n: f"{now} in the recording: {why[n]}" for n in names}
@@ -156,11 +162,19 @@ def _is_angle(h: Hypothesis) -> bool:
 
 
 def _imbalance(explanation: Explanation) -> list[str]:
-    """Return which imbalance a load once a revolution is: of the mass where the tower sways sideways most."""
-    moved = explanation.moved
+    """Return which imbalance a load once a revolution is, likeliest first.
+
+    A heavy blade pulls the tower sideways and leaves the blades' own loads; one that is pitched otherwise has another
+    mean load, which turns: tilt and yaw moments have it once a revolution. Where outputs do not tell, errors do.
+    """
+    rules, once, moved = in_force().run_prior, explanation.once, explanation.moved
+    sideways = max((v for n, v in once.items() if re.search(_LATERAL, n.lower())), default=None)
+    turning = max((v for n, v in once.items() if n.endswith(("_cosine", "_sine"))), default=None)
+    if sideways is not None and turning is not None and abs(sideways - turning) > rules.line_log:
+        return ["mass_imbalance"] if sideways > turning else ["aero_imbalance"]
     lateral = max((v for n, v in moved.items() if re.search(_LATERAL, n.lower())), default=0.0)
     flap = max((v for n, v in moved.items() if n.endswith(("_cosine", "_sine"))), default=0.0)
-    if lateral - 1 > in_force().run_prior.lateral_ratio * max(flap - 1, 0.0) and lateral > 1:
+    if lateral - 1 > rules.lateral_ratio * max(flap - 1, 0.0) and lateral > 1:
         return ["mass_imbalance"]
     return ["mass_imbalance", "aero_imbalance"]
 

@@ -30,7 +30,8 @@ class Standing:
     """Hold an effect that levels or unevenness tell: entries, likeliest first, with place, values and sentence each.
 
     nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead; answers: it
-    is told by how the rotor answers, which moves the modes that the sides do not share.
+    is told by how the rotor answers, which moves the modes that the sides do not share; beside: it is told beside
+    what an actuator or a sensor does.
     """
 
     entries: tuple[str, ...]
@@ -41,6 +42,7 @@ class Standing:
     interval: tuple[float, float] = (0.0, 0.0)
     own: bool = False
     answers: bool = False
+    beside: bool = False
 
 
 def standing_of(
@@ -59,7 +61,10 @@ def standing_of(
     if found is not None:
         return (found,)
     disc = disc_of(pair, context)
-    return (_sampled(disc),) if disc is not None and disc.is_sure and (detected or disc.uneven) else ()
+    if disc is not None and disc.is_sure and (detected or disc.uneven):
+        return (_sampled(disc),)
+    thin = None if detected else _thrust(laws)
+    return () if thin is None else (thin,)
 
 
 def _sure(laws: Mapping[str, Shift], law: str, least: float) -> Shift | None:
@@ -110,7 +115,30 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
     if yaw is not None and thrust is not None and abs(yaw.share - thrust.share) > rules.turned_share:
         names = ("yaw_misalignment", *names)
         where["yaw_misalignment"], told["yaw_misalignment"] = "rotor", {}
-    return Standing(names, where, told, words, nats, interval)
+    return Standing(names, where, told, words, nats, interval, beside=True)
+
+
+def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
+    """Name why the thrust alone differs at the same wind, where nothing else does: thinner air, or its gauges.
+
+    The power's law asks the wind at an angle, which a large rotor's wind at one point says with too much noise.
+    """
+    thrust = _sure(laws, "thrust", in_force().run_prior.thrust_shift)
+    if thrust is None:
+        return None
+    nats, interval = _proof(thrust.sealed / thrust.sealed_deviation, thrust.nats)
+    std = thrust.deviation / abs(thrust.level)
+    channel, same = thrust.channel, "at the same wind, pitch angle, torque and speed"
+    words = {
+        "air_density": f"{same} {channel} is {thrust.share:+.1%} of the simulation's: the air's density differs",
+        "sensor_scale": f"{channel} reads {1 + thrust.share:.3g} times the simulation's {same}",
+    }
+    told = {
+        "air_density": {"density_change": (thrust.share, float(np.hypot(std, _EXPONENT * thrust.share)))},
+        "sensor_scale": {"factor": (1 + thrust.share, std)},
+    }
+    where = {"air_density": "rotor", "sensor_scale": f"channel:{channel}"}
+    return Standing(("air_density", "sensor_scale"), where, told, words, nats, interval)
 
 
 def _by_thrust(laws: Mapping[str, Shift], wind: Shift) -> tuple[str, ...]:
@@ -151,7 +179,9 @@ def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
     shift = max((s for s in (tilt, yaw) if s is not None), key=lambda s: abs(s.value), default=None)
     if shift is None:
         return None
-    nats, interval = _proof(shift.sealed / shift.sealed_deviation, shift.nats)
+    sure = [s for s in (tilt, yaw) if s is not None]  # two components of one load: each bears it out by itself
+    z = float(np.hypot.reduce([s.sealed / s.sealed_deviation for s in sure]))
+    nats, interval = _proof(z, sum(s.nats for s in sure))
     said = f"the {shift.law} moment of {shift.channel} stands {shift.share:+.1%} off at the same wind and thrust"
     words = {
         "dynamic_inflow": f"{said}, and loads answer otherwise: the wake takes its time (dynamic inflow)",
@@ -160,10 +190,12 @@ def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
     }
     if shift is yaw:
         names: tuple[str, ...] = ("yaw_misalignment", "wind_shear")
+    elif abs(shift.share) > in_force().run_prior.wake_shift:
+        names = ("wind_shear", "yaw_misalignment")
     elif detected:
         names = ("dynamic_inflow", "wind_shear")
     else:
-        names = ("wind_shear", "yaw_misalignment")
+        names = ("wind_shear", "yaw_misalignment", "dynamic_inflow")
     return Standing(names, dict.fromkeys(names, "rotor"), {}, words, nats, interval)
 
 

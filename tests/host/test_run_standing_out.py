@@ -1,0 +1,92 @@
+"""A mode that the runs lack altogether stands out of the spectra: on made turbines with and without their tower."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.signal import cont2discrete, lfilter
+
+from aeolid.diagnose.run_prior.build import pair_of
+from aeolid.diagnose.run_prior.modal import Modal, compare_modes
+from aeolid.diagnose.run_prior.standing_out import lone_mode, once_of, risen_of
+from aeolid.record import Channel, Record
+
+Array = NDArray[np.float64]
+STEP, SAMPLES, SPEED, FIT = 0.05, 12_000, 1.2, 0.7
+CONTEXT = {"machine": "wind turbine", "blades": 3, "rated_speed_rad_s": SPEED}
+CHANNELS = (
+    Channel("pitch", "deg", "input"), Channel("rotor_speed", "rad/s", "output"),
+    Channel("tower_acc_fore_aft", "m/s^2", "output"), Channel("tower_acc_side_side", "m/s^2", "output"),
+    Channel("azimuth", "rad", "azimuth"),
+)  # fmt: skip
+TOWER = (0.33, 0.08)  # Hz and damping ratio
+
+
+def swung(force: Array, hz: float, damping: float) -> Array:
+    """Return the acceleration of a mass on a spring that a force moves, held between samples."""
+    w = 2 * np.pi * hz
+    b, a, _ = cont2discrete(([1.0, 0.0, 0.0], [1.0, 2 * damping * w, w * w]), STEP, "zoh")
+    out: Array = lfilter(b.ravel(), a, force)
+    return out
+
+
+@cache
+def turbine(seed: int, hz: float = TOWER[0], line: float = 0.0) -> Record:
+    """Return a recording with the tower's modes at hz and 0.95 hz, of 0 none; line: of a force once a revolution."""
+    rng = np.random.default_rng(seed)
+    wind = lfilter([0.1], [1, -0.99], rng.standard_normal(SAMPLES))
+    pitch = lfilter([0.3], [1, -0.9], rng.standard_normal(SAMPLES))
+    force, aside = wind - 0.3 * pitch, 0.1 * rng.standard_normal(SAMPLES)
+    azimuth = np.cumsum(np.full(SAMPLES, SPEED)) * STEP
+    second = 0.02 * swung(force, 2.9, 0.02)
+    towers = np.zeros((2, SAMPLES)) if hz == 0 else np.array([swung(force, hz, 0.08), swung(aside, 0.95 * hz, 0.01)])
+    speed = lfilter([STEP], [1, -0.99], force)
+    outputs = [speed, towers[0] + second, towers[1] + second + line * np.cos(azimuth)]
+    values = np.column_stack([pitch, *outputs, azimuth])
+    values[:, 1:4] += 1e-3 * rng.standard_normal((SAMPLES, 3))
+    return Record(STEP * np.arange(SAMPLES), values, CHANNELS, STEP, f"turbine {seed}", "")
+
+
+def test_a_tower_that_the_run_lacks_is_found_with_its_frequency() -> None:
+    pair = pair_of([turbine(1)], [turbine(2, 0.0)], CONTEXT)
+    found = lone_mode(pair, compare_modes(pair, CONTEXT), CONTEXT, FIT)
+    assert found is not None
+    hz = {"tower_fore_aft": TOWER[0], "tower_side_side": 0.95 * TOWER[0]}[found.kind]
+    assert found.frequency_hz == pytest.approx(hz, rel=0.05)
+    assert found.output == f"tower_acc_{found.kind.removeprefix('tower_')}"
+
+
+@pytest.mark.parametrize(
+    "recording", [turbine(3), turbine(4, 0.9 * TOWER[0]), turbine(5, line=3.0)], ids=["wind", "softer", "imbalance"]
+)
+def test_other_wind_a_softer_tower_and_an_imbalance_are_no_missing_mode(recording: Record) -> None:
+    """Both sides swing; a line once a revolution is left out, however far it stands out."""
+    pair = pair_of([recording], [turbine(2)], CONTEXT)
+    assert lone_mode(pair, compare_modes(pair, CONTEXT), CONTEXT, FIT) is None
+
+
+def test_the_power_once_a_revolution_grows_where_it_turns() -> None:
+    grown = once_of(pair_of([turbine(5, line=3.0)], [turbine(2)], CONTEXT), CONTEXT)
+    assert grown["tower_acc_side_side"] > 2
+    assert abs(grown["tower_acc_fore_aft"]) < 1.5  # of seven segments each, one line: deviations of 0.3 to 0.6
+    assert once_of(pair_of([turbine(5)], [turbine(2)], CONTEXT), {"machine": "pump"}) == {}
+
+
+def test_short_sides_gaps_and_other_machines_end_without_an_answer() -> None:
+    """No segment fits a sealed part of 90 s; a segment with a gap is left out; a machine without a rotor has none."""
+    long, run = turbine(1), turbine(2, 0.0)
+    short = replace(long, values=long.values[:3000], time_s=long.time_s[:3000])
+    pair = pair_of([short], [run], CONTEXT)
+    assert lone_mode(pair, Modal((), (), ()), CONTEXT, FIT) is None
+    holes = long.values.copy()
+    holes[5000:5040, 2] = np.nan
+    gappy = pair_of([replace(long, values=holes)], [run], CONTEXT)
+    risen = risen_of(gappy, SPEED / (2 * np.pi), FIT)
+    assert risen is not None and np.isfinite(risen.whole).all()
+    whole = pair_of([long], [run], CONTEXT)
+    assert lone_mode(whole, Modal((), (), ()), CONTEXT, FIT) is None  # no mode is known there
+    assert lone_mode(whole, Modal((), (), ()), {"machine": "pump"}, FIT) is None
