@@ -1,0 +1,93 @@
+"""The study of other turbines: its runs and pairs fit together, decks are changed as the simulator reads them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from study_modules import load_study
+
+study = load_study("other_turbines")
+others = study.others
+decks = others.decks
+
+
+def test_every_pair_has_its_runs_and_a_known_truth() -> None:
+    runs = {name for _, name, _ in others.all_runs()}
+    pairs = others.all_pairs()
+    assert len(runs) == 24 and len({p.name for _, p in pairs}) == len(pairs) == 24
+    assert len({c.seed for _, _, c in others.all_runs()}) == 24
+    for turbine, pair in pairs:
+        assert {pair.recording, pair.simulation} <= runs
+        assert pair.recording != pair.simulation
+        assert turbine in decks.DECKS
+        assert (pair.effect == "null") == (not pair.families)
+    assert {c.effect for made in others.CHANGES.values() for c in made} <= set(others._KNOWN)
+
+
+def test_what_the_simulation_lacks_is_on_its_side() -> None:
+    sides = {p.name: (p.recording, p.simulation) for _, p in others.all_pairs()}
+    assert sides["iea15-mode_tower"] == ("iea15-n1", "iea15-mode_tower")
+    assert sides["iea15-lag"] == ("iea15-lag", "iea15-n1")
+
+
+SECTIONS = """a blade
+5   NumBlNds - nodes
+  BlSpn  BlChord
+  (m)    (m)
+0 1.0
+1 1.1
+2 1.2
+3 1.3
+4 1.4
+end
+"""
+OUTPUTS = """1 Something
+  OutList - the next lines
+"Old1"
+"Old2"
+END of input file
+"Nodal"
+"""
+
+
+def test_sections_are_halved_and_outputs_replaced(tmp_path: Path) -> None:
+    sections, outputs = tmp_path / "sections.dat", tmp_path / "outputs.dat"
+    sections.write_text(SECTIONS)
+    outputs.write_text(OUTPUTS)
+    decks._thin(str(sections))
+    lines = sections.read_text().splitlines()
+    assert lines[1] == "3 NumBlNds"
+    assert lines[4:7] == ["0 1.0", "2 1.2", "4 1.4"]
+    assert lines[7] == "end"
+    decks._outputs(str(outputs), ("GenSpeed",))
+    assert re.findall(r'"(\w+)"', outputs.read_text()) == ["GenSpeed", "Nodal"]
+
+
+@pytest.mark.parametrize("key", ["BldFile(2)", "BldFile2"])
+def test_one_blade_is_made_heavier(tmp_path: Path, key: str) -> None:
+    """Both ways in which decks name a blade's file."""
+    blade, elastic = tmp_path / "blade.dat", tmp_path / "elastic.dat"
+    blade.write_text("  1.05  AdjBlMs - factor\n")
+    elastic.write_text(f'"blade.dat" BldFile(1) - first\n"blade.dat"   {key} - second\n')
+
+    def change(file: str, name: str, value: object) -> None:
+        path = Path(file)
+        path.write_text(re.sub(rf"\S+(\s+{name}\b)", rf"{value}\1", path.read_text()))
+
+    files = {"main": str(tmp_path / "x.fst"), "blade": str(blade), "elastic": str(elastic)}
+    decks.heavier(decks.DECKS["iea15"], files, 1.02, change)
+    assert float((tmp_path / "blade_2.dat").read_text().split()[0]) == pytest.approx(1.02 * 1.05)
+    first, second = elastic.read_text().splitlines()
+    assert first.startswith('"blade.dat"') and second.startswith('"blade_2.dat"')
+    blade.write_text("no such factor\n")
+    with pytest.raises(ValueError, match="AdjBlMs"):
+        decks.heavier(decks.DECKS["iea15"], files, 1.02, change)
+
+
+def test_it_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert study.main(["make", str(tmp_path), "--simulator", str(tmp_path)]) == 2
+    assert study.main(["score", str(tmp_path)]) == 2
+    assert "no such file" in (said := capsys.readouterr().err)
+    assert "make some first" in said
