@@ -68,7 +68,7 @@ class RunModesRules:
     shown_growth_share: float = rule(
         0.5,
         "share",
-        "part of the largest growth that the output of a missing mode without a name must have",
+        "part of the largest growth that the output of a missing mode must have",
         RUN_DECISIONS,
     )
     movable_damping: float = rule(0.15, "damping ratio", "most damping of a mode that may move", RUN_DECISIONS)

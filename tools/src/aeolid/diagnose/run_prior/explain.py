@@ -212,8 +212,8 @@ def _from_modes(
     if lone is not None:
         return (Found(None, lone),)
     most = max(moved.values())
-    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > rules.named_growth]
-    least = rules.shown_growth_share * most
+    least = rules.shown_growth_share * most  # a mode of one output is not what moved another one more
+    named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > max(rules.named_growth, least)]
     shown = [a for a in modal.absent if moved.get(a.output, 0.0) > least] if most > rules.shown_growth else []
     if named:
         return (Found(None, max(named, key=lambda a: moved[a.output])),)
