@@ -26,7 +26,7 @@ MARKS = {  # the longest first, so that no worker waits for another at the end
     "slow": "takes some ten seconds of processor or more; not in `sh tests/run quick`",
 }
 MOST_PROCESSOR_S = 1200.0  # of the process that runs a test; the longest takes a tenth of it
-VERY_SLOW_S = 60.0  # a file of one piece that takes as long goes before everything: a guest that boots
+VERY_SLOW_S = 50.0  # a file of one piece that takes as long goes before everything: a guest that boots
 PREPARED = re.compile(r'scope="(module|session)"|^@cache$', re.M)  # a file's tests share what was prepared once
 
 

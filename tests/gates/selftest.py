@@ -22,7 +22,9 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 GATES = Path(__file__).resolve().parent
 FAST_MATH = ["-O3", "-ffast-math"]
 SKIPPED = 77  # exit code of a gate whose tool is missing
-DEAR = {"targets powerpc", "stack", "memory", "fuzz", "costs"}  # gates that take 15 to 40 s to object: by night
+# By night: gates that take 15 to 40 s to object, and all headers but one, which the same gate objects to.
+DEAR = {"targets powerpc", "stack", "memory", "fuzz", "costs", "proof rls restore"}
+DEAR |= {"headers rls.h", "headers markov.h", "headers status.h"}
 
 
 @dataclass(frozen=True)

@@ -149,6 +149,7 @@ def test_a_log_that_was_cut_says_so(suffix: str, tmp_path: Path) -> None:
         assert (found.id[:sound] == frames.id[:sound]).all()
 
 
+@pytest.mark.nightly  # by day test_fuzz_readers.py damages logs of every format
 @SUFFIXES
 def test_damaged_bytes_never_crash(suffix: str, tmp_path: Path) -> None:
     """Wrong bytes within a log: it is read, or refused as damaged; the sentence names the file."""

@@ -332,6 +332,7 @@ def test_a_mode_has_one_colour_on_all_turbines():
 
 def test_a_window_in_seconds(folder, fresh, tmp_path):
     asked = ["fleet", str(folder / "data" / "T0"), "--roles", str(folder / "roles.toml"), "--order", "4"]
+    asked += ["--workers", "1"]
     assert main([*asked, "--past", "0.8s", "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "fleet.json").read_text())["settings"]["past"] == 8
     assert main([*asked, "--past", "auto", "--out", str(tmp_path / "no")]) == 2
@@ -379,9 +380,11 @@ def test_bad_options_end_with_code_2(folder, tmp_path, capsys, options, words):
     assert words in capsys.readouterr().err
 
 
-def test_processes_write_the_table_as_documented(folder, fresh, tmp_path):
+# By day test_fleet_workers.py runs the command on processes; threads have the same values.
+@pytest.mark.parametrize("processes", ["1", pytest.param("2", marks=pytest.mark.nightly)])
+def test_the_table_is_written_as_documented(folder, fresh, tmp_path, processes):
     out = tmp_path / "out"
-    assert command(folder, out, str(folder / "data" / "*" / "*"), "--order", "4", "--workers", "2") == 0
+    assert command(folder, out, str(folder / "data" / "*" / "*"), "--order", "4", "--workers", processes) == 0
     table = parquet.read_table(out / "modes.parquet")
     assert table.column_names == list(SCHEMA)
     assert all(field.metadata[b"description"] for field in table.schema)

@@ -139,6 +139,7 @@ def read_damaged(path: Path, name: str, data: st.DataObject) -> None:
         assert str(path) in str(error)
 
 
+@pytest.mark.nightly  # by day test_fuzz_readers.py damages files of every format
 @pytest.mark.usefixtures("forking")
 @pytest.mark.parametrize("name", [name for name in FORMATS if not name.endswith(".mat")])
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -147,6 +148,7 @@ def test_damaged_files_are_refused_or_read(tmp_path_factory: pytest.TempPathFact
     read_damaged(tmp_path_factory.mktemp("damaged") / name, name, data)
 
 
+@pytest.mark.nightly  # by day test_fuzz_readers.py
 @pytest.mark.usefixtures("forking")
 @pytest.mark.parametrize("name", ["a.mat", "b.mat"])
 @settings(

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -90,13 +91,14 @@ class Streamed:
     seconds: float
 
 
+# As fast as the UART's ring drains; at the true sample rate.
+PACES = {"an386": (0, ()), "an500": (SAMPLE_TIME_US, COUNTED)}
+
+
 @pytest.fixture(scope="module")
-def streamed(images: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Streamed]:
-    """Run both boards: an M4F as fast as the UART's ring drains, an M7 at the true sample rate."""
-    folders = [tmp_path_factory.mktemp("streamed") for _ in BOARDS]
-    with ThreadPoolExecutor() as pool:
-        results = pool.map(stream, BOARDS, images.values(), folders, (0, SAMPLE_TIME_US), ((), COUNTED))
-        return dict(zip(BOARDS, results, strict=True))
+def streamed(images: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Streamed]:
+    """Return what runs a board once, when the first test asks for it: an M4F by day, an M7 by night."""
+    return cache(lambda board: stream(board, images[board], tmp_path_factory.mktemp("streamed"), *PACES[board]))
 
 
 def stream(board: str, image: Path, folder: Path, period_us: int, extra: tuple[str, ...]) -> Streamed:
@@ -117,9 +119,11 @@ def stream(board: str, image: Path, folder: Path, period_us: int, extra: tuple[s
 
 
 @pytest.mark.parametrize("board", BOARDS)
-def test_firmware_streams_what_a_pc_computes(board: str, streamed: dict[str, Streamed], recording: Record) -> None:
+def test_firmware_streams_what_a_pc_computes(
+    board: str, streamed: Callable[[str], Streamed], recording: Record
+) -> None:
     """Each sample arrives as it is in flash; theta is, bit for bit, that of the filter on the received samples."""
-    result, samples = streamed[board], len(recording)
+    result, samples = streamed(board), len(recording)
     facts, told, received = result.facts, result.told, received_by(result.folder)
     np.testing.assert_array_equal(received.values, recording.matrix("input", "output"))
     assert [(c.name, c.unit, c.role) for c in received.channels] == [
@@ -138,7 +142,7 @@ def test_firmware_streams_what_a_pc_computes(board: str, streamed: dict[str, Str
 
 
 def test_poles_from_the_stream_are_those_of_the_replay(
-    streamed: dict[str, Streamed], start: Start, tmp_path: Path
+    streamed: Callable[[str], Streamed], start: Start, tmp_path: Path
 ) -> None:
     """`identify` finds the same poles with the Markov parameters of the firmware as with those of `aeolid filter`.
 
@@ -146,7 +150,7 @@ def test_poles_from_the_stream_are_those_of_the_replay(
     them as binary32, `filter` has them in double precision, 2^-24 apart at most; 1e-5 leaves a factor 100 for what the
     identification makes of that.
     """
-    folder, replayed = streamed["an386"].folder, tmp_path / "f.npz"
+    folder, replayed = streamed("an386").folder, tmp_path / "f.npz"
     settings = (folder / "r.csv", "--roles", folder / "r.roles.toml", "--past", PAST)
     start("filter", *settings, "--method", "rls", "--precision", "f32", "--out", replayed).finish().assert_clean()
     runs = [
@@ -328,17 +332,17 @@ def test_a_stack_that_is_too_small_is_a_fault(images: dict[str, Path], tmp_path:
         assert code == expected, node.said
 
 
+@pytest.mark.parametrize("board", BOARDS)
 def test_size_and_stack_are_reported(
-    images: dict[str, Path], streamed: dict[str, Streamed], recording: Record, capsys: pytest.CaptureFixture[str]
+    board: str, images: dict[str, Path], streamed: Callable[[str], Streamed], recording: Record, capsys: Any
 ) -> None:
-    """Print what the images take; the stack has twice what was used of it."""
+    """Print what an image takes; the stack has twice what was used of it."""
     constants = 4 * recording.matrix("input", "output").size
-    for board, image in images.items():
-        text, data, bss = map(int, run("arm-none-eabi-size", image).stdout.splitlines()[1].split()[:3])
-        told = streamed[board].told
-        assert 0 < 2 * told["stack_used"] <= told["stack"]
-        with capsys.disabled():
-            print(
-                f"\nturbine_node {board}: text {text - constants} B and {constants} B of recording, data {data} B,"
-                f" bss {bss} B, of which stack {told['stack']} B, {told['stack_used']} B used"
-            )
+    text, data, bss = map(int, run("arm-none-eabi-size", images[board]).stdout.splitlines()[1].split()[:3])
+    told = streamed(board).told
+    assert 0 < 2 * told["stack_used"] <= told["stack"]
+    with capsys.disabled():
+        print(
+            f"\nturbine_node {board}: text {text - constants} B and {constants} B of recording, data {data} B,"
+            f" bss {bss} B, of which stack {told['stack']} B, {told['stack_used']} B used"
+        )

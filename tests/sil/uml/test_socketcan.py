@@ -1,4 +1,7 @@
-"""Nodes and listeners on real CAN interfaces, in a kernel of their own (guests.py), one boot for all tests."""
+"""Nodes and listeners on real CAN interfaces, in a kernel of their own (guests.py), one boot for all tests.
+
+The guest makes the steps that the tests of this run ask about: by day those that nothing else has, the others by night.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +44,29 @@ def play() -> Record:
     return replace(record, values=values, channels=tuple(record.channels[i] for i in kept))
 
 
-def write_plan(out: Path, record: Record, modules: str) -> None:
+STEPS = {
+    "test_classic_frames_on_a_virtual_interface": "classic",
+    "test_fd_frames_on_a_virtual_interface": "fd",
+    "test_slcan_terminal_as_an_interface": "slcan",
+    "test_two_nodes_on_one_interface": "two_nodes",
+    "test_interface_goes_and_comes_back": "down_and_up",
+    "test_listeners_say_that_the_interface_went": "down_and_up",
+    "test_the_node_hears_nothing": "down_and_up",
+    "test_a_full_queue_refuses_and_does_not_hold_up": "full_queue",
+    "test_refusals_name_the_remedy": "refusals",
+    "test_the_node_command": "command_line",
+    "test_the_port_between_two_threads": "program",
+    "test_the_wiring_that_is_shown": "wiring",
+}
+
+
+def steps_of(items: list[pytest.Item]) -> list[str]:
+    """Return the steps that the chosen tests of this file ask about; the node command plays what `classic` received."""
+    asked = {STEPS[item.nodeid.split("::")[1].split("[")[0]] for item in items if item.path == Path(__file__)}
+    return sorted(asked | ({"classic"} if "command_line" in asked else set()))
+
+
+def write_plan(out: Path, record: Record, modules: str, steps: list[str]) -> None:
     """Write samples and plan for the guest; paths are the same inside, where the host's files are the root."""
     feed = feed_from_record(record)
     np.concatenate(list(feed.rows)).astype("<f8").tofile(out / "samples.f64")
@@ -57,8 +83,9 @@ def write_plan(out: Path, record: Record, modules: str) -> None:
         "width": len(channels),
         "sample_bytes": 8 * (2 + len(channels)),
         "modules": modules,
+        "steps": steps,
         "program": str(out / "threads"),
-        "wiring": str(build(SHOWN, "socketcan", out)),
+        "wiring": str(build(SHOWN, "socketcan", out)) if "wiring" in steps else "",
         "offers_fd": "--fd" not in usage,  # an unknown option is named; a known one leaves the channels to be asked for
     }
     (out / "plan.json").write_text(json.dumps(plan))
@@ -72,18 +99,20 @@ def build_program(out: Path) -> None:
     subprocess.run(command, check=True)
 
 
-def prepare(guest: Guest, out: Path) -> None:
+def prepare(guest: Guest, out: Path, steps: list[str]) -> None:
     """Put what the guest's script needs into its folder."""
-    write_plan(out, play(), guest.modules)
-    build_program(out)
+    write_plan(out, play(), guest.modules, steps)
+    if "program" in steps:
+        build_program(out)
 
 
 @pytest.fixture(scope="module")
-def guest(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def guest(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Boot a guest once and let it run all its steps; returns the folder with what it left."""
     if not Path("/usr/sbin/ip").exists() and not Path("/sbin/ip").exists():
         pytest.skip("iproute2 is not installed")
-    out, reasons = run_first(allowed(), tmp_path_factory.mktemp("can"), prepare)
+    prepared = partial(prepare, steps=steps_of(request.session.items))
+    out, reasons = run_first(allowed(), tmp_path_factory.mktemp("can"), prepared)
     if out is None:
         pytest.skip(reasons)
     assert (out / "code").read_text().strip() == "0", (out / "guest.log").read_text()[-3000:]
