@@ -11,7 +11,7 @@ from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.hypotheses.catalogue import entry
 
 study = load_study("openfast_corpus")
-design, making, answers, judging = study.design, study.making, study.answers, study.judging
+design, making, answers, judging = study.design, study.making, study.scoring.answers, study.scoring.judging
 COLUMNS = ("time_s", *making.CHANNELS, "blade_angle_1")
 
 

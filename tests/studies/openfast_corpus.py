@@ -15,14 +15,13 @@ the product's version. Exit code 2 where there is no simulator or no case, 1 whe
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
 
-from openfast_pairs import answers, design, judging, making  # noqa: E402
+from openfast_pairs import design, making, scoring  # noqa: E402
 
 SIMULATOR = HERE.parents[1].parent / "shared" / "openfast"
 
@@ -43,24 +42,6 @@ def _make(options: argparse.Namespace) -> int:
     return 1 if failed and not whole else 0
 
 
-def _score(options: argparse.Namespace) -> int:
-    if not answers.cases_of(options.folder, options.part):
-        _say(f"{options.folder / options.part}: no case with its truth; make some first")
-        return 2
-    version = answers.version_of(options.python)
-    diagnose = answers.diagnosed(options.python, options.patience)
-    found = answers.answered(options.folder, options.part, version, diagnose, _say)
-    rows = [judging.judge(f["case"], f["truth"], f["answer"]) for f in found]
-    print(judging.table(rows, version, options.part))
-    if options.before is not None:
-        before = json.loads(options.before.read_text(encoding="utf-8"))
-        print(f"{before['version']} → {version}\n\n{judging.compared(before['rows'], rows)}")
-    if options.json is not None:
-        facts = {"version": version, "part": options.part, "rows": rows}
-        options.json.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
-    return 0
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Make the corpus or score it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -74,12 +55,9 @@ def main(arguments: list[str] | None = None) -> int:
     score = commands.add_parser("score", help="diagnose the cases that are there and print the table")
     score.add_argument("folder", type=Path, help="folder of the corpus")
     score.add_argument("--part", choices=design.PARTS, required=True, help="which half")
-    score.add_argument("--json", type=Path, metavar="FILE", help="rows of the table, for a later --before")
-    score.add_argument("--before", type=Path, metavar="FILE", help="rows of an earlier version, to be held against")
-    score.add_argument("--python", default=sys.executable, help="Python of the product that is asked")
-    score.add_argument("--patience", type=float, default=600.0, metavar="S", help="time limit of a diagnosis")
+    scoring.add_options(score)
     options = parser.parse_args(arguments)
-    return _make(options) if options.command == "make" else _score(options)
+    return _make(options) if options.command == "make" else scoring.score(options, options.part, _say)
 
 
 if __name__ == "__main__":

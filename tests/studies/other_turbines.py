@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 
@@ -20,29 +19,11 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE)]
 
 from campbell_openfast import SIMULATOR, load_kit  # noqa: E402
-from openfast_pairs import answers, judging, others  # noqa: E402
+from openfast_pairs import others, scoring  # noqa: E402
 
 
 def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
-
-
-def _score(options: argparse.Namespace) -> int:
-    if not answers.cases_of(options.folder, others.PART):
-        _say(f"{options.folder / others.PART}: no case with its truth; make some first")
-        return 2
-    version = answers.version_of(options.python)
-    diagnose = answers.diagnosed(options.python, options.patience)
-    found = answers.answered(options.folder, others.PART, version, diagnose, _say)
-    rows = [judging.judge(f["case"], f["truth"], f["answer"]) for f in found]
-    print(judging.table(rows, version, others.PART))
-    if options.before is not None:
-        before = json.loads(options.before.read_text(encoding="utf-8"))
-        print(f"{before['version']} → {version}\n\n{judging.compared(before['rows'], rows)}")
-    if options.json is not None:
-        facts = {"version": version, "part": others.PART, "rows": rows}
-        options.json.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
-    return 0
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -54,13 +35,10 @@ def main(arguments: list[str] | None = None) -> int:
     for command in (make, score):
         command.add_argument("folder", type=Path, help="folder of runs, cases and answers")
     make.add_argument("--simulator", type=Path, default=SIMULATOR, help="folder with run.py")
-    score.add_argument("--json", type=Path, metavar="FILE", help="rows of the table, for a later --before")
-    score.add_argument("--before", type=Path, metavar="FILE", help="rows of an earlier version, to be held against")
-    score.add_argument("--python", default=sys.executable, help="Python of the product that is asked")
-    score.add_argument("--patience", type=float, default=600.0, metavar="S", help="time limit of a diagnosis")
+    scoring.add_options(score)
     options = parser.parse_args(arguments)
     if options.command == "score":
-        return _score(options)
+        return scoring.score(options, others.PART, _say)
     if not (options.simulator / "run.py").is_file():
         _say(f"{options.simulator / 'run.py'}: no such file, so no run can be made; name it with --simulator")
         return 2
