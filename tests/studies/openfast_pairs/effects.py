@@ -125,7 +125,7 @@ EFFECTS = (
     Effect("mass", ("added_mass",), ("parameter_error", "tower_fore_aft"), _STIFF,
            _set("ElastoDyn.dat:NacMass", ("u18", 1.08), ("f14", 1.4), of=240_000)),
     Effect("mode_side", ("tower_side_side",), _MODE, _MODE,
-           _without("TwSSDOF1", "u18", frequency_hz=(0.315, "Hz")), simulated=True),
+           _without("TwSSDOF1", "u18", frequency_hz=(0.321, "Hz")), simulated=True),
     Effect("torque_lag", ("actuator_lag",), ("actuator_second_order",), _LAG,
            _drive("torque_lag", "tau_s", "s", ("u20", 0.2), ("f14", 0.6)), _TORQUE),
     Effect("efficiency", ("efficiency_loss",), ("cp_change",), _POWER,
