@@ -182,7 +182,7 @@ def test_bad_input_ends_in_one_sentence(
         (["make", "new", "--cases", "0"], 2, "greater than or equal to 1"),
         (["make", "new", "--samples", "10"], 2, "1000"),
         (["draw", "new"], 2, "no step 'draw'; make, run and score follow each other"),
-        (["make", "new", "--workers", "2"], 2, "--workers goes with run, not with make"),
+        (["make", "new", "--workers", "2"], 2, "--workers goes with run and rescore, not with make"),
         (["run", "copy", "--fail-below", "0.5"], 2, "--fail-below goes with score, not with run"),
         (["run", "empty"], 3, "`aeolid challenge make empty` writes a challenge"),
         (["run", "odd"], 3, "is not a seal of this version"),

@@ -16,14 +16,7 @@ _TALLIES = {"ways": "How it hid", "entries": "What was hidden"}
 
 def text(facts: Facts) -> str:
     """Return the table, the confusion of families and every answer that is not what one may ask for."""
-    lines = [f"seal intact: {facts['seal']}", _summary(facts), ""]
-    lines.append(f"{'':44} {'count':>10} {'value':>8}  {'95 % interval':17} {'release':9} world-best")
-    for row in facts["table"]:
-        count = f"{row['count']} of {row['of']}" if row["count"] is not None else f"of {row['of']}"
-        lines.append(
-            f"{row['metric']:44} {count:>10} {_value(row):>8}  {_interval(row):17} {row['release']:9} "
-            f"{row['world_best']}".rstrip()
-        )
+    lines = [f"seal intact: {facts['seal']}", _summary(facts), "", *table_text(facts["table"])]
     lines += ["", "hidden family → first answer's family, or verdict:"]
     lines += [f"  {c['hidden']:22} → {c['answered']:22} ×{c['count']}" for c in facts["confusion"]]
     for key, head in _TALLIES.items():
@@ -33,6 +26,18 @@ def text(facts: Facts) -> str:
     lines += ["", f"answers that miss what one may ask for: {len(wrong)} of {len(facts['cases'])}"]
     lines += [f"  {c['case']} {_truth(c)} → {_answer(c)}" for c in wrong]
     return "\n".join(lines)
+
+
+def table_text(rows: list[Facts]) -> list[str]:
+    """Return the lines of a table of aims."""
+    lines = [f"{'':44} {'count':>10} {'value':>8}  {'95 % interval':17} {'release':9} world-best"]
+    for row in rows:
+        count = f"{row['count']} of {row['of']}" if row["count"] is not None else f"of {row['of']}"
+        lines.append(
+            f"{row['metric']:44} {count:>10} {_value(row):>8}  {_interval(row):17} {row['release']:9} "
+            f"{row['world_best']}".rstrip()
+        )
+    return lines
 
 
 def render(facts: Facts, path: Path) -> None:

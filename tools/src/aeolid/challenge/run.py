@@ -1,6 +1,7 @@
 """Have every case diagnosed, each in a process of its own, and keep what became of it.
 
-The answers are never opened here. A diagnosis that crashes, refuses the data or takes too long is a result, too.
+The answers are never opened here. A diagnosis that crashes, refuses the data or takes too long is a result, too. Beside
+each verdict stands within which margins of the decision rules it stays, so that it can be decided again under others.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import os
 import shutil
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,7 +25,7 @@ from aeolid.output import make_folder, write_text
 
 Facts = dict[str, Any]
 Notice = Callable[[int, int, Facts], None]
-RESULT, OUTCOME = "result.json", "diagnosis"
+RESULT, OUTCOME, MARGINS = "result.json", "diagnosis", "margins.json"
 KEPT = ("verdict", "statement", "effects", "location", "sealed", "false_alarm", "not_excluded", "next_experiment")
 
 
@@ -56,12 +57,13 @@ class Job:
 
 def run(
     folder: Path, out: Path, pool: Pool, *, sham: int = 0, seed: int = 1, most_s: float = 900.0, keep: bool = False,
-    rules: Rules | None = None, notice: Notice | None = None,
+    rules: Rules | None = None, notice: Notice | None = None, only: Sequence[str] | None = None,
 ) -> list[Facts]:  # fmt: skip
     """Diagnose every case of a challenge that has no result yet; returns all results in order.
 
-    A result is used again when the case's files, the version and the settings are the same and it was no crash. Raises
-    DataError where the cases are not those that were sealed, UsageError where `out` cannot be written to.
+    only: names of the cases to diagnose, all by default. A result is used again when the case's files, the version and
+    the settings are the same and it was no crash. Raises DataError where the cases are not those that were sealed,
+    UsageError where `out` cannot be written to.
     """
     tell = notice or (lambda done, of, result: None)
     if out.resolve() == folder.resolve():
@@ -69,6 +71,8 @@ def run(
     seal = read_seal(folder)
     jobs = []
     for name, digest in seal["cases"].items():
+        if only is not None and name not in only:
+            continue
         if not (folder / name).is_dir() or hash_of(folder / name) != digest:
             raise DataError(f"{folder / name}: is not the case that was sealed; make the challenge anew")
         jobs.append(Job(str(folder / name), str(out / name), sham, seed, most_s, keep, rules))
@@ -100,7 +104,7 @@ def diagnose_case(job: Job) -> Facts:
     out = Path(job.out)
     make_folder(out)
     command = python_command("-m", "aeolid.cli.main", "diagnose", job.case, "--out", str(out / OUTCOME))
-    command += ["--sham", str(job.sham), "--seed", str(job.seed), *([] if job.keep else ["--no-report"])]
+    command += ["--sham", str(job.sham), "--seed", str(job.seed), "--margins", *([] if job.keep else ["--no-report"])]
     command += [] if job.rules is None else ["--rules", job.rules.file]
     begun = time.perf_counter()
     try:
@@ -114,9 +118,10 @@ def diagnose_case(job: Job) -> Facts:
     try:
         found = json.loads((out / OUTCOME / "diagnosis.json").read_text(encoding="utf-8"))
         kept = {k: found[k] for k in KEPT}
+        margins = json.loads((out / OUTCOME / MARGINS).read_text(encoding="utf-8"))["margins"]
     except (OSError, ValueError, KeyError) as error:
-        return _ended(job, "crash", f"diagnosis.json: {error}", seconds)
-    return _ended(job, "done", "", seconds, kept)
+        return _ended(job, "crash", f"diagnosis.json, {MARGINS}: {error}", seconds)
+    return _ended(job, "done", "", seconds, kept, margins)
 
 
 def _call(command: list[str], most_s: float) -> tuple[int, str]:
@@ -134,11 +139,14 @@ def _call(command: list[str], most_s: float) -> tuple[int, str]:
     return process.returncode, told
 
 
-def _ended(job: Job, outcome: str, reason: str, seconds: float, found: Facts | None = None) -> Facts:
+def _ended(
+    job: Job, outcome: str, reason: str, seconds: float, found: Facts | None = None, margins: Facts | None = None
+) -> Facts:
     case = Path(job.case)
     result = {
         "case": case.name, "case_sha256": hash_of(case), "settings": job.settings(), "outcome": outcome,
         "reason": reason, "seconds": round(seconds, 1), "diagnosis": found,
+        "margins": margins,
     }  # fmt: skip
     out = Path(job.out)
     make_folder(out)

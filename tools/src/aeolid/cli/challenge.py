@@ -1,34 +1,31 @@
-"""aeolid challenge: make cases with concealed physics, have them diagnosed blind, open the seal and count."""
+"""aeolid challenge: make cases with concealed physics, have them diagnosed blind, count, decide again."""
 
 from __future__ import annotations
 
 import os
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
+from aeolid.cli.challenge_rescore import bar_of_cases, read_rules, rescore_step
 from aeolid.cli.common import ForceOption, JsonOption, console, emit_json, one_of, progress_console
 from aeolid.cli.durations import seconds_of
 from aeolid.errors import UsageError
 from aeolid.output import declare
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from aeolid.challenge.run import Rules
 
 EXAMPLES = (
     "aeolid challenge make proof --cases 60 --seed 7",
     "aeolid challenge make rigs --physics foreign    # needs aeolid[challenge]",
     "aeolid challenge run proof --workers 2    # goes on where it stopped",
     "aeolid challenge score proof --fail-below 0.8",
+    "aeolid challenge rescore proof --rules mine.toml    # seconds; --fits diagnoses what this leaves open",
 )
 STEPS = {
     "make": ("cases", "seed", "samples", "physics", "chain"),
     "run": ("workers", "out", "sham", "timeout", "keep", "rules"),
     "score": ("out", "page", "fail_below"),
+    "rescore": ("out", "rules", "fits", "workers", "timeout"),
 }
 
 
@@ -39,7 +36,8 @@ def register(app: typer.Typer) -> None:
 
 def challenge(
     step: Annotated[
-        str, typer.Argument(help="make, run or score, in this order.", autocompletion=one_of("make", "run", "score"))
+        str,
+        typer.Argument(help="make, run, score, in this order; or rescore.", autocompletion=one_of(*STEPS)),
     ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the cases and the sealed answers.")],
     cases: Annotated[
@@ -71,10 +69,11 @@ def challenge(
         ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", min=1, max=1024, help="run: cases at a time; default one a core.")
+        int | None,
+        typer.Option("--workers", min=1, max=1024, help="run, rescore: cases at a time; default one a core."),
     ] = None,
     out: Annotated[
-        Path | None, typer.Option("--out", help="run, score: folder of the results; default DIR/results.")
+        Path | None, typer.Option("--out", help="All but make: folder of the results; default DIR/results.")
     ] = None,
     sham: Annotated[
         int | None,
@@ -85,7 +84,7 @@ def challenge(
     timeout: Annotated[
         float | None,
         typer.Option(
-            "--timeout", parser=seconds_of, metavar="TIME", help="run: until a case has failed; default 900 s."
+            "--timeout", parser=seconds_of, metavar="TIME", help="run, rescore: until a case has failed; default 900 s."
         ),
     ] = None,
     keep: Annotated[
@@ -93,8 +92,11 @@ def challenge(
     ] = False,
     rules: Annotated[
         Path | None,
-        typer.Option("--rules", metavar="FILE", help="run: for studies, a TOML file of decision rules that differ."),
+        typer.Option("--rules", metavar="FILE", help="run, rescore: a TOML file of decision rules that differ."),
     ] = None,
+    fits: Annotated[
+        bool, typer.Option("--fits", help="rescore: diagnose the cases whose margins leave open what the rules do.")
+    ] = False,
     page: Annotated[Path | None, typer.Option("--page", help="score: HTML page; default among the results.")] = None,
     fail_below: Annotated[
         float | None, typer.Option("--fail-below", min=0.0, max=1.0, help="score: exit 1 when the recall lies below.")
@@ -105,11 +107,13 @@ def challenge(
     """Prove the diagnosis: hide physics in recordings, diagnose them blind, open the answers and count.
 
     make writes cases without any hint, their answers, and a seal with the hash of both. run diagnoses every case and
-    never opens the answers. score checks the seal and prints what was found, missed and wrongly named.
+    never opens the answers. score checks the seal and prints what was found, missed and wrongly named. rescore decides
+    the stored results under other decision rules and prints both tables: those within whose margins the rules stay at
+    once, the others with --fits.
     """
     given = {"cases": cases, "seed": seed, "samples": samples, "physics": physics, "chain": chain,
              "workers": workers, "out": out, "sham": sham, "timeout": timeout, "keep": keep or None, "rules": rules,
-             "page": page, "fail_below": fail_below}  # fmt: skip
+             "fits": fits or None, "page": page, "fail_below": fail_below}  # fmt: skip
     _check(step, {name for name, value in given.items() if value is not None})
     _check_physics(physics, chain)
     target = out or folder / "results"
@@ -136,6 +140,11 @@ def challenge(
             rules,
             json_target,
         )
+    elif step == "rescore":
+        if rules is None:
+            raise UsageError("rescore needs --rules FILE: the decision rules to decide by")
+        most = 900.0 if timeout is None else timeout
+        rescore_step(folder, target, rules, (workers or len(os.sched_getaffinity(0))) if fits else 0, most, json_target)
     else:
         _score(folder, target, page, fail_below, json_target)
 
@@ -146,7 +155,10 @@ def _declare(step: str, folder: Path, target: Path, page: Path, json_target: str
     from aeolid.challenge.write import read_seal
 
     files: dict[str, str | Path | None] = {"--json": json_target}
-    if step == "score":
+    if step == "rescore":
+        read_results(folder, target)
+        declare("challenge rescore", force=force, folders={"--out": target / "rescored"}, files=files, claimed=True)
+    elif step == "score":
         read_results(folder, target)  # what is missing is told before where the page would go
         declare("challenge score", force=force, files=files | {"--page": page})
     elif step == "make":
@@ -160,7 +172,7 @@ def _declare(step: str, folder: Path, target: Path, page: Path, json_target: str
 
 def _check(step: str, given: set[str]) -> None:
     if step not in STEPS:
-        raise UsageError(f"there is no step {step!r}; make, run and score follow each other")
+        raise UsageError(f"there is no step {step!r}; make, run and score follow each other, rescore any run")
     for name in sorted(given - set(STEPS[step])):
         home = " and ".join(s for s, names in STEPS.items() if name in names)
         raise UsageError(f"--{name.replace('_', '-')} goes with {home}, not with {step}")
@@ -185,7 +197,7 @@ def _make(
 ) -> None:
     from aeolid.challenge.write import make
 
-    with _bar("making") as tell:
+    with bar_of_cases("making") as tell:
         seal = make(folder, cases=cases, seed=seed, samples=samples, physics=physics, chained=chained, notice=tell)
     if json_target != "-":
         console.print(f"{cases} cases in {folder}; answers sealed, SHA-256 {seal['sha256']}", soft_wrap=True)
@@ -201,9 +213,9 @@ def _run(
     from aeolid.challenge.run import run
     from aeolid.fleet.workers import open_pool
 
-    own = _read_rules(rules)
+    own = None if rules is None else read_rules(rules)
     try:
-        with open_pool(workers, threads=workers > 1) as pool, _bar("diagnosing") as tell:
+        with open_pool(workers, threads=workers > 1) as pool, bar_of_cases("diagnosing") as tell:
             results = run(
                 folder, target, pool, sham=sham, most_s=timeout, keep=keep, rules=own,
                 notice=lambda done, of, result: tell(done, of),
@@ -221,14 +233,6 @@ def _run(
     emit_json(results, json_target)
 
 
-def _read_rules(path: Path | None) -> Rules | None:
-    """Return the decision rules of a file; each diagnosis reads it again, in a process of its own."""
-    from aeolid.challenge.run import Rules
-    from aeolid.diagnose.rules import differing, load_rules
-
-    return None if path is None else Rules(str(path.resolve()), dict(differing(load_rules(path))))
-
-
 def _score(folder: Path, target: Path, page: Path, fail_below: float | None, json_target: str | None) -> None:
     from aeolid.challenge.page import render, text
     from aeolid.challenge.score import failed, score
@@ -241,14 +245,3 @@ def _score(folder: Path, target: Path, page: Path, fail_below: float | None, jso
     emit_json(facts, json_target)
     if fail_below is not None and failed(facts, fail_below):
         raise typer.Exit(1)
-
-
-@contextmanager
-def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show progress with the time left on standard error."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns: Any = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=progress_console, disable=not progress_console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, of: bar.update(task, completed=done, total=of)

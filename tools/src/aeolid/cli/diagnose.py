@@ -81,6 +81,9 @@ def run(
         Path | None,
         typer.Option("--rules", metavar="FILE", help="For studies: a TOML file of decision rules that differ."),
     ] = None,
+    margins: Annotated[
+        bool, typer.Option("--margins", help="For studies: write how far each rule could move with the same answer.")
+    ] = False,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     tls_ca: TlsCaOption = None,
@@ -100,7 +103,8 @@ def run(
 
     if not 0 < time_limit < float("inf"):
         raise UsageError(f"--time-limit {time_limit:g} is no time; give the seconds, above 0")
-    asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report, _read_rules(rules))
+    own = _read_rules(rules)
+    asked = Asked(sham, seed, time_limit, allow_outside, allow_fmu, read_resample(resample), report, own, margins)
     where = Where(workers, scheduler, tls_ca, tls_cert, tls_key, insecure_scheduler)
     where.check()
     if len(cases) > 1:
@@ -164,7 +168,7 @@ def _many(cases: list[Path], out: Path, asked: Asked, where: Where, json_target:
 
 def _written(case: Path, out: Path, asked: Asked) -> tuple[dict[str, Any], dict[str, Any]]:
     """Diagnose and draw the report; returns the diagnosis and the evidence behind it."""
-    with asked_rules(asked):
+    with asked_rules(asked, out):
         diagnosis, evidence = _diagnosed(case, out, asked)
     page = out / "report.html"
     discard(page)  # of an earlier run

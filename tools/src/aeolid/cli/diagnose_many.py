@@ -104,9 +104,7 @@ def settings_of(asked: Asked) -> dict[str, Any]:
     from aeolid import __version__
 
     settings = asdict(asked) | {"version": __version__}
-    if not asked.rules:  # as before there were any
-        del settings["rules"]
-    return settings
+    return {k: v for k, v in settings.items() if v or k not in ("rules", "margins")}  # as before there were any
 
 
 def written_by(cases: Mapping[str, Path]) -> list[str]:

@@ -10,7 +10,8 @@ from typing import Any
 
 from aeolid.errors import AeolidError, Contradiction, DataError
 
-FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html")
+MARGINS = "margins.json"
+FILES = ("diagnosis.json", "model/model.toml", "sealed_before_after.csv", "evidence.json", "report.html", MARGINS)
 
 
 @dataclass(frozen=True)
@@ -25,15 +26,25 @@ class Asked:
     resample: float | str | None
     report: bool
     rules: Mapping[str, Mapping[str, float]] = field(default_factory=dict)  # what differs, by section and name
+    margins: bool = False
 
 
 @contextmanager
-def asked_rules(asked: Asked) -> Iterator[None]:
-    """Let the decision rules hold that were asked for."""
+def asked_rules(asked: Asked, folder: Path) -> Iterator[None]:
+    """Let the decision rules hold that were asked for; write their margins to a folder where asked for, too."""
     from aeolid.diagnose.rules import rules_of, with_rules
+    from aeolid.diagnose.rules.margins import noting_margins
+    from aeolid.output import discard, write_json
 
-    with with_rules(rules_of(asked.rules, "--rules")):
+    rules, path = rules_of(asked.rules, "--rules"), folder / MARGINS
+    if not asked.margins:
+        discard(path)  # of an earlier run
+        with with_rules(rules):
+            yield
+        return
+    with noting_margins(rules) as margins:
         yield
+    write_json(path, {"schema": 1, "rules": dict(asked.rules), "margins": margins.to_json()})
 
 
 def _silent(text: str, share: float) -> None:
@@ -61,7 +72,7 @@ def diagnose_piece(piece: tuple[str, str], asked: Asked, out: str, inside: Seque
         require_case(case)
         declare("diagnose", force=force, inputs=[case], folders={"--out": Path(out)}, inside=inside)
         make_folder(folder)
-        with asked_rules(asked):
+        with asked_rules(asked, folder):
             return _diagnosed(name, case, folder, asked)
     except AeolidError as error:  # what is wrong with one case is a line of the table
         return error

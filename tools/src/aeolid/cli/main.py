@@ -20,9 +20,9 @@ from aeolid.children import guard_imports
 from aeolid.cli import guard
 
 PLUMBING = {
-    "main", "common", "diagnose_many", "diagnose_piece", "durations", "guard", "identify_structure", "listen_facts",
-    "listen_modes", "listen_rules", "listen_view", "merged_modes", "pictures", "pools", "publishing", "receiving",
-    "reference",
+    "main", "challenge_rescore", "common", "diagnose_many", "diagnose_piece", "durations", "guard",
+    "identify_structure", "listen_facts", "listen_modes", "listen_rules", "listen_view", "merged_modes", "pictures",
+    "pools", "publishing", "receiving", "reference",
 }  # fmt: skip
 HELP = """Identify and diagnose wind-turbine models from controller recordings.
 

@@ -74,7 +74,8 @@ def with_rules(rules: DecisionRules) -> Iterator[DecisionRules]:
 
 
 def every_rule(rules: DecisionRules = _DEFAULTS) -> list[Rule]:
-    """List all numbers that decide, section by section."""
+    """List all numbers that decide, section by section; of rules that are followed, the rules as they were given."""
+    rules = getattr(rules, "plain", rules)
     return [r for f in fields(rules) for r in rules_in(getattr(rules, f.name), f.name)]
 
 

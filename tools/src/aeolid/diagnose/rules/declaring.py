@@ -63,3 +63,9 @@ def checked(found: Field[Any], value: Any, key: str) -> int | float:
         most = f" and at most {high:g}" if math.isfinite(high) else ""
         raise DataError(f"{key} = {shown(value)}: a number {least}{most} is needed here [{unit}]")
     return value if whole else float(value)
+
+
+def quoted(value: float) -> float:
+    """Return a rule's number for a text or a table, where it decides nothing and its margins must not count it."""
+    found: float = getattr(value, "quoted", value)
+    return found

@@ -16,6 +16,7 @@ from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.rules.declaring import quoted
 from aeolid.diagnose.run_prior.answering import told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
@@ -119,7 +120,7 @@ def diagnosis_of(study: RunStudy, title: str, units: Mapping[str, str]) -> dict[
             "recovered_fraction": min(max(proof.gain / max(proof.ceiling, 1e-9), 0.0), 1.0) if effects else 0.0,
             "ceiling_gain": proof.ceiling,
         },
-        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": x.limit},
+        "false_alarm": {"sham_runs": 0, "false_names": 0, "threshold": quoted(x.limit)},
         "not_excluded": not_excluded(x, {e["id"] for e in effects}), "next_experiment": None,
         "run": {
             "nats_lost": x.lost, "weight": x.weight, "weight_after": _finite(x.after), "errors_grow": dict(x.moved),
@@ -151,7 +152,7 @@ def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
     if verdict == "no_mismatch":
         return (
             f"Nothing separates the recording from the simulation: trusting the run fully costs {max(x.lost, 0.0):.0f}"
-            f" nats, where runs of one machine cost up to {x.limit:.0f}"
+            f" nats, where runs of one machine cost up to {quoted(x.limit):.0f}"
         )
     if verdict == "unnamed":
         most = max(x.moved, key=lambda n: x.moved[n])
@@ -219,7 +220,7 @@ def evidence_of(study: RunStudy, title: str, findings: Sequence[Finding], units:
         "forensics": [f.to_json() for f in findings],
         "candidates": [
             {"key": s.hypothesis.key, "parts": [[s.hypothesis.entry, s.hypothesis.place]],
-             "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": s.nats,
+             "values": dict(zip(s.hypothesis.names, s.values, strict=True)), "nats": quoted(s.nats),
              "nats_before_control": s.raw, "weight_of_run": s.weight, "plausible": bool(s.nats > rules.named_nats)}
             for s in rows
         ],

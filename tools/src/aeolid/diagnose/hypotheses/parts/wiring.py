@@ -108,7 +108,7 @@ def likeness(site: Site) -> Array:
 
     Zeros where the model cannot run free over the data.
     """
-    return _likeness(site, in_force().data.compared_rows)
+    return _likeness(site, int(in_force().data.compared_rows))
 
 
 @lru_cache(maxsize=4)
