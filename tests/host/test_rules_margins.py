@@ -7,6 +7,7 @@ import math
 import operator
 import pickle
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +115,13 @@ def test_a_count_is_followed_until_it_counts() -> None:
     assert found == own and margins.low[name] == margins.high[name] == own
 
 
+def compared(other: Any) -> Any:
+    return other > in_force().evidence.clear_nats
+
+
 def test_what_is_no_number_bounds_nothing_and_an_equal_one_pins() -> None:
     for other in (math.nan, np.array([np.nan, np.nan])):
-        _, margins = noted(lambda other=other: other > in_force().evidence.clear_nats)
+        _, margins = noted(partial(compared, other))
         assert margins.to_json()[NATS] == [None, None]
     own = DecisionRules().evidence.clear_nats
     ends, margins = noted(lambda: own >= in_force().evidence.clear_nats)

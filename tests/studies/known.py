@@ -62,6 +62,7 @@ def diagnose(case: Path, out: Path, sham: int) -> Facts:
     """
     begun = time.perf_counter()
     command = [sys.executable, "-m", "aeolid.cli.main", "diagnose", str(case), "--out", str(out), "--sham", str(sham)]
+    command += ["--margins"]  # of the decision rules: tests/studies/ablation.py reads them
     done = subprocess.run(command, check=False, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if done.returncode:
         print(f"{case.name}: exit code {done.returncode}: {done.stderr.strip()[-300:]}", file=sys.stderr, flush=True)

@@ -30,10 +30,16 @@ def version_of(python: str) -> str:
 
 
 def diagnosed(python: str, patience_s: float) -> Diagnose:
-    """Return what diagnoses a case as a user would; the answer has seconds (of clock and processor) and memory, too."""
+    """Return what diagnoses a case as a user would; the answer has seconds (of clock and processor) and memory, too.
+
+    And the margins of the decision rules, where that product notes them.
+    """
+    base = [python, "-m", "aeolid.cli.main", "diagnose"]
+    told = subprocess.run([*base, "--help"], check=True, capture_output=True, text=True).stdout
+    own = ["--margins"] if "--margins" in told else []
 
     def run(case: Path) -> Facts:
-        command = [python, "-m", "aeolid.cli.main", "diagnose", str(case), "--sham", "0", "--time-limit"]
+        command = [*base, str(case), "--sham", "0", *own, "--time-limit"]
         with tempfile.TemporaryDirectory() as folder:
             begun = time.perf_counter()
             with open(Path(folder) / "said.txt", "w+", encoding="utf-8") as said:
@@ -55,10 +61,12 @@ def diagnosed(python: str, patience_s: float) -> Diagnose:
 
 
 def _files(out: Path) -> Facts:
-    """Return what a diagnosis left behind: diagnosis.json, and of evidence.json the first hypotheses and the modes."""
-    found: Facts = {"diagnosis": None, "candidates": [], "modes": {}}
+    """Return diagnosis, margins, and of the evidence the first hypotheses and the modes."""
+    found: Facts = {"diagnosis": None, "candidates": [], "modes": {}, "margins": None}
     if (out / "diagnosis.json").is_file():
         found["diagnosis"] = json.loads((out / "diagnosis.json").read_text(encoding="utf-8"))
+    if (out / "margins.json").is_file():
+        found["margins"] = json.loads((out / "margins.json").read_text(encoding="utf-8"))["margins"]
     if (out / "evidence.json").is_file():
         evidence = json.loads((out / "evidence.json").read_text(encoding="utf-8"))
         found["candidates"] = evidence.get("candidates", [])[:_SHOWN]

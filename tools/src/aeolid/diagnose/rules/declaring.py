@@ -51,13 +51,18 @@ def rules_in(section: Any, name: str) -> Iterator[Rule]:
         yield Rule(f"{name}.{f.name}", getattr(section, f.name), m["unit"], m["meaning"], m["source"])
 
 
+def ends_of(unit: str, whole: bool) -> tuple[float, float]:
+    """Return the lowest and the highest value of a number of this unit; inf where there is no highest."""
+    return (1, math.inf) if whole else _RANGES.get(unit, (0.0, math.inf))
+
+
 def checked(found: Field[Any], value: Any, key: str) -> int | float:
     """Return a value for a field; raises DataError that names the key where it can be none."""
     whole = isinstance(found.default, int)
     if not is_number(value) or (whole and not isinstance(value, int)):
         raise DataError(f"{key} = {shown(value)}: a finite {'whole ' if whole else ''}number is needed here")
     unit = found.metadata["unit"]
-    low, high = (1, math.inf) if whole else _RANGES.get(unit, (0.0, math.inf))
+    low, high = ends_of(unit, whole)
     if not low <= value <= high or (value == 0 and unit in _ABOVE_ZERO):
         least = "above 0" if unit in _ABOVE_ZERO and not whole else f"of at least {low:g}"
         most = f" and at most {high:g}" if math.isfinite(high) else ""
