@@ -89,12 +89,13 @@ def test_loads_that_turn_with_the_rotor_stand_still_in_the_fixed_frame() -> None
 @cache
 def rig(
     seed: int, *, lag: float = 0.0, width: float = 0.0, stiff: bool = False, spring: float = 48.0, loss: float = 0.5,
-    level: float = 0.0, held: float = 1.6, gust: float = 0.02,
+    level: float = 0.0, held: float = 1.6, gust: float = 0.02, omega: float = 0.0,
 ) -> Record:  # fmt: skip
     """Return a recording of two modes under feedback: input force, outputs speed and acceleration.
 
-    lag in s and play in N lie between command and force; stiff leaves the second mode (1.1 Hz) out, spring (1/s²) and
-    loss (1/s) are its own. level: mean force in N; held: spring of the first mode in 1/s²; gust: steps of the
+    lag in s, play in N and a second-order drive (omega in rad/s, damping 0.7) lie between command and force; stiff
+    leaves the second mode (1.1 Hz) out, spring (1/s²) and loss (1/s) are its own. level: mean force in N; held: spring
+    of the first mode in 1/s²; gust: steps of the
     wind in N; one above WEAK is recorded, too.
     """
     rng = np.random.default_rng(seed)
@@ -107,7 +108,8 @@ def rig(
     M[:4, :4], M[:4, 4:] = A * h, B * h
     E = expm(M)
     F, G = E[:4, :4], E[:4, 4]
-    acting = felt = slow = wind = target = 0.0
+    drive = expm(np.array([[0.0, 1.0], [-(omega**2), -1.4 * omega]]) * h)
+    acting = felt = quick = slow = wind = target = 0.0
     x = np.zeros(4)
     follows = 1.0 if lag == 0.0 else 1 - float(np.exp(-h / lag))
     u, y, d = np.empty(SAMPLES), np.empty((SAMPLES, 2)), np.empty(SAMPLES)
@@ -118,7 +120,10 @@ def rig(
         slow += h / 0.08 * (target - slow)  # the excitation is smooth, as a controller's output is
         command = slow - 0.3 * x[1]
         acting = min(max(acting, command - width / 2), command + width / 2)
-        felt += follows * (acting - felt)
+        if omega:
+            felt, quick = drive @ (felt - acting, quick) + (acting, 0.0)  # the command held over the step
+        else:
+            felt += follows * (acting - felt)
         if k % fine == 0:
             u[k // fine], d[k // fine] = command, wind
             y[k // fine] = x[1] + 0.3 * x[3], -held * x[0] - spring * x[2] + felt + wind

@@ -138,7 +138,6 @@ class Followed:
     """
 
     __slots__ = ("_margins", "_terms", "_value")
-    __hash__ = None  # type: ignore[assignment]
 
     def __init__(self, value: float, terms: Mapping[str, float], margins: Margins) -> None:
         self._value, self._terms, self._margins = value, terms, margins
@@ -249,6 +248,9 @@ class Followed:
 
     def __rfloordiv__(self, other: Any) -> Any:
         return other // self._plain()
+
+    def __hash__(self) -> int:
+        return hash(self._plain())
 
     def __float__(self) -> float:
         return float(self._plain())

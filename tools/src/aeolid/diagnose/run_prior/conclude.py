@@ -26,12 +26,13 @@ from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
-from aeolid.diagnose.run_prior.proof import RunProof, prove, shown_values, values_of
+from aeolid.diagnose.run_prior.proof import RunProof, prove
 from aeolid.diagnose.run_prior.replicated import with_replicated
 from aeolid.diagnose.run_prior.responses import Answering, answering_of
 from aeolid.diagnose.run_prior.search import FIT, Search
 from aeolid.diagnose.run_prior.shown import answers_of, series_of, sides_of
 from aeolid.diagnose.run_prior.standing import standing_of
+from aeolid.diagnose.run_prior.values import shown_values, values_of
 from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
 

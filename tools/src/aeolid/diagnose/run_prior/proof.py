@@ -1,8 +1,7 @@
-"""Hold an explanation against the sealed part of the recordings, and find how sure its values are."""
+"""Hold an explanation against the sealed part of the recordings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,23 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.run_prior.evidence import evidence_at, posterior, prior_of
-from aeolid.diagnose.run_prior.explain import Explanation, Found
+from aeolid.diagnose.run_prior.explain import Explanation
 from aeolid.diagnose.run_prior.grams import total
-from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values
-from aeolid.diagnose.run_prior.operators import turning_step
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
-from aeolid.diagnose.run_prior.resonances import HIDDEN
 from aeolid.diagnose.run_prior.search import FIT
 
 Array = NDArray[np.float64]
 TRUST = 0.3  # weight of the run on the sealed part
 _BLOCKS = 6  # of the sealed part, each foretold from all before it
-_FOLDS = 5  # of the whole recording, for the spread of a value
 _Z90 = 1.6449
-_MODEL = 0.03  # of a value: what windows of other lengths and other ridges moved lags and delays by (1 to 6 %)
-_OF_FREQUENCY = 0.005  # of a frequency
-_TURN = 0.1  # of a sample's change at a turn: what a width may be off (a rig of 0.30: 0.27 to 0.33, as turns are taken)
-_INTERPOLATION = 0.15  # of a sample: what a time may be off where the signal between samples is unknown
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,85 +99,3 @@ def _series(pair: Pair, bare: _Foretold, full: _Foretold, change: Change) -> dic
         columns = {"measured": measured, "before": before, "after": after}
         found[name] = {"time_s": time_s.tolist()} | {k: v[:, j].tolist() for k, v in columns.items()}
     return found
-
-
-def values_of(pair: Pair, ridge: Array, found: Found, others: Change) -> tuple[Values, Values]:
-    """Return the values of an effect on all data and their standard deviations.
-
-    The value is where the evidence of all data peaks; its deviation is that of the jackknife over five parts, the
-    curvature's where that is larger, 3 % for the model, and for the signal between samples 0.15 samples of a time or a
-    tenth of a sample's change at the turns of a width.
-    """
-    if found.scored is None:
-        return (), ()
-    values, h = list(found.scored.values), found.scored.hypothesis
-    deviations = []
-    for place in range(len(h.names)):
-        centre, spread = _along(pair, found, others, ridge, tuple(values), place)
-        values[place] = float(np.clip(centre, h.low[place], h.high[place]))
-        between = _between_samples(pair, h, place)
-        model = _OF_FREQUENCY if h.names[place] == "frequency_hz" else _MODEL
-        deviations.append(float(np.sqrt(spread**2 + (model * values[place]) ** 2 + between**2)))
-    return tuple(values), tuple(deviations)
-
-
-def _between_samples(pair: Pair, h: Hypothesis, place: int) -> float:
-    """Return how far off a value may be because the signal between samples is unknown."""
-    if h.units[place] == "s":
-        return _INTERPOLATION * pair.step
-    if h.names[place] != "width":
-        return 0.0
-    i = pair.inputs.index(h.place.partition(":")[2])
-    return _TURN * float(np.mean([turning_step(s.u[:, i]) for s in pair.recordings]))
-
-
-def _along(pair: Pair, found: Found, others: Change, ridge: Array, values: Values, place: int) -> tuple[float, float]:
-    """Return the peak of the evidence along one value, and its deviation, from five points around it."""
-    assert found.scored is not None
-    h, weight = found.scored.hypothesis, found.scored.weight
-    share = 0.015 if h.names[place] == "frequency_hz" else 0.06
-    width = max(share * abs(values[place]), 0.2 * pair.step if h.units[place] == "s" else 0.0)
-    points = values[place] + width * np.arange(-2.0, 3.0)
-    points = np.clip(points, h.low[place], h.high[place])
-    edges = np.linspace(0.0, 1.0, _FOLDS + 1)
-    table = np.empty((_FOLDS + 1, len(points)))
-    for j, point in enumerate(points):
-        change = h.change((*values[:place], float(point), *values[place + 1 :])).after(others)
-        prior = prior_of(pair.of_runs(change), ridge)
-        parts = [pair.of_recordings(change, float(a), float(b)) for a, b in pairwise(edges)]
-        whole = total(parts)
-        table[0, j] = evidence_at(prior, whole, weight)
-        for i in range(_FOLDS):
-            rest = total([p for k, p in enumerate(parts) if k != i])
-            table[i + 1, j] = evidence_at(prior, rest, weight)
-    peaks = np.array([_peak(points, row)[0] for row in table])
-    curvature = _peak(points, table[0])[1]
-    jackknife = float(np.sqrt((_FOLDS - 1) / _FOLDS * np.sum((peaks[1:] - peaks[1:].mean()) ** 2)))
-    return float(peaks[0]), max(jackknife, curvature)
-
-
-def _peak(x: Array, y: Array) -> tuple[float, float]:
-    """Return where a parabola through the points peaks, within them, and the deviation its curvature tells."""
-    middle = int(np.argmax(y))
-    centre, width = x[middle], max(float(np.ptp(x)), 1e-300)
-    a, b, _ = np.polyfit((x - centre) / width, y, 2)
-    if a >= 0:
-        return float(centre), 0.0
-    return float(np.clip(centre - 0.5 * b / a * width, x.min(), x.max())), float(width / np.sqrt(-2 * a))
-
-
-def shown_values(found: Found, values: Sequence[float], deviations: Sequence[float]) -> dict[str, tuple[float, float]]:
-    """Return the told values with their deviations by name, of an operator or of a mode."""
-    if found.standing is not None:
-        return {}
-    if found.mode is not None:
-        m = found.mode
-        return {"frequency_hz": (m.frequency_hz, _of_mode(m.frequency_hz, m.frequency_std_hz, _OF_FREQUENCY)),
-                "damping": (m.damping, _of_mode(m.damping, m.damping_std, 0.1))}  # fmt: skip
-    assert found.scored is not None
-    names = found.scored.hypothesis.names
-    return {n: (v, s) for n, v, s in zip(names, values, deviations, strict=True) if n not in HIDDEN}
-
-
-def _of_mode(value: float, std: float, model: float) -> float:
-    return float(np.hypot(std, model * value))
