@@ -15,12 +15,14 @@ from aeolid.challenge.rescore import folder_of, out_of_margins, rescore
 from aeolid.challenge.run import RESULT, Rules
 from aeolid.challenge.write import hash_of, make, open_answers, read_seal
 from aeolid.cli.main import main
+from aeolid.diagnose.rules import every_rule
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.workers import Pool
 
 Facts = dict[str, Any]
 NATS, Z = "evidence.clear_nats", "evidence.one_percent_z"  # 20 and 2.33 by default
 TWICE = {"evidence": {"clear_nats": 40.0}}
+DEFAULTS = {r.name: r.value for r in every_rule()}
 
 
 def result(margins: Facts | None, rules: Facts | None = None, **facts: Any) -> Facts:
@@ -47,7 +49,7 @@ def result(margins: Facts | None, rules: Facts | None = None, **facts: Any) -> F
 def test_only_a_rule_out_of_its_margins_leaves_an_answer_open(
     margins: Facts | None, own: Facts, wanted: Facts, open_: tuple[str, ...]
 ) -> None:
-    assert out_of_margins(result(margins, own), wanted) == open_
+    assert out_of_margins(result(margins, own), wanted, DEFAULTS) == open_
 
 
 @pytest.fixture
@@ -93,7 +95,7 @@ class Saying(Pool):
 
 
 def test_what_margins_leave_open_is_in_neither_table(challenge: Path) -> None:
-    found = rescore(challenge, challenge / "results", Rules("mine.toml", TWICE))
+    found = rescore(challenge, challenge / "results", Rules("mine.toml", TWICE, DEFAULTS))
     assert (found.stay, found.diagnosed, found.open) == (2, 0, {"case-0002": (NATS,)})
     assert [j.case for j in found.before] == ["case-0001", "case-0003"] and found.before == found.after
     facts = found.to_json()
@@ -101,7 +103,7 @@ def test_what_margins_leave_open_is_in_neither_table(challenge: Path) -> None:
 
 
 def test_open_cases_are_diagnosed_once_and_their_change_is_told(challenge: Path) -> None:
-    rules, pool = Rules("mine.toml", TWICE), Saying()
+    rules, pool = Rules("mine.toml", TWICE, DEFAULTS), Saying()
     found = rescore(challenge, challenge / "results", rules, pool)
     assert [Path(job.case).name for job in pool.asked] == ["case-0002"]
     assert pool.asked[0].rules == rules and pool.asked[0].sham == 0
@@ -121,7 +123,7 @@ def test_results_of_another_version_are_not_mixed_with_fresh_ones(
     challenge: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, "__version__", "9.9.9")
-    rules = Rules("mine.toml", TWICE)
+    rules = Rules("mine.toml", TWICE, DEFAULTS)
     assert rescore(challenge, challenge / "results", rules).stay == 2  # margins hold for the code that noted them
     with pytest.raises(UsageError, match=r"diagnosed by version .*challenge run .* again"):
         rescore(challenge, challenge / "results", rules, Idle())

@@ -14,7 +14,7 @@ from scipy.stats import binom
 from small_cases import SWING, SWING_CHANNELS, SWING_STEP, swinging, write_case
 
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
-from aeolid.diagnose.conclusion.verdict import _where
+from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.data.case import Case, load_case
 from aeolid.diagnose.localise import deficiency
 from aeolid.diagnose.localise.deficiency import deficient, wander
@@ -120,10 +120,10 @@ def test_marked_neighbours_of_the_strongest_cell_belong_to_it() -> None:
         prepared=SimpleNamespace(extended=SimpleNamespace(outputs=())), winner=None, completed=None, second=None,
     )  # fmt: skip
     study.alternatives, study.whole = (), None
-    where = _where(study, "unnamed")
+    where = where_of(study, "unnamed")
     assert where is not None and where["time_s"] == [2.0, 5.0] and where["azimuth_order"] == 3
     assert where["inputs"] == ["pull"]
-    assert _where(study, "no_mismatch") is None
+    assert where_of(study, "no_mismatch") is None
 
 
 def test_what_is_marked_nearly_everywhere_is_nowhere_in_particular() -> None:

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aeolid.diagnose.conclusion import verdict
+from aeolid.diagnose.conclusion import declared, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
 from aeolid.diagnose.conclusion.sentence import inputs_rest, sentence
 from aeolid.diagnose.selection.rivals import is_other
+from aeolid.models.equations import Parameter
 from aeolid.record import Channel, Record
 
 
@@ -79,7 +80,7 @@ def test_wrong_values_are_not_all_where_a_form_leads(
 ) -> None:
     """Radiated heat was told as a loss four times too large in a structure that is right."""
     proof = SimpleNamespace(interval=(-3.0, 21.0), gain=gain)
-    declared = SimpleNamespace(interval=(22.0, 45.0))
+    refitted = SimpleNamespace(interval=(22.0, 45.0))
     form = SimpleNamespace(unlisted=unlisted)
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400))
     study: Any = SimpleNamespace(
@@ -88,16 +89,66 @@ def test_wrong_values_are_not_all_where_a_form_leads(
         proof=proof,
         ceiling=ceiling,
         seed=1,
-        declared_proof=declared,
+        declared_proof=refitted,
         candidates=(),
         rotation=None,
         shows_elsewhere=False,
         prepared=SimpleNamespace(linear=1),
     )
-    for name in ("is_material", "contradicted"):
-        monkeypatch.setattr(verdict, name, lambda *anything: True)
+    monkeypatch.setattr(verdict, "is_material", lambda *anything: True)
+    monkeypatch.setattr(declared, "contradicted", lambda study: True)
+    monkeypatch.setattr(declared, "are_slight", lambda study: False)
     monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
     assert verdict._decide(study)[0] == said
+
+
+def with_values(*values: tuple[float, float]) -> Any:
+    """Return a study whose declared values, 10 each, moved to these with these deviations."""
+    names = [f"k{i}" for i in range(len(values))]
+    model = SimpleNamespace(parameters=tuple(Parameter(n, 10.0, "N/m", free=True) for n in names))
+    fit = SimpleNamespace(
+        free=SimpleNamespace(theta=tuple(range(len(values)))), std=[s for _, s in values],
+        point=SimpleNamespace(theta=[v for v, _ in values]),
+    )  # fmt: skip
+    unsealed = SimpleNamespace(extended=model, fit=fit)
+    return SimpleNamespace(
+        prepared=SimpleNamespace(declared=model), unsealed=unsealed, winner=None, proof=None, candidates=()
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (((10.4, 0.01), (9.6, 0.01)), "immaterial"),  # sure, and no more than constants are usually off
+        (((10.4, 0.01), (9.4, 0.01)), "parameter"),
+        (((10.4, 0.01), (9.0, 0.5)), "immaterial"),  # the far one is not sure
+        (((10.0, 0.1),), None),
+    ],
+)
+def test_constants_that_are_as_good_as_any_model_s_are_not_wrong(
+    values: tuple[tuple[float, float], ...], said: str | None
+) -> None:
+    """A value at the end of its range would contradict none of them: the structure is then not right."""
+    study = with_values(*values)
+    assert declared.on_values(study) == said
+    if values[0][0] == 10.4:
+        assert "k0 10.4 instead of 10 N/m" in sentence("immaterial", [], study, None)
+
+
+@pytest.mark.parametrize(
+    ("values", "slight"),
+    [
+        ({"gain_change": -0.025}, True), ({"gain_change": 0.06}, False), ({"frequency_change": -0.0059}, True),
+        ({"frequency_change": 0.03}, False), ({"damping_change": 0.001}, False), ({"K": 3.67e-4}, False),
+    ],
+)  # fmt: skip
+def test_a_mode_or_a_gain_that_is_a_little_off_has_no_name(values: dict[str, float], slight: bool) -> None:
+    attachment = SimpleNamespace(entry="parameter_error", key="one")
+    told = {"one": {n: (v, 0.001) for n, v in values.items()}}
+    candidate: Any = SimpleNamespace(attachments=(attachment,), values=told)
+    assert declared.is_slight(candidate) is slight
+    attachment.entry = "backlash"
+    assert not declared.is_slight(candidate)
 
 
 @pytest.mark.parametrize(

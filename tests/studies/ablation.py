@@ -45,6 +45,7 @@ from aeolid.diagnose.rules.declaring import Rule, ends_of  # noqa: E402
 Facts = dict[str, Any]
 Wanted = dict[str, dict[str, float]]
 HIGHEST = 1e12  # stands for no end
+DEFAULTS = {r.name: r.value for r in every_rule()}
 GOOD = ("name", "open")
 
 
@@ -60,7 +61,7 @@ class Stored:
 
     def may_change(self, wanted: Wanted) -> bool:
         """Tell whether a rule of these values lies out of the answer's margins."""
-        return bool(out_of_margins({"settings": {}, "margins": self.margins}, wanted))
+        return bool(out_of_margins({"settings": {}, "margins": self.margins}, wanted, DEFAULTS))
 
 
 def of_challenge(folder: str) -> Iterator[Stored]:

@@ -49,17 +49,18 @@ class Rescored:
         }  # fmt: skip
 
 
-def out_of_margins(result: Facts, wanted: Wanted) -> tuple[str, ...]:
+def out_of_margins(result: Facts, wanted: Wanted, defaults: Mapping[str, float]) -> tuple[str, ...]:
     """Return the rules whose wanted value may change a stored result, in order; none where it is the same by margins.
 
-    wanted: what differs from the rules by default; what the result was made with and these do not name goes back to its
-    default. A result without margins (a crash, an older version) is open to every rule that differs from its own.
+    wanted: what differs from the rules by default (defaults, by section.name); what the result was made with and these
+    do not name goes back to its default. A result without margins (a crash, an older version) is open to every rule
+    that differs from its own.
     """
     own: Wanted = result["settings"].get("rules", {})
     values = {f"{s}.{n}": v for s, table_ in wanted.items() for n, v in table_.items()}
     had = {f"{s}.{n}": v for s, table_ in own.items() for n, v in table_.items()}
-    values |= {name: _default(name) for name in had if name not in values}
-    moved = {name: v for name, v in values.items() if v != had.get(name, _default(name))}
+    values |= {name: defaults[name] for name in had if name not in values}
+    moved = {name: v for name, v in values.items() if v != had.get(name, defaults[name])}
     margins = result.get("margins")
     if margins is None:
         return tuple(sorted(moved))
@@ -69,12 +70,6 @@ def out_of_margins(result: Facts, wanted: Wanted) -> tuple[str, ...]:
 def _inside(value: float, ends: list[float | None]) -> bool:
     low, high = ends
     return (low is None or value >= low) and (high is None or value <= high)
-
-
-def _default(name: str) -> float:
-    from aeolid.diagnose.rules import every_rule
-
-    return next(r.value for r in every_rule() if r.name == name)
 
 
 def rescore(
@@ -94,7 +89,7 @@ def rescore(
     """
     answers = open_answers(folder)["answers"]
     stored = {r["case"]: r for r in read_results(folder, out)}
-    open_ = {name: found for name, r in stored.items() if (found := out_of_margins(r, rules.differing))}
+    open_ = {name: found for name, r in stored.items() if (found := out_of_margins(r, rules.differing, rules.defaults))}
     fresh: dict[str, Facts] = {}
     again = folder_of(out, rules)
     if pool is not None and open_:

@@ -31,10 +31,14 @@ KEPT = ("verdict", "statement", "effects", "location", "sealed", "false_alarm", 
 
 @dataclass(frozen=True)
 class Rules:
-    """Hold the file of decision rules that diagnoses are to go by, and what differs in it from the defaults."""
+    """Hold the file of decision rules that diagnoses are to go by, and what differs in it from the defaults.
+
+    defaults: of every rule, by section.name; who decides stored results again needs them.
+    """
 
     file: str
     differing: Facts = field(default_factory=dict)
+    defaults: Facts = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

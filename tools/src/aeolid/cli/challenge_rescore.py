@@ -57,9 +57,10 @@ def _change(c: dict[str, Any]) -> str:
 def read_rules(path: Path) -> Rules:
     """Return the decision rules of a file; each diagnosis reads it again, in a process of its own."""
     from aeolid.challenge.run import Rules
-    from aeolid.diagnose.rules import differing, load_rules
+    from aeolid.diagnose.rules import differing, every_rule, load_rules
 
-    return Rules(str(path.resolve()), dict(differing(load_rules(path))))
+    defaults = {r.name: r.value for r in every_rule()}
+    return Rules(str(path.resolve()), dict(differing(load_rules(path))), defaults)
 
 
 @contextmanager

@@ -130,7 +130,7 @@ def study(
         case, seed, findings, prepared, unsealed, bank, tuple(own.get(c.key, c) for c in (*candidates, *forms, *heard)),
         held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
         declared, top, bands, cells, equations, after_bank, runs, turned, held.completed,
-        _shows_elsewhere(prepared, unsealed, held, seed), timing, deadline,
+        _shows_elsewhere(prepared, unsealed, held, turned, seed), timing, deadline,
     )  # fmt: skip
 
 
@@ -169,15 +169,20 @@ def _proven(
     return (held if form is None else hold_against(prepared, unsealed, [form], seed)), forms
 
 
-def _shows_elsewhere(prepared: Prepared, unsealed: Prepared, held: Held, seed: int) -> bool:
-    """Tell whether the data of fit and selection show what the sealed ones prove but hardly show.
+def _shows_elsewhere(
+    prepared: Prepared, unsealed: Prepared, held: Held, turned: Rotation | None, seed: int
+) -> bool:  # fmt: skip
+    """Tell whether the data of fit and selection show what the sealed ones, or all in turn, prove but hardly show.
 
     A sensor's range may be reached a hundred times in the one part and twice in the other (174 nats sealed; one row
     ahead 0.113 of the spread became 0.012 elsewhere, 0.0172 became 0.0169 there).
     """
     evidence = in_force().evidence
     static = is_static(prepared)
-    if held.proof is None or held.proof.interval[0] <= evidence.proven_nats or is_material(held.proof, static):
+    if held.proof is None or is_material(held.proof, static):
+        return False
+    silent = turned is not None and turned.proves and is_silent(held.proof.interval)
+    if held.proof.interval[0] <= evidence.proven_nats and not silent:
         return False
     found = held.completed or held.sets[held.kept]
     before, after = (unsealed.predictor, unsealed.fit), (found.predictor, found.fit)

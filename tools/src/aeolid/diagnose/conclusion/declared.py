@@ -28,6 +28,26 @@ def contradicted(study: Study) -> bool:
     )
 
 
+def are_slight(study: Study) -> bool:
+    """Tell whether every declared value that moved surely is off by no more than a model's constants usually are."""
+    evidence, known = in_force().evidence, in_force().conclusion.known_share
+    return all(
+        m.distance <= known * abs(m.parameter.value)
+        for m in moved(study) if m.deviations > evidence.moved_deviations
+    )  # fmt: skip
+
+
+def is_slight(candidate: Candidate) -> bool:
+    """Tell whether a set is nothing but gains and frequencies of a model that are off by that little."""
+    known = in_force().conclusion.known_share
+    most = {"gain_change": known, "frequency_change": known / 2}
+    for a in candidate.attachments:
+        values = candidate.values[a.key]
+        if a.entry != "parameter_error" or not all(n in most and abs(v) <= most[n] for n, (v, _) in values.items()):
+            return False
+    return True
+
+
 def also_speaking(study: Study) -> list[Candidate]:
     """Return effects that fit better, for what their parameters cost, though they were not proven, best first.
 
@@ -65,24 +85,36 @@ def form_speaking(study: Study) -> Candidate | None:
     return max(found, key=lambda c: c.score, default=None)
 
 
+def on_values(study: Study) -> str | None:
+    """Return the verdict where better declared values surely and visibly predict better; None where none moved so."""
+    if not contradicted(study):
+        return None
+    if form_speaking(study) is not None:
+        return "unnamed"
+    return "immaterial" if are_slight(study) else "parameter"
+
+
 def explains_away(candidate: Candidate) -> bool:
     """Tell whether beside the effect no declared value is surely another than declared."""
     evidence = in_force().evidence
     return all(m.deviations <= evidence.moved_deviations for m in candidate.moved)
 
 
-def parameter_effect(study: Study) -> dict[str, Any]:
-    """Return the effect "declared values are wrong" with what they were fitted to."""
-    evidence = in_force().evidence
-    values = moved(study)
-    sure = [m for m in values if m.deviations > evidence.moved_deviations][:3]
-    words = ", ".join(
+def told_values(study: Study) -> str:
+    """Write the three declared values that moved most surely: what each is, and what it was declared as."""
+    sure = [m for m in moved(study) if m.deviations > in_force().evidence.moved_deviations][:3]
+    return ", ".join(
         f"{m.parameter.name} {m.value:.4g} instead of {m.parameter.value:.4g} {m.parameter.unit}".strip() for m in sure
     )
+
+
+def parameter_effect(study: Study) -> dict[str, Any]:
+    """Return the effect "declared values are wrong" with what they were fitted to."""
+    values = moved(study)
     kind = entry("parameter_error")
     return {
         "id": kind.id, "family": kind.family,
-        "statement": f"the structure is right, declared values are not: {words}",
+        "statement": f"the structure is right, declared values are not: {told_values(study)}",
         "location": location(f"parameter:{values[0].parameter.name}"),
         "equation": kind.equation,
         "parameters": {

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.conclusion.declared import form_speaking
+from aeolid.diagnose.conclusion.declared import form_speaking, is_slight, told_values
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
@@ -29,7 +29,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
     if verdict == "data_fault":
         return "; ".join(f"{f.channel}: {f.finding}" for f in study.findings if f.severity == "fault")
     if verdict == "immaterial":
-        return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
+        return _immaterial(study)
     if verdict == "not_testable":
         return untested(study)
     if verdict == "unnamed":
@@ -40,6 +40,16 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
         return f"Something is missing that no catalogue entry explains; {nearest}."
     begin = _significant(study) or "Nothing is missing that this recording could show"
     return f"{begin}{_late(study)}{_coloured(study)}{_not_borne_out(study)}."
+
+
+def _immaterial(study: Study) -> str:
+    """Say what is there and matters to nobody: an effect that shows nowhere, constants that are a little off."""
+    proof = study.proof
+    if study.winner is None or proof is None or proof.interval[0] <= in_force().evidence.proven_nats:
+        return f"The structure is right, and declared values are surely off, but by little: {told_values(study)}."
+    if is_slight(study.second or study.winner):
+        return f"A difference is there beyond doubt, but small{_nearest(study)}."
+    return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
 
 
 def _significant(study: Study) -> str:

@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.simulated_share import is_static
-from aeolid.diagnose.conclusion.declared import also_speaking, contradicted, form_speaking, parameter_effect
+from aeolid.diagnose.conclusion.declared import also_speaking, form_speaking, is_slight, on_values, parameter_effect
 from aeolid.diagnose.conclusion.sentence import sentence, untested
+from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.experiments.closer import describe_closer, look_closer
 from aeolid.diagnose.experiments.experiment import advise, describe, menu_of, stretch_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
-from aeolid.diagnose.localise.locate import whereabouts
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import minimum_detectable
@@ -44,7 +44,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "statement": said,
         "effects": effects,
         "beside": _beside(study) if proof is not None and proof is study.proof else None,
-        "location": effects[0]["location"] if effects else _where(study, verdict),
+        "location": effects[0]["location"] if effects else where_of(study, verdict),
         "sealed": _sealed(study, proof),
         "rotation": None if study.rotation is None else study.rotation.to_json() | {"decides": _is_turned(study)},
         "false_alarm": {
@@ -100,8 +100,8 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     rules = in_force().conclusion
     evidence = in_force().evidence
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > evidence.proven_nats:
-        if not (is_material(study.proof, is_static(study.prepared)) or study.shows_elsewhere):
-            return "immaterial", [], None
+        if not _shows(study, study.proof) or is_slight(study.second or study.winner):
+            return _on_values(study) or ("immaterial", [], None)
         if study.winner.unlisted:
             return "unnamed", [], study.proof
         kinds = {a.entry for a in study.winner.attachments}
@@ -113,6 +113,8 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
         if study.proof is not None and study.proof.worse:  # over the settling time: the sealed part is not silent
             return "unnamed", [], None
+        if study.proof is not None and not _shows(study, study.proof):
+            return _on_values(study) or ("immaterial", [], None)
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
     if (
@@ -123,17 +125,27 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         and top.sealed.mean() > rules.ceiling_rate * len(study.prepared.extended.outputs)
     ):
         return "unnamed", [], None
-    declared = study.declared_proof
-    if (
-        declared is not None
-        and declared.interval[0] > evidence.proven_nats
-        and is_material(declared, is_static(study.prepared))
-        and contradicted(study)
-    ):
-        return ("unnamed", [], None) if form_speaking(study) else (*_declared(study), declared)
+    if (found := _on_values(study)) is not None:
+        return found
     if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _shows(study: Study, proof: Proof) -> bool:
+    """Tell whether what is proven shows in a prediction, of the sealed part or of another."""
+    return is_material(proof, is_static(study.prepared)) or study.shows_elsewhere
+
+
+def _on_values(study: Study) -> tuple[str, list[dict[str, Any]], Proof | None] | None:
+    """Return what the declared values alone are worth saying; None where better ones do not surely and visibly help."""
+    proof = study.declared_proof
+    if proof is None or proof.interval[0] <= in_force().evidence.proven_nats:
+        return None
+    said = on_values(study) if is_material(proof, is_static(study.prepared)) else None
+    if said == "parameter":
+        return *_declared(study), proof
+    return None if said is None else (said, [], None)
 
 
 def _is_turned(study: Study) -> bool:
@@ -254,25 +266,6 @@ def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
     }
 
 
-def _where(study: Study, verdict: str) -> dict[str, Any] | None:
-    """Locate a mismatch without a name: the cells that stand out, and what the correction depends on."""
-    if verdict == "data_fault":
-        first = next(f for f in study.findings if f.severity == "fault")
-        return {"entry": f"channel:{first.channel}", "finding": first.finding}
-    if verdict != "unnamed":
-        return None
-    bands = sorted(
-        (b for b in study.bands if b["significant"]), key=lambda b: -abs(np.log(float(str(b["ratio"])) + 1e-9))
-    )
-    outputs = list(dict.fromkeys(str(b["output"]) for b in bands)) or [o.name for o in study.prepared.extended.outputs]
-    form = form_speaking(study)
-    return {
-        "entry": form.attachments[0].location["entry"] if form else "unknown", "outputs": outputs,
-        "frequency_hz": bands[0]["frequency_hz"] if bands else None, **whereabouts(study.cells),
-        "depends_on": [{"what": g, "share": s} for g, s in study.ceiling.groups[:4]],
-    }  # fmt: skip
-
-
 def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
     """List, for each entry that was not named, the smallest effect that this recording would have shown."""
     result = []
@@ -306,7 +299,7 @@ def _next_experiment(
         return describe_closer(look_closer(study.prepared, inputs, study.bank, study.seed))
     if verdict in ("unnamed", "not_testable", "ambiguous"):
         moved = " and ".join(c.name for c in inputs) or "every input"
-        where = effects[0]["location"] if effects else _where(study, verdict)
+        where = effects[0]["location"] if effects else where_of(study, verdict)
         band = (where or {}).get("frequency_hz")
         text = (
             f"Record again with steps added to {moved}"
