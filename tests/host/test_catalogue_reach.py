@@ -83,7 +83,7 @@ def site_of(model: Equations, u: Array) -> Site:
     n = len(model.states)
     sizes, rates = np.resize([0.1, 0.6], n), np.resize([0.6, 4.0], n)
     motions = motions_of_equations(model, sizes, rates)
-    motions = [*motions, *motions_between(model, motions, sizes, rates)]
+    motions = [*motions, *motions_between(model, motions, sizes, rates, np.diag(sizes**2))]
     y = np.column_stack([0.2 * np.sin(3 * STEP * np.arange(len(u)))] * len(model.outputs))
     names = tuple(o.name for o in model.outputs)
     return Site(

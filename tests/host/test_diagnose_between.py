@@ -119,7 +119,7 @@ def test_a_force_on_the_twist_does_the_work_of_its_parts(tmp_path: Path) -> None
     """Virtual work: the power on the bodies is force times rate of deformation, whatever the gear between them."""
     model = model_of(GEARED, tmp_path)
     ones = np.ones(len(model.states))
-    (twist,) = motions_between(model, motions_of_equations(model, ones, ones), 2 * ones, 3 * ones)
+    (twist,) = motions_between(model, motions_of_equations(model, ones, ones), 2 * ones, 3 * ones, np.eye(len(ones)))
     assert twist.location == "state:twist" and (twist.position_size, twist.velocity_size) == (2.0, 3.0)
     pushed = compile_equations(twist.inject(model, ex.parse("7*twist", "test"), "force"))
     x, u, theta = np.array([0.3, 1.1, -0.7]), np.array([0.4]), model.theta
@@ -136,13 +136,23 @@ def test_the_twist_is_geometry_and_gets_no_noise(tmp_path: Path) -> None:
 
 
 def test_two_positions_deform_where_each_body_feels_the_other(tmp_path: Path) -> None:
+    """It is as large as the difference of what the two do, not as what either does: here they nearly move as one."""
     ones = np.ones(4)
     coupled = model_of(PAIR, tmp_path)
-    (stretch,) = motions_between(coupled, motions_of_equations(coupled, ones, ones), ones, ones)
+    names = [s.name for s in coupled.states]
+    moves = np.eye(4)
+    for a, b, together in (("x1", "x2", 0.995), ("v1", "v2", 0.92)):
+        i, j = names.index(a), names.index(b)
+        moves[i, j] = moves[j, i] = together
+    (stretch,) = motions_between(coupled, motions_of_equations(coupled, ones, ones), ones, ones, moves)
     assert stretch.location == "state:x1-x2"
     assert ex.to_text(stretch.velocity) == "v1 - v2"
+    assert (stretch.position_size, stretch.velocity_size) == (pytest.approx(0.1), pytest.approx(0.4))
+    moves[:] = 1.0  # a rough run in which nothing bends says little of how much it does
+    (stiff,) = motions_between(coupled, motions_of_equations(coupled, ones, ones), ones, ones, moves)
+    assert 0 < stiff.position_size < 1e-3
     apart = model_of(PAIR.replace("40*(x1 - x2) - 2*v2", "40*x2 - 2*v2"), tmp_path)
-    assert motions_between(apart, motions_of_equations(apart, ones, ones), ones, ones) == []
+    assert motions_between(apart, motions_of_equations(apart, ones, ones), ones, ones, moves) == []
 
 
 def with_a_gap(samples: int, half_gap: float, seed: int) -> Array:

@@ -126,11 +126,14 @@ def with_values(*values: tuple[float, float]) -> Any:
     ],
 )
 def test_constants_that_are_as_good_as_any_model_s_are_not_wrong(
-    values: tuple[tuple[float, float], ...], said: str | None
+    values: tuple[tuple[float, float], ...], said: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A value at the end of its range would contradict none of them: the structure is then not right."""
     study = with_values(*values)
+    monkeypatch.setattr(declared, "also_speaking", lambda study: [])
     assert declared.on_values(study) == said
+    monkeypatch.setattr(declared, "also_speaking", lambda study: ["an effect that makes them right again"])
+    assert declared.on_values(study) == (None if said is None else "parameter")
     if values[0][0] == 10.4:
         assert "k0 10.4 instead of 10 N/m" in sentence("immaterial", [], study, None)
 

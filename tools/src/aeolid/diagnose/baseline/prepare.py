@@ -129,8 +129,8 @@ def prepare(
     spreads = _spread(y, outputs, case)
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
-    sizes, rates = _sizes(rough, scales)
-    motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads), split, settle)
+    sizes, rates, moves = _sizes(rough, scales)
+    motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads, moves), split, settle)
     if linear is None:
         motions, working = _with_signals(motions, working, exogenous, split, records[0])
     declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
@@ -169,10 +169,10 @@ def _with_signals(
 
 
 def _anatomy(
-    declared: Equations, linear: StateSpace | None, typical: tuple[Array, Array, Array], split: Split, settle: float
+    declared: Equations, linear: StateSpace | None, typical: tuple[Array, ...], split: Split, settle: float
 ) -> tuple[tuple[Motion, ...], Equations, dict[str, float]]:
     """Return the motions, the working model (unmeasured forces or modal coordinates added), the forces' sizes."""
-    sizes, rates, spreads = typical
+    sizes, rates, spreads, moves = typical
     if linear is not None:
         found, working = motions_of_state_space(linear, declared, sizes, spreads)
         return tuple(found), working, {}
@@ -181,7 +181,7 @@ def _anatomy(
     working, added = shape_forces(declared, span, split.fit[0].step)
     forces = {f: own[f.removeprefix(FORCE)] * _mass(declared, f) for f in added}
     bodies = motions_of_equations(declared, sizes, rates)
-    return (*bodies, *motions_between(declared, bodies, sizes, rates)), working, forces
+    return (*bodies, *motions_between(declared, bodies, sizes, rates, moves)), working, forces
 
 
 def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: Case) -> tuple[Predictor, Fit]:
@@ -262,16 +262,17 @@ def riccati_gains(linear: StateSpace, spreads: Array) -> list[Array]:
     return [steady_gain(linear.A, linear.C, ratio * weight, R) for ratio in 10.0 ** np.arange(-6, 5)]
 
 
-def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array]:
+def _sizes(rough: tuple[Predictor, Point], scales: Scales) -> tuple[Array, Array, Array]:
+    """Return typical magnitudes of the states (n,), of their derivatives (n,), and how states move together (n, n)."""
     predictor, point = rough
     runs = [predictor.run(point, i)[2] for i in range(len(predictor.segments))]
     n = len(predictor.compiled.model.states)
     X = np.vstack([x[s.burn :, :n] for x, s in zip(runs, predictor.segments, strict=True)])
     floor = _LEAST * scales.x0  # a state that nothing moves in a free run still has the size at which it would show
     change = np.vstack([np.diff(x[s.burn :, :n], axis=0) for x, s in zip(runs, predictor.segments, strict=True)])
-    return np.maximum(np.std(X, axis=0), floor), np.maximum(
-        np.std(change, axis=0) / predictor.segments[0].step, floor / predictor.segments[0].step
-    )
+    step = predictor.segments[0].step
+    rates = np.maximum(np.std(change, axis=0) / step, floor / step)
+    return np.maximum(np.std(X, axis=0), floor), rates, np.atleast_2d(np.cov(X, rowvar=False, ddof=0))
 
 
 def _mass(model: Equations, force: str) -> float:

@@ -91,7 +91,7 @@ def on_values(study: Study) -> str | None:
         return None
     if form_speaking(study) is not None:
         return "unnamed"
-    return "immaterial" if are_slight(study) else "parameter"
+    return "immaterial" if are_slight(study) and not also_speaking(study) else "parameter"
 
 
 def explains_away(candidate: Candidate) -> bool:

@@ -16,14 +16,19 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
+_LEAST = 1e-4  # of what its ends move by: the size of a deformation that a rough run hardly shows
 
 
-def motions_between(model: Equations, motions: Sequence[Motion], sizes: Array, rates: Array) -> list[Motion]:
+def motions_between(
+    model: Equations, motions: Sequence[Motion], sizes: Array, rates: Array, moves: Array
+) -> list[Motion]:
     """Return the deformations between bodies that have masses, each a motion whose force acts on both.
 
     A state whose derivative is a sum of such velocities (twist' = w_rotor − w_generator/ratio), or the difference of
     two positions of one unit where each body feels the other's. By virtual work a force on the deformation acts on each
-    body times the factor of its velocity. sizes, rates: typical magnitude (n,) of each state and of its derivative.
+    body times the factor of its velocity. sizes, rates: typical magnitude (n,) of each state and of its derivative;
+    moves: covariance (n, n) of the states, from which the size of a difference is: two ends of a stiff joint move far
+    and bend it little (an arm that turns by 0.4 rad, its joint by 0.03: the range of a cubic spring was too short).
     """
     bodies = {m.velocity.id: m for m in motions if isinstance(m.velocity, ast.Name) and m.mass is not None}
     found = []
@@ -36,7 +41,7 @@ def motions_between(model: Equations, motions: Sequence[Motion], sizes: Array, r
                 _between(model, state.name, (ast.Name(id=state.name), rate), bodies, factors, size, state.unit)
             )
     pairs = itertools.combinations(bodies.values(), 2)
-    return found + [_apart(model, bodies, a, b) for a, b in pairs if _coupled(model, a, b)]
+    return found + [_apart(model, bodies, (a, b), moves) for a, b in pairs if _coupled(model, a, b)]
 
 
 def _between(
@@ -55,15 +60,26 @@ def _between(
     )  # fmt: skip
 
 
-def _apart(model: Equations, bodies: Mapping[str, Motion], a: Motion, b: Motion) -> Motion:
+def _apart(model: Equations, bodies: Mapping[str, Motion], ends: tuple[Motion, Motion], moves: Array) -> Motion:
     """Return the difference of two positions as a motion."""
+    a, b = ends
     assert a.position is not None
     assert b.position is not None
     coordinates = ex.combine("-", a.position, b.position), ex.combine("-", a.velocity, b.velocity)
-    size = max(a.position_size, b.position_size), max(a.velocity_size, b.velocity_size)
+    sizes = (
+        max(_difference(model, moves, a.position, b.position), _LEAST * max(a.position_size, b.position_size)),
+        max(_difference(model, moves, a.velocity, b.velocity), _LEAST * max(a.velocity_size, b.velocity_size)),
+    )
     name = f"{ex.to_text(a.position)}-{ex.to_text(b.position)}"
     factors = {ex.to_text(a.velocity): 1.0, ex.to_text(b.velocity): -1.0}
-    return _between(model, name, coordinates, bodies, factors, size, a.position_unit)
+    return _between(model, name, coordinates, bodies, factors, sizes, a.position_unit)
+
+
+def _difference(model: Equations, moves: Array, one: ast.expr, other: ast.expr) -> float:
+    """Return the standard deviation of the difference of two states."""
+    names = [s.name for s in model.states]
+    i, j = (names.index(ex.to_text(end)) for end in (one, other))
+    return float(np.sqrt(max(moves[i, i] + moves[j, j] - 2 * moves[i, j], 0.0)))
 
 
 def _coupled(model: Equations, a: Motion, b: Motion) -> bool:

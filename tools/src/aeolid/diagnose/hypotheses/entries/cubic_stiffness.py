@@ -6,6 +6,7 @@ import ast
 from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.forces import per
 from aeolid.diagnose.structure.anatomy import Motion
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations, Parameter
@@ -18,7 +19,7 @@ def _attach(site: Site) -> list[Attachment]:
 def _on(motion: Motion, position: ast.expr, number: int) -> Attachment:
     name = f"cubic_{number + 1}"
     natural = motion.force_size / max(motion.position_size, 1e-300) ** 3
-    unit = f"{motion.force_unit or '1'}/m^3"
+    unit = per(motion, 3)
 
     def edit(model: Equations) -> Equations:
         cube = ex.combine("*", ex.combine("*", position, position), position)
