@@ -139,6 +139,38 @@ def test_constants_that_are_as_good_as_any_model_s_are_not_wrong(
 
 
 @pytest.mark.parametrize(
+    ("interval", "folds", "agrees", "visible", "speaks"),
+    [
+        ((0.8, 17.0), 0.0, False, False, True),  # the sealed data say so themselves
+        ((-2.4, 12.8), 16.8, True, True, True),  # they are silent, and every fold came to it
+        ((-2.4, 12.8), 16.8, False, True, False),
+        ((-2.4, 12.8), 3.0, True, True, False),
+        ((-2.4, 12.8), 16.8, True, False, False),  # nobody would see it
+        ((-9.0, -2.0), 16.8, True, True, False),  # refuted
+    ],
+)
+def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
+    interval: tuple[float, float], folds: float, agrees: bool, visible: bool, speaks: bool,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    attachment = SimpleNamespace(entry="missing_coupling", key="missing_coupling Q2")
+    leader = SimpleNamespace(
+        key=attachment.key, attachments=(attachment,), plausible=True, unlisted=False, fit_gain=32.0, score=31.0,
+        moved=(SimpleNamespace(deviations=9.0),),
+    )  # fmt: skip
+    proof = SimpleNamespace(
+        interval=interval, nrmse_before={"T1": 1.0}, nrmse_after={"T1": 0.9 if visible else 0.9999}, profile={}
+    )
+    bank = SimpleNamespace(loud=[SimpleNamespace(attachment=attachment)])
+    study: Any = SimpleNamespace(
+        winner=leader, proof=proof, candidates=(leader,), bank=bank,
+        rotation=SimpleNamespace(agrees=agrees, gain=folds), prepared=SimpleNamespace(linear=1),
+    )  # fmt: skip
+    monkeypatch.setattr(declared, "whispering", lambda bank: [])
+    assert declared.also_speaking(study) == ([leader] if speaks else [])
+
+
+@pytest.mark.parametrize(
     ("values", "slight"),
     [
         ({"gain_change": -0.025}, True), ({"gain_change": 0.06}, False), ({"frequency_change": -0.0059}, True),

@@ -7,11 +7,14 @@ from typing import Any
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.race import whispering
+from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.stats.numbers import finite
+from aeolid.diagnose.validation.proof import Proof, is_material
+from aeolid.diagnose.validation.rotation import is_silent
 
 
 def moved(study: Study) -> list[Moved]:
@@ -55,10 +58,11 @@ def also_speaking(study: Study) -> list[Candidate]:
     10 nats bent two stiffnesses and a friction; beside it, all were as declared). Where a stiffness stays 50 deviations
     off beside the effect, it is wrong whatever else there is. That something is there the values tell; which of two
     tells it better is no question of a threshold against chance among all entries. And the leader, where the sealed
-    data speak for it, if too softly for a proof: a second heater's warmth, 33 nats and 9 (0.8 to 17) on the sealed
-    ones, stood behind four values that were as wrong beside it.
+    data speak for it, if too softly for a proof, or are silent and the folds come to it: a second heater's warmth, 33
+    nats, 5 (−2 to 13) on the sealed ones and 17 in all five folds, which all chose it, stood behind four values that
+    were as wrong beside it.
     """
-    leader = study.winner if study.proof is not None and study.proof.interval[0] > 0 else None
+    leader = study.winner if study.proof is not None and _speaks_softly(study, study.proof) else None
     heard = {r.attachment.key for r in (*study.bank.loud, *whispering(study.bank))}
     found = [
         c for c in study.candidates
@@ -67,6 +71,15 @@ def also_speaking(study: Study) -> list[Candidate]:
         and (explains_away(c) or (leader is not None and c.key == leader.key))
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.score)
+
+
+def _speaks_softly(study: Study, proof: Proof) -> bool:
+    """Tell whether sealed data or folds speak for what leads, too softly for a proof; by folds it must show, too."""
+    if proof.interval[0] > 0:
+        return True
+    turned, least = study.rotation, in_force().evidence.validation_nats
+    folds = turned is not None and turned.agrees and turned.gain > least and is_silent(proof.interval)
+    return folds and is_material(proof, is_static(study.prepared))
 
 
 def form_speaking(study: Study) -> Candidate | None:
