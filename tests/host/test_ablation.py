@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import pytest
 from study_modules import load_study
 
+from aeolid.cli.main import main
 from aeolid.diagnose.rules import every_rule, rules_of
 
 ablation = load_study("ablation")
@@ -65,3 +67,16 @@ def test_only_what_may_change_is_diagnosed_and_what_is_lost_is_told(
     text = capsys.readouterr().out
     assert "| own | 3 | 2 | 2 | 1 | 0 | 1 | 0 → 0 |" in text
     assert "- own case-0: named: backlash → unnamed (lost)" in text
+
+
+def test_the_corpus_is_made_once_and_run_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    corpus = load_study("corpus")
+    args = argparse.Namespace(
+        folder=tmp_path, own=2, foreign=0, seed=3, samples=1000, workers=1, known=tmp_path / "none", pairs=["more:held"]
+    )
+    (own, commands), (pairs, scored) = corpus.steps(args)
+    assert own == f"challenge:{tmp_path / 'own'}" and [c[4] for c in commands] == ["make", "run"]
+    assert pairs == "pairs:more:held" and scored[0][2:] == ("score", "more", "--part", "held")
+    assert main([*commands[0][3:]]) == 0
+    assert [c[4] for c in corpus.steps(args)[0][1]] == ["run"]
+    assert "2 cases in" in capsys.readouterr().out
