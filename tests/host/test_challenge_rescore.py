@@ -25,7 +25,7 @@ TWICE = {"evidence": {"clear_nats": 40.0}}
 DEFAULTS = {r.name: r.value for r in every_rule()}
 
 
-def result(margins: Facts | None, rules: Facts | None = None, **facts: Any) -> Facts:
+def result(margins: Any, rules: Facts | None = None, **facts: Any) -> Facts:
     settings = {"version": __version__, "sham": 0, "seed": 1} | ({"rules": rules} if rules else {})
     return {"settings": settings, "outcome": "done", "margins": margins, "reason": "", "seconds": 1.0} | facts
 
@@ -39,6 +39,10 @@ def result(margins: Facts | None, rules: Facts | None = None, **facts: Any) -> F
         ({NATS: [20.0, 20.0]}, {}, TWICE, (NATS,)),
         ({}, {}, TWICE, ()),  # never asked for
         (None, {}, TWICE, (NATS,)),  # a crash, or an older version
+        (5, {}, TWICE, (NATS,)),
+        ({NATS: "wide"}, {}, TWICE, (NATS,)),
+        ({NATS: [None, "1e9"]}, {}, TWICE, (NATS,)),
+        ({NATS: [None]}, {}, TWICE, (NATS,)),
         (None, TWICE, TWICE, ()),  # as it was made
         ({NATS: [30.0, 50.0]}, TWICE, {}, (NATS,)),  # back to the default
         ({NATS: [10.0, 50.0]}, TWICE, {}, ()),
@@ -47,7 +51,7 @@ def result(margins: Facts | None, rules: Facts | None = None, **facts: Any) -> F
     ],
 )  # fmt: skip
 def test_only_a_rule_out_of_its_margins_leaves_an_answer_open(
-    margins: Facts | None, own: Facts, wanted: Facts, open_: tuple[str, ...]
+    margins: Any, own: Facts, wanted: Facts, open_: tuple[str, ...]
 ) -> None:
     assert out_of_margins(result(margins, own), wanted, DEFAULTS) == open_
 

@@ -15,6 +15,7 @@ from aeolid.challenge.score import table
 from aeolid.challenge.write import open_answers
 from aeolid.errors import DataError, UsageError
 from aeolid.fleet.workers import Pool
+from aeolid.text_files import is_number
 
 Facts = dict[str, Any]
 Wanted = Mapping[str, Mapping[str, float]]  # values of rules, by section and name
@@ -62,12 +63,15 @@ def out_of_margins(result: Facts, wanted: Wanted, defaults: Mapping[str, float])
     values |= {name: defaults[name] for name in had if name not in values}
     moved = {name: v for name, v in values.items() if v != had.get(name, defaults[name])}
     margins = result.get("margins")
-    if margins is None:
+    if not isinstance(margins, dict):
         return tuple(sorted(moved))
     return tuple(sorted(name for name, v in moved.items() if name in margins and not _inside(v, margins[name])))
 
 
-def _inside(value: float, ends: list[float | None]) -> bool:
+def _inside(value: float, ends: Any) -> bool:
+    """Tell whether a value lies between two ends, None for no end; what are no ends holds nothing."""
+    if not isinstance(ends, list) or len(ends) != 2 or not all(e is None or is_number(e) for e in ends):
+        return False
     low, high = ends
     return (low is None or value >= low) and (high is None or value <= high)
 
