@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.models.equations import TIME, Equations
 from aeolid.models.model_file import Signal
@@ -28,18 +29,30 @@ class Exogenous:
 def exogenous_channels(records: Sequence[Record], model: Equations) -> tuple[Exogenous, ...]:
     """List time and the channels of input, disturbance, scheduling and azimuth role that the model does not use.
 
-    Left out: channels with a missing sample (they would cut the recording) and those that never change.
+    Left out: channels with a sample missing where the model's inputs have theirs (it would cut the recording there) and
+    those that never change. A row that a logger lost lacks everything, and cuts the recording in any case.
     """
     used = {s.name for s in model.inputs} | {o.name for o in model.outputs}
     taken = {*model.symbols, *(n.name for group in (model.parameters, model.states) for n in group)}
+    whole = np.concatenate([_whole(r, [s.name for s in model.inputs]) for r in records])
     found = [Exogenous(TIME, _symbol(TIME, taken), "s", "time")] if TIME not in used else []
     for channel in records[0].channels:
         if channel.role not in ROLES or channel.name in used or channel.name == TIME:
             continue
-        values = np.concatenate([r.column(channel.name) for r in records])
-        if np.all(np.isfinite(values)) and np.ptp(values) > 0:
+        values = np.concatenate([r.column(channel.name) for r in records])[whole]
+        if len(values) and np.all(np.isfinite(values)) and np.ptp(values) > 0:
             found.append(Exogenous(channel.name, _symbol(channel.name, taken), channel.unit, channel.role))
     return tuple(found)
+
+
+def _whole(record: Record, inputs: Sequence[str]) -> NDArray[np.bool_]:
+    """Tell in which rows (N,) of a recording no input of the model is missing."""
+    names = {c.name for c in record.channels}
+    rows = np.ones(len(record.values), dtype=bool)
+    for name in inputs:
+        if name in names:
+            rows &= np.isfinite(record.column(name))
+    return rows
 
 
 def _symbol(name: str, taken: set[str]) -> str:
