@@ -227,7 +227,9 @@ def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.Monk
     ]  # fmt: skip
     names = ["drag", "lag", "delay", "unlisted", "little", "parameter_error", "beside"]
     bank = Bank((*(row(n, 6.0) for n in names), row("quiet", 3.0, 0.2), row("whisper", 3.5, 0.005)), 4.0)
-    study: Any = SimpleNamespace(candidates=candidates, bank=bank, prepared=None, winner=None, proof=None)
+    study: Any = SimpleNamespace(
+        candidates=candidates, bank=bank, prepared=None, winner=None, proof=None, rotation=None
+    )
     assert [c.key for c in also_speaking(study)] == ["lag", "drag", "whisper"]
     study.winner = candidates[7]  # the leader, which leaves declared values as wrong
     for low, heard in ((0.8, ["lag", "beside", "drag", "whisper"]), (-0.1, ["lag", "drag", "whisper"])):
