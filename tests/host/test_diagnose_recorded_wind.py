@@ -25,6 +25,7 @@ from aeolid.diagnose.baseline.recorded_wind import (
     with_smoothed_wind,
 )
 from aeolid.diagnose.conclusion.correction import corrected_model
+from aeolid.diagnose.data.bridging import bridged_case
 from aeolid.diagnose.data.case import Case, load_case
 from aeolid.diagnose.data.exogenous import with_exogenous
 from aeolid.diagnose.scoring.scores import score_bank
@@ -282,10 +283,12 @@ def test_a_model_without_a_wind_and_a_recording_with_gaps_are_left_alone(tmp_pat
     still = replace(model, states=tuple(replace(s, derivative=ex.substitute(s.derivative, calm)) for s in model.states))
     assert with_smoothed_wind(case.records, still) == case.records
     (record,) = case.records
-    gappy = record.values.copy()
-    gappy[100, [c.name for c in record.channels].index("vane")] = np.nan
+    names, gappy = [c.name for c in record.channels], record.values.copy()
+    gappy[100, names.index("vane")] = np.nan
     gaps = (replace(record, values=gappy),)
     assert with_smoothed_wind(gaps, model) == gaps
+    whole, (said,) = bridged_case(replace(case, records=gaps))  # as a diagnosis does first
+    assert "bridged" in said.finding and len(with_smoothed_wind(whole.records, model)[0].channels) > len(names)
 
 
 @pytest.mark.slow

@@ -14,6 +14,7 @@ from aeolid.diagnose.conclusion.export import evidence as evidence_of
 from aeolid.diagnose.conclusion.export import write_all, write_ended, write_found
 from aeolid.diagnose.conclusion.static_law import static_law, with_static_law
 from aeolid.diagnose.conclusion.verdict import diagnose
+from aeolid.diagnose.data.bridging import bridged_case
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import SWAPPED, Finding, examine
 from aeolid.diagnose.data.masking import masked_case
@@ -42,7 +43,8 @@ def conclude(
         wrong, case = channel_faults(case)
         findings = examine(case.records, case.baseline) if wrong else findings
     case, left = masked_case(case)
-    findings += left
+    case, over = bridged_case(case)
+    findings += (*left, *over)
     faults = [f for f in findings if f.severity == "fault" and not f.left_out]
     if faults:
         text = "; ".join(f"{f.channel}: {f.finding}" for f in faults)

@@ -14,6 +14,7 @@ from aeolid.diagnose.baseline.prepare import NUISANCE, Prepared
 from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.reestimate import fitted_to
 from aeolid.diagnose.conclusion.correction import corrected_model
+from aeolid.diagnose.data.bridging import bridged_case
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding, examine
 from aeolid.diagnose.data.intersample import sampling_findings
@@ -158,6 +159,7 @@ def estimate(case: Case, step: Step = lambda text: None) -> Estimate:
         raise UsageError(f"{case.baseline_file}: no parameter has free = true, so there is nothing to fit")
     findings = examine(case.records, case.baseline)
     case, left = masked_case(case)
+    case, over = bridged_case(case)
     step("fitting")
     prepared = settled_stage(case)
     split, predictor = prepared.split, prepared.predictor
@@ -168,7 +170,8 @@ def estimate(case: Case, step: Step = lambda text: None) -> Estimate:
     step("fitting the free run")
     told = told_values(prepared, most, whole, (values, apart))
     checks = _checks(prepared, *most, told.held)
-    notes = (*findings, *left, *sampling_findings(prepared.records, prepared.sampling, case.records[0].sample_time_s))
+    sampled = sampling_findings(prepared.records, prepared.sampling, case.records[0].sample_time_s)
+    notes = (*findings, *left, *over, *sampled)
     model = replace(corrected_model(prepared, told.fit, None), name=f"{declared.name} (fitted)")
     return Estimate(
         model, told.values, told.by_run, told.others, told.apart, _alike(*whole), checks, split.sealed_text, notes

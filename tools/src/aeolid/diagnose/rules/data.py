@@ -49,6 +49,12 @@ class DataRules:
         0.5, "share", "samples that read a code for a missing value, above which the channel is faulty"
     )
     missing_share: float = rule(0.5, "share", "samples missing above which a channel is faulty")
+    bridged_rows: int = rule(
+        10,
+        "rows",
+        "samples in a row up to which a gap in a channel that the model does not use is bridged: sampling is chosen so "
+        "that what matters takes longer",
+    )
     compared_rows: int = rule(
         50, "rows", "rows that two series, recorded or simulated, must have in common to be compared"
     )
