@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.conclusion.declared import form_speaking, is_slight, told_values
+from aeolid.diagnose.conclusion.declared import form_speaking, is_slight, slight_parts, told_values
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
@@ -17,11 +17,13 @@ from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation.proof import Proof
 from aeolid.record import Record
 
+_RIGHT = "the structure is right, but "
+
 
 def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: Proof | None) -> str:
     """Write the verdict as one sentence for the top of the page."""
     if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
-        return "; and ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
+        return _one_after_another(effects) + _little(study, proof) + _beyond(study, proof)
     if verdict == "ambiguous" and study.second is not None and proof is study.proof:
         return _sentence_of_sets(effects, study, study.second) + _beyond(study, proof)
     if verdict == "ambiguous":
@@ -86,6 +88,22 @@ def _or_sensor(study: Study, form: Candidate) -> str:
     """Say which sensor's factor would explain as much as the form without a name; empty where none does."""
     said = [c.says(c.attachments[0]) for c in study.candidates if c.plausible and stands_for(c, form)]
     return "; it may as well be that " + ", or that ".join(said) if said else ""
+
+
+def _one_after_another(effects: Sequence[Mapping[str, Any]]) -> str:
+    """Say effects one after another; beside one that the model lacks its structure is not right."""
+    only_values = all(e["id"] == "parameter_error" for e in effects)
+    said = [str(e["statement"]) for e in effects]
+    return "; and ".join(said if only_values else [text.removeprefix(_RIGHT) for text in said])
+
+
+def _little(study: Study, proof: Proof | None) -> str:
+    """Say which constants are off by no more than usual beside what was named; empty where none are."""
+    chosen = study.second
+    if chosen is None or proof is not study.proof or is_slight(chosen):
+        return ""
+    said = [chosen.says(a).removeprefix(_RIGHT) for a in slight_parts(chosen)]
+    return f"; beside that, by no more than is usual, {' and '.join(said)}" if said else ""
 
 
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:

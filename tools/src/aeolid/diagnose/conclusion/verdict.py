@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.conclusion.declared import also_speaking, form_speaking, is_slight, on_values, parameter_effect
+from aeolid.diagnose.conclusion.declared import slight_parts as parts_that_matter_little
 from aeolid.diagnose.conclusion.sentence import sentence, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
@@ -192,7 +193,10 @@ def _weighed(study: Study, winner: Candidate) -> list[tuple[Candidate, float]]:
 
 
 def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]]:
-    """Name a set of effects; where another may stand in the place of one, both are said and nothing is decided."""
+    """Name a set of effects; where another may stand in the place of one, both are said and nothing is decided.
+
+    Constants that are off by no more than usual beside an effect are told with it, and have no name.
+    """
     weights = weights_of([chosen, *(a.candidate for a in study.alternatives)])
     others = list(zip(study.alternatives, weights[1:], strict=True))
     effects, shown = [], study.completed or chosen
@@ -201,8 +205,11 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
         effects.append(_effect(study, shown, attachment, rivals, weights[0]))
     effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
     ids = {a.key: a.entry for a in chosen.attachments}
-    open_ = any(a.attachment.entry != ids[a.replaces] for a in study.alternatives)
-    return "ambiguous" if open_ else "multiple", effects if open_ else effects[: len(chosen.attachments)]
+    if any(a.attachment.entry != ids[a.replaces] for a in study.alternatives):
+        return "ambiguous", effects
+    little = parts_that_matter_little(chosen)
+    told = [e for a, e in zip(chosen.attachments, effects, strict=False) if a not in little]
+    return "multiple" if len(told) > 1 else entry(told[0]["id"]).verdict, told
 
 
 def _effect(

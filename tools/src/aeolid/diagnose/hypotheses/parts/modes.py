@@ -54,9 +54,14 @@ def most_damping(kind: Kind | None) -> float:
     return RINGS if kind is None else kind.most_damping
 
 
+def on_turbine(site: Site) -> bool:
+    """Tell whether the case says that the machine is a turbine."""
+    return str(site.context.get("machine", "")).lower().replace("_", " ") in ("wind turbine", "turbine")
+
+
 def kind_of(name: str, site: Site) -> Kind | None:
     """Return which mode of a turbine an output of this name shows; None on other machines and for other names."""
-    if str(site.context.get("machine", "")).lower().replace("_", " ") not in ("wind turbine", "turbine"):
+    if not on_turbine(site):
         return None
     return next((k for k in KINDS if re.search(k.pattern, name.lower())), None)
 
@@ -100,7 +105,7 @@ def mode_at(site: Site, j: int, kind: Kind | None) -> Attachment | None:
         equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; the output sees"
         f" {_SEEN[derivatives_seen(site, j)]}",
         statement=lambda p: _statement(p, name, kind),
-        credible=partial(_not_had, own_modes(site, j), highest_hz(site)),
+        credible=partial(not_had, own_modes(site, j), highest_hz(site)),
     )  # fmt: skip
 
 
@@ -166,7 +171,7 @@ def own_modes(site: Site, j: int) -> list[tuple[float, float]]:
     return found
 
 
-def _not_had(own: Sequence[tuple[float, float]], highest: float, p: Mapping[str, float]) -> str:
+def not_had(own: Sequence[tuple[float, float]], highest: float, p: Mapping[str, float]) -> str:
     """Object to a mode that the model has: a second one on top of it stands for another size of the first.
 
     With its eight values more it took the name from a channel in another unit, by 23 nats of 6,900.
@@ -217,12 +222,12 @@ def _with_mode(
         replace(o, equation=ex.combine("+", o.equation, ex.parse(seen, "mode"))) if o.name == name else o
         for o in model.outputs
     )
-    states = _states((q, v), w, zeta, push, model.sample_time_s)
+    states = swinging((q, v), w, zeta, push, model.sample_time_s)
     return replace(model, parameters=(*model.parameters, *extra), states=(*model.states, *states), outputs=outputs)
 
 
-def _states(pair: tuple[str, str], w: str, zeta: str, push: str, step: float) -> list[State]:
-    """Write q̈ = ω²(push − q) − 2ζω q̇ exactly sampled (discrete) or as it stands (continuous); v is q̇/ω."""
+def swinging(pair: tuple[str, str], w: str, zeta: str, push: str, step: float) -> list[State]:
+    """Write q̈ = ω²(push − q) − 2ζω q̇, w = ω/2π, exactly sampled (discrete) or as it stands (continuous); v is q̇/ω."""
     q, v = pair
     omega = f"(2*pi*{w})"
     if not step:
