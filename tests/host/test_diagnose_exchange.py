@@ -105,7 +105,8 @@ def test_a_better_effect_takes_the_place_and_the_other_stays_if_it_fits_as_well(
     values = best.values[FILTER]
     assert values["omega_rad_s"][0] == pytest.approx(20.0, rel=0.05)
     assert values["damping"][0] == pytest.approx(0.4, abs=0.05)
-    assert best.parameters == sum(len(a.slots) for a in best.attachments)  # against the bare baseline, as are its gains
+    own = sum(len(a.slots) + len(a.start_states) for a in best.attachments)
+    assert best.parameters == own  # against the bare baseline, as are its gains
     assert best.fit_gain == pytest.approx(best.fit.log_posterior - prepared.fit.log_posterior, abs=0.5)
     alone = next(c for c in singles if c.key == LAG)
     assert exchanged(prepared, alone, singles) == (alone, ())

@@ -98,6 +98,7 @@ def test_wrong_values_are_not_all_where_a_form_leads(
     monkeypatch.setattr(verdict, "is_material", lambda *anything: True)
     monkeypatch.setattr(declared, "contradicted", lambda study: True)
     monkeypatch.setattr(declared, "are_slight", lambda study: False)
+    monkeypatch.setattr(declared, "also_speaking", lambda study: [])
     monkeypatch.setattr(verdict, "_declared", lambda study: ("parameter", []))
     assert verdict._decide(study)[0] == said
 
@@ -112,8 +113,9 @@ def with_values(*values: tuple[float, float]) -> Any:
     )  # fmt: skip
     unsealed = SimpleNamespace(extended=model, fit=fit)
     return SimpleNamespace(
-        prepared=SimpleNamespace(declared=model), unsealed=unsealed, winner=None, proof=None, candidates=()
-    )
+        prepared=SimpleNamespace(declared=model), unsealed=unsealed, winner=None, proof=None, candidates=(),
+        declared_proof=None,
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -132,8 +134,12 @@ def test_constants_that_are_as_good_as_any_model_s_are_not_wrong(
     study = with_values(*values)
     monkeypatch.setattr(declared, "also_speaking", lambda study: [])
     assert declared.on_values(study) == said
-    monkeypatch.setattr(declared, "also_speaking", lambda study: ["an effect that makes them right again"])
+    right = SimpleNamespace(moved=(SimpleNamespace(deviations=0.5),))  # an effect beside which they are right again
+    monkeypatch.setattr(declared, "also_speaking", lambda study: [right])
     assert declared.on_values(study) == (None if said is None else "parameter")
+    leading = SimpleNamespace(moved=(SimpleNamespace(deviations=50.0),))  # one that leaves them off
+    monkeypatch.setattr(declared, "also_speaking", lambda study: [leading])
+    assert declared.on_values(study) == said
     if values[0][0] == 10.4:
         assert "k0 10.4 instead of 10 N/m" in sentence("immaterial", [], study, None)
 

@@ -106,12 +106,17 @@ def form_speaking(study: Study) -> Candidate | None:
 
 
 def on_values(study: Study) -> str | None:
-    """Return the verdict where better declared values surely and visibly predict better; None where none moved so."""
+    """Return the verdict where better declared values surely and visibly predict better; None where none moved so.
+
+    Values that are off by little are the answer nobody needs, but for an effect beside which they are right: they may
+    be its stand-ins. One that leads and leaves them off is told with them where they are off by more.
+    """
     if not contradicted(study):
         return None
     if form_speaking(study) is not None:
         return "unnamed"
-    return "immaterial" if are_slight(study) and not also_speaking(study) else "parameter"
+    right_again = any(explains_away(c) for c in also_speaking(study))
+    return "immaterial" if are_slight(study) and not right_again else "parameter"
 
 
 def explains_away(candidate: Candidate) -> bool:

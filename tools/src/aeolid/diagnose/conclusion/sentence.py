@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.conclusion.declared import form_speaking, is_slight, slight_parts, told_values
+from aeolid.diagnose.conclusion.declared import contradicted, form_speaking, is_slight, slight_parts, told_values
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
@@ -46,10 +46,13 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
 
 def _immaterial(study: Study) -> str:
     """Say what is there and matters to nobody: an effect that shows nowhere, constants that are a little off."""
-    proof = study.proof
-    if study.winner is None or proof is None or proof.interval[0] <= in_force().evidence.proven_nats:
-        return f"The structure is right, and declared values are surely off, but by little: {told_values(study)}."
-    if is_slight(study.second or study.winner):
+    evidence, proof, refitted = in_force().evidence, study.proof, study.declared_proof
+    is_proven = study.winner is not None and proof is not None and proof.interval[0] > evidence.proven_nats
+    by_values = refitted is not None and refitted.interval[0] > evidence.proven_nats and contradicted(study)
+    if by_values or not is_proven:
+        text = f"The structure is right, and declared values are surely off, but by little: {told_values(study)}"
+        return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
+    if study.winner is not None and is_slight(study.second or study.winner):
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
     return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
 
