@@ -12,6 +12,7 @@ from aeolid.diagnose import pipeline
 from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.selection.rivals import (
     are_kin,
+    late_ahead,
     leading,
     leads,
     leaves_open,
@@ -80,6 +81,20 @@ WINNER = candidate(60.0, 20.0, name="structural_mode")
 def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: bool) -> None:
     """A sensor 4 ms late, refused as shorter than half a sample, gained twice what a mode gained that got its name."""
     assert (outdone_by([WINNER, other], WINNER) is other) is outdoes
+
+
+@pytest.mark.parametrize(
+    ("tau_s", "select_gain", "plausible", "takes"),
+    [(0.02, 45.0, False, True), (0.03, 45.0, False, False), (0.02, 15.0, False, False), (0.02, 45.0, True, False)],
+    ids=["a fifth of a row", "more than a habit", "not on selection data", "one that may be named itself"],
+)
+def test_a_channel_late_by_part_of_a_row_is_no_mode(
+    tau_s: float, select_gain: float, plausible: bool, takes: bool
+) -> None:
+    """A filtered speed beside a position: the filter gained 334 nats, refused as a logger's habit, a mode 210."""
+    other = candidate(137.0, select_gain, plausible=plausible)
+    other.attachments[0].key, other.values = "lag", {"lag": {"tau_s": (tau_s, 0.001)}}
+    assert (late_ahead([WINNER, other], WINNER, 0.1) is other) is takes
 
 
 def test_where_the_lead_is_scattered_nobody_is_outdone() -> None:

@@ -42,7 +42,8 @@ def decided(
         ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
-            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0)
+            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0),
+            site=SimpleNamespace(row_step=0.1),
         ),
         case=SimpleNamespace(records=()),
     )  # fmt: skip
@@ -56,6 +57,15 @@ def decided(
 def test_a_name_takes_two_nats_at_the_worst(low: float, said: str) -> None:
     """A switched gain had a name on a recording that lacks nothing, proven by 7 nats [0.7, 14]."""
     assert decided(low)[:2] == (said, ["quadratic_damping"] if said == "named" else [])
+
+
+def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A speed's filter of 0.09 rows, refused as a habit of loggers, left the name to a bending mode 120 nats behind."""
+    late = SimpleNamespace(attachments=(None,), says=lambda a: "speed lags by 0.009 s")
+    monkeypatch.setattr(declared, "late_ahead", lambda candidates, named, row_step: late)
+    said, names, text = decided(5.0)
+    assert (said, names) == ("immaterial", []) and "the way of taking samples can be: speed lags by 0.009 s" in text
+    assert decided(-3.0, rotation=SimpleNamespace(proves=True))[0] == "immaterial"
 
 
 @pytest.mark.parametrize(("worse", "said"), [(False, "named"), (True, "unnamed")])

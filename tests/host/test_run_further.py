@@ -13,10 +13,11 @@ import pytest
 from aeolid.diagnose.rules import in_force, with_rules
 from aeolid.diagnose.run_prior import explain
 from aeolid.diagnose.run_prior.build import pair_of
+from aeolid.diagnose.run_prior.conclude import is_habit
 from aeolid.diagnose.run_prior.explain import Explanation, Found, with_standing
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal
-from aeolid.diagnose.run_prior.naming import names_of, statement
+from aeolid.diagnose.run_prior.naming import Name, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
@@ -157,3 +158,22 @@ def test_a_tower_that_moves_a_little_less_may_be_heavier(output: str, factor: fl
     told = names_of(Found(scored, None), {"factor": (factor, 0.03)}, NONE, CONTEXT)
     assert [n.entry for n in told] == names
     assert all(f"{factor:.3g}" in statement(n, {}) for n in told)
+
+
+@pytest.mark.parametrize(
+    ("told", "habit"),
+    [
+        ([("data_time_offset", {"offset_s": 0.104}), ("transport_delay", {"delay_s": 0.109})], True),
+        ([("data_time_offset", {"offset_s": -0.12})], True),
+        ([("transport_delay", {"delay_s": 0.2})], False),
+        ([("actuator_lag", {"tau_s": 0.1})], True),
+        ([("transport_delay", {"delay_s": 0.05}), ("sensor_lag", {"tau_s": 0.05})], False),
+        ([], False),
+    ],
+)
+def test_what_is_late_by_about_a_row_is_how_rows_are_taken(
+    told: list[tuple[str, dict[str, float]]], habit: bool
+) -> None:
+    """Held commands, filters against aliases and clocks: 1.04 rows of 0.1 s had a name on a machine like its run."""
+    names = [[Name(entry, "data", {k: (v, 0.01) for k, v in values.items()}, {}, 1.0)] for entry, values in told]
+    assert is_habit(names, 0.1) is habit

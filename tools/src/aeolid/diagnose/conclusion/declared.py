@@ -12,6 +12,7 @@ from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment, location
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.selection.rivals import late_ahead
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.proof import Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
@@ -38,6 +39,12 @@ def are_slight(study: Study) -> bool:
         m.distance <= known * abs(m.parameter.value)
         for m in moved(study) if m.deviations > evidence.moved_deviations
     )  # fmt: skip
+
+
+def habit_ahead(study: Study) -> Candidate | None:
+    """Return the part of a row by which a channel is late that explains far more than what would be named."""
+    named = study.second or study.winner
+    return None if named is None else late_ahead(study.candidates, named, study.prepared.site.row_step)
 
 
 def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:

@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.conclusion.declared import contradicted, form_speaking, is_slight, slight_parts, told_values
+from aeolid.diagnose.conclusion.declared import (
+    contradicted,
+    form_speaking,
+    habit_ahead,
+    is_slight,
+    slight_parts,
+    told_values,
+)
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
@@ -52,6 +59,9 @@ def _immaterial(study: Study) -> str:
     if by_values or not is_proven:
         text = f"The structure is right, and declared values are surely off, but by little: {told_values(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
+    if (late := habit_ahead(study)) is not None:
+        said = late.says(late.attachments[0])
+        return f"A difference is there beyond doubt, which the way of taking samples can be: {said}."
     if study.winner is not None and is_slight(study.second or study.winner):
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
     return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."

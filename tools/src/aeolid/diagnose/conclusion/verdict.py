@@ -10,8 +10,16 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.simulated_share import is_static
-from aeolid.diagnose.conclusion.declared import also_speaking, form_speaking, is_slight, on_values, parameter_effect
+from aeolid.diagnose.conclusion.declared import (
+    also_speaking,
+    form_speaking,
+    habit_ahead,
+    is_slight,
+    on_values,
+    parameter_effect,
+)
 from aeolid.diagnose.conclusion.declared import slight_parts as parts_that_matter_little
+from aeolid.diagnose.conclusion.excluded import not_excluded
 from aeolid.diagnose.conclusion.sentence import sentence, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
@@ -22,7 +30,6 @@ from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.scoring.scores import minimum_detectable
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
@@ -53,7 +60,7 @@ def diagnose(study: Study) -> dict[str, Any]:
             "false_names": study.sham[1],
             "threshold": finite(study.bank.threshold),
         },
-        "not_excluded": _not_excluded(study, {e["id"] for e in effects}),
+        "not_excluded": not_excluded(study, {e["id"] for e in effects}),
         "next_experiment": _next_experiment(study, verdict, effects, proof),
         "data_notes": [f.to_json() for f in study.findings if f.left_out],
     }
@@ -101,7 +108,7 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     rules = in_force().conclusion
     evidence = in_force().evidence
     if study.winner is not None and study.proof is not None and study.proof.interval[0] > evidence.proven_nats:
-        if not _shows(study, study.proof) or is_slight(study.second or study.winner):
+        if not _shows(study, study.proof) or is_slight(study.second or study.winner) or habit_ahead(study) is not None:
             return _on_values(study) or ("immaterial", [], None)
         if study.winner.unlisted:
             return "unnamed", [], study.proof
@@ -114,7 +121,7 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
         if study.proof is not None and study.proof.worse:  # over the settling time: the sealed part is not silent
             return "unnamed", [], None
-        if study.proof is not None and not _shows(study, study.proof):
+        if study.proof is not None and (not _shows(study, study.proof) or habit_ahead(study) is not None):
             return _on_values(study) or ("immaterial", [], None)
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
@@ -271,23 +278,6 @@ def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
         "recovered_fraction": recovered_fraction(study, proof),
         "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
     }
-
-
-def _not_excluded(study: Study, named: set[str]) -> list[dict[str, Any]]:
-    """List, for each entry that was not named, the smallest effect that this recording would have shown."""
-    result = []
-    for row in study.bank.rows:
-        if row.attachment.entry in named | {unlisted.ID}:
-            continue
-        location = row.attachment.location["entry"]
-        least = minimum_detectable(row, study.bank.fair) if row.testable else {}
-        if not least:
-            note = "not testable with these data" if not row.testable else "size depends on where it acts"
-            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": None, "note": note})
-        for label, value in least.items():
-            value = {"value": finite(value["value"]), "unit": value["unit"], "parameter": label}
-            result.append({"id": row.attachment.entry, "entry": location, "minimum_detectable": value})
-    return result
 
 
 def _next_experiment(

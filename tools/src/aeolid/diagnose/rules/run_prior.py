@@ -228,6 +228,12 @@ class RunPriorRules:
     answer_gaps: float = rule(
         0.05, "share", "missing samples of a side above which its answers are not compared", RUN_DECISIONS
     )
+    habit_samples: float = rule(
+        1.3,
+        "samples",
+        "lateness up to which it is a habit of loggers: half a row of a command that is held, half of a filter against "
+        "aliases, a third between clocks",
+    )
     late_angle: float = rule(
         0.04,
         "rad",

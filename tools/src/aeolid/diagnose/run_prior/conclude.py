@@ -15,6 +15,7 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.hypotheses.parts.lateness import lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.declaring import quoted
 from aeolid.diagnose.run_prior.answering import told_apart
@@ -37,6 +38,7 @@ from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
+_LATE = ("data_time_offset", "transport_delay", "actuator_lag")  # what the instants of rows may be, too
 _FAULTS = ("data_time_offset", "sensor_sign")  # of what was found, what is the recording's fault and not the model's
 
 
@@ -133,6 +135,8 @@ def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[
     x = study.explanation
     if not x.found or not study.is_borne_out:
         return ("unnamed" if x.is_apart else "no_mismatch"), []
+    if is_habit(study.names, study.pair.step):
+        return "immaterial", []
     effects: list[dict[str, Any]] = []
     open_ = False
     for names in study.names:
@@ -148,8 +152,24 @@ def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[
     return ("data_fault" if kind in _FAULTS else "parameter" if kind == "parameter_error" else "named"), effects
 
 
+def is_habit(names: Sequence[Sequence[Name]], step: float) -> bool:
+    """Tell whether all that was found is late by no more than rows of `step` s are as loggers take them.
+
+    A held command acts half a row after its stamp, a filter against aliases takes another half, clocks differ.
+    """
+    told = [name for group in names for name in group]
+    late = [lateness({k: v for k, (v, _) in name.told.items()}) for name in told if name.entry in _LATE]
+    return len(late) == len(told) > 0 and max(late) <= in_force().run_prior.habit_samples * step
+
+
 def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:
     x = study.explanation
+    if verdict == "immaterial":
+        return (
+            f"Nothing but the instants of the rows separates the recording from the simulation:"
+            f" {statement(study.names[0][0], units)}, as held commands, filters and clocks of loggers have it with"
+            f" {study.pair.step:.3g} s a row"
+        )
     if verdict == "no_mismatch":
         return (
             f"Nothing separates the recording from the simulation: trusting the run fully costs {max(x.lost, 0.0):.0f}"
