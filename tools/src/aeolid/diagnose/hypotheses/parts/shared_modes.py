@@ -46,7 +46,8 @@ def seen_in_all(site: Site) -> list[Attachment]:
     q'' + 2ζΩ q' + Ω² q = Ω² (u + Σ b_k u_k), and output j reads φ_j q, φ_j q'/Ω or φ_j q''/Ω² by its unit: a mode of a
     structure with a sensor on each storey has one frequency and one damping, not one of each for every sensor (Ewins
     2000, Modal Testing, section 2.4: residues of a mode are of rank one). An output that shows a mode of a turbine with
-    a name of its own is left to that.
+    a name of its own is left to that. Inputs alone drive it: beside a free shape noise would, too, and a force in a
+    narrow band that nobody recorded would pass for a mode.
     """
     outputs = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is None]
     spreads = np.std(site.u, axis=0)
@@ -85,10 +86,10 @@ def _driven_by(site: Site, i: int, outputs: Sequence[int], band: tuple[float, fl
     return Attachment(
         "structural_mode", f"structural_mode input:{site.input_names[i]}, all outputs",
         location("structure", outputs=tuple(seen), inputs=(site.input_names[i],)),
-        partial(_with_mode, names, site.symbols[i], orders, slots), slots, gain_states=(names.q, names.v),
+        partial(_with_mode, names, site.symbols[i], orders, slots), slots, start_states=(names.q, names.v),
         starts=({}, {names.zeta: 3 * _DAMPING_START}),
         grid=tuple({names.w: float(f), names.zeta: _DAMPING_START} for f in np.geomspace(2 * low, high, _GRID)),
-        equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u + noise, w = 2*pi*frequency_hz; each output sees its part of"
+        equation="q'' + 2*damping*w*q' + w^2*q = w^2*b*u, w = 2*pi*frequency_hz; each output sees its part of"
         " the shape times q, q'/w or q''/w^2 by its unit",
         statement=partial(_statement, seen), credible=partial(not_had, known, high),
     )  # fmt: skip
