@@ -82,7 +82,8 @@ def undriven(attachments: Sequence[Attachment], fit: Fit, model: Equations) -> s
     """
     least = in_force().candidates.driven_deviations
     for a in attachments:
-        drives = [(s, p) for s, p in _free_slots([a], fit, model) if s.name != a.share and not s.label]
+        free = [(s, p) for s, p in _free_slots([a], fit, model) if s.name != a.share and not s.label]
+        drives = [(s, p) for s, p in free if not a.drives or s.name in a.drives]
         if a.gain_states and not a.noise_driven and not any(_differs(s, p, fit, model, least) for s, p in drives):
             return f"{a.key}: no input drives it, so it cannot be told from the colour of the noise"
     return ""

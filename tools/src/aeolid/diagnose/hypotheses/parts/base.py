@@ -109,6 +109,7 @@ class Attachment:
     essential: names of slots of which one must differ from none, or it is another effect; without any, one of all.
     credible: returns why reported values cannot be this effect, though each lies in its range; "" where they can.
     beside: least sizes, by slot name, from which it is worth a name beside another effect.
+    drives: names of slots by which inputs drive states that noise drives, too; without any, all that have no label.
     """
 
     entry: str
@@ -132,6 +133,7 @@ class Attachment:
     credible: Callable[[Mapping[str, float]], str] = lambda values: ""
     essential: tuple[str, ...] = ()
     beside: Mapping[str, float] = field(default_factory=dict)
+    drives: tuple[str, ...] = ()
 
     @property
     def is_switch(self) -> bool:
