@@ -24,7 +24,7 @@ from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 
 _DAMPING_START, _LEAST_DAMPING = 0.03, 1e-4
-_GRID = 24  # frequencies that the bank scores
+_GRID = 72  # frequencies that the bank scores: 6 % apart over two decades, a peak of damping 0.03
 _MOST = 1e4  # of an output's spread over an input's
 
 
