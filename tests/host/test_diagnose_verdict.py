@@ -70,7 +70,17 @@ def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypa
 @pytest.mark.parametrize(("worse", "said"), [(False, "named"), (True, "unnamed")])
 def test_folds_decide_nothing_against_a_sealed_part_that_is_foretold_worse(worse: bool, said: str) -> None:
     """A sensor's lag, 102 nats over three recordings in turn, raised the sealed one's error from 0.60 to 0.82."""
-    assert decided(-3.0, rotation=SimpleNamespace(proves=True), worse=worse)[0] == said
+    assert decided(-3.0, rotation=SimpleNamespace(proves=True, speaks=True, gain=130.0), worse=worse)[0] == said
+
+
+@pytest.mark.parametrize(("speaks", "visible", "said"), [(True, True, "unnamed"), (True, False, "no_mismatch"),
+                                                     (False, True, "no_mismatch")])  # fmt: skip
+def test_what_folds_say_by_several_names_is_not_nothing(speaks: bool, visible: bool, said: str) -> None:
+    """Springs of two kinds, 130 nats on parts left out in turn, 22 (-52 to 91) on the sealed one: no_mismatch."""
+    turned = SimpleNamespace(proves=False, speaks=speaks, gain=130.0, folds=())
+    found, names, text = decided(-3.0, rotation=turned, visible=visible)
+    assert (found, names) == (said, [])
+    assert ("gain 130 nats on the parts left out" in text and "drag of 0.4" in text) is (said == "unnamed")
 
 
 @pytest.mark.parametrize(("fit_gain", "said"), [(187.0, True), (12.0, False)])

@@ -22,6 +22,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import stands_for
 from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation.proof import Proof
+from aeolid.diagnose.validation.rotation import is_silent
 from aeolid.record import Record
 
 _RIGHT = "the structure is right, but "
@@ -46,6 +47,13 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
         nearest = f"what the model leaves unexplained can be foretold, most of all from {share}"
         if (form := form_speaking(study)) is not None:
             nearest = f"what comes nearest is {form.says(form.attachments[0])}{_or_sensor(study, form)}"
+        elif study.winner is not None and study.rotation is not None and speaks_in_turn(study):
+            found = f"{study.winner.says(study.winner.attachments[0])} ({study.winner.fit_gain:.0f} nats)"
+            return (
+                "Something is missing: chosen anew without each part of the data, effects gain"
+                f" {study.rotation.gain:.0f} nats on the parts left out, but not the same one everywhere; what was"
+                f" fitted speaks most for this: {found}."
+            )
         return f"Something is missing that no catalogue entry explains; {nearest}."
     begin = _significant(study) or "Nothing is missing that this recording could show"
     return f"{begin}{_late(study)}{_coloured(study)}{_not_borne_out(study)}."
@@ -117,6 +125,12 @@ def _little(study: Study, proof: Proof | None) -> str:
         return ""
     said = [chosen.says(a).removeprefix(_RIGHT) for a in slight_parts(chosen)]
     return f"; beside that, by no more than is usual, {' and '.join(said)}" if said else ""
+
+
+def speaks_in_turn(study: Study) -> bool:
+    """Tell whether folds say that something is there where the sealed part is silent, and do not come to one name."""
+    turned, proof = study.rotation, study.proof
+    return turned is not None and proof is not None and turned.speaks and is_silent(proof.interval)
 
 
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,7 +21,8 @@ from aeolid.diagnose.conclusion.declared import (
 )
 from aeolid.diagnose.conclusion.declared import slight_parts as parts_that_matter_little
 from aeolid.diagnose.conclusion.excluded import not_excluded
-from aeolid.diagnose.conclusion.sentence import sentence, untested
+from aeolid.diagnose.conclusion.sealed import recovered_fraction, sealed_part
+from aeolid.diagnose.conclusion.sentence import sentence, speaks_in_turn, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.experiments.closer import describe_closer, look_closer
@@ -53,7 +55,7 @@ def diagnose(study: Study) -> dict[str, Any]:
         "effects": effects,
         "beside": _beside(study) if proof is not None and proof is study.proof else None,
         "location": effects[0]["location"] if effects else where_of(study, verdict),
-        "sealed": _sealed(study, proof),
+        "sealed": sealed_part(study, proof),
         "rotation": None if study.rotation is None else study.rotation.to_json() | {"decides": _is_turned(study)},
         "false_alarm": {
             "sham_runs": study.sham[0],
@@ -135,9 +137,28 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         return "unnamed", [], None
     if (found := _on_values(study)) is not None:
         return found
+    if speaks_in_turn(study) and study.proof is not None and _shows(study, study.proof):
+        return *_in_turn(study), None
     if untested(study):
         return "not_testable", [], None
     return "no_mismatch", [], None
+
+
+def _in_turn(study: Study) -> tuple[str, list[dict[str, Any]]]:
+    """Name what several folds came to, where most came to one of a few; nothing where each came to its own."""
+    assert study.rotation is not None
+    counts = Counter(f.choice.key for f in study.rotation.folds if f.choice is not None)
+    several = {key: n for key, n in counts.most_common() if n > 1}
+    known = {c.key: c for c in study.candidates if c.plausible and not c.unlisted}
+    most = in_force().validation.agreeing_share * len(study.rotation.folds)
+    if len(several) < 2 or not several.keys() <= known.keys() or sum(several.values()) < most:
+        return "unnamed", []
+    parts = [(known[key].attachments[0], known[key], n / sum(several.values())) for key, n in several.items()]
+    effects = []
+    for place, (attachment, candidate, weight) in enumerate(parts):
+        rivals = [_rival(a, w) for a, _, w in parts[1:]] if place == 0 else []
+        effects.append(_effect(study, candidate, attachment, rivals, weight))
+    return "ambiguous", effects
 
 
 def _shows(study: Study, proof: Proof) -> bool:
@@ -243,40 +264,6 @@ def _effect(
         "rivals": rivals,
         "weight": weight,
         "sealed_gain_share": None if study.proof is None else recovered_fraction(study, study.proof),
-    }
-
-
-def recovered_fraction(study: Study, proof: Proof) -> float:
-    """Return gain of the named effect over the largest gain anything achieved on the sealed data.
-
-    Of a law without states it is at least the share of the squared simulation error that is gone, in the output where
-    that is least: one-step errors are then what noise and a few rows say, and a correction by these shows no
-    physics (of a damper's force a hysteresis took 86 % of the squared error, 10 % of the nats).
-    """
-    best = max(float(study.ceiling.sealed.sum()), proof.gain, 1e-9)
-    share = proof.gain / best
-    if is_static(study.prepared):
-        before, after = proof.nrmse_before, proof.nrmse_after
-        share = max(share, min(1 - (after[k] / max(before[k], 1e-300)) ** 2 for k in before))
-    return float(max(0.0, min(1.0, share)))
-
-
-def _sealed(study: Study, proof: Proof | None) -> dict[str, Any]:
-    split = study.prepared.split
-    if proof is None:
-        return {
-            "data": split.sealed_text, "log_likelihood_gain": 0.0, "interval": [0.0, 0.0], "nrmse_before": {},
-            "nrmse_after": {}, "recovered_fraction": 0.0, "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
-        }  # fmt: skip
-    return {
-        "data": split.sealed_text,
-        "log_likelihood_gain": proof.gain,
-        "interval": list(proof.interval),
-        "nrmse_before": proof.nrmse_before,
-        "nrmse_after": proof.nrmse_after,
-        "horizon_s": proof.horizon_s,
-        "recovered_fraction": recovered_fraction(study, proof),
-        "ceiling_gain": finite(float(study.ceiling.sealed.sum())),
     }
 
 

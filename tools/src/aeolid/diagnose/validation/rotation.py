@@ -73,11 +73,16 @@ class Rotation:
         return float(sum(f.gain for f in self.folds))
 
     @property
-    def proves(self) -> bool:
-        """Tell whether the folds together bear out what is named, by enough to be seen in predictions."""
+    def speaks(self) -> bool:
+        """Tell whether what was chosen without each fold gains on all together, by enough to be seen in predictions."""
         samples = sum(len(f.difference) for f in self.folds)
         material = self.gain > in_force().validation.material_rate * samples
-        return self.agrees and self.interval[0] > in_force().evidence.proven_nats and material
+        return self.interval[0] > in_force().evidence.proven_nats and material
+
+    @property
+    def proves(self) -> bool:
+        """Tell whether the folds together bear out what is named."""
+        return self.agrees and self.speaks
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of `rotation` in diagnosis.json."""
