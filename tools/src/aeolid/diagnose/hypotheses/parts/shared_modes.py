@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -75,22 +75,12 @@ def _driven_by(site: Site, i: int, outputs: Sequence[int], band: tuple[float, fl
         {site.symbols[k]: f"{tag}_b{k + 1}" for k in others},
     )  # fmt: skip
     sizes = [(float(np.nanstd(site.y[:, j])) or 1.0) / spreads[i] for j in outputs]
-    ratios = [spreads[i] / spreads[k] for k in others]
     slots = (
         Slot(names.w, "frequency_hz", "Hz", low, low, high, high / 3, local=False),
         Slot(names.zeta, "damping", "1", _DAMPING_START, _LEAST_DAMPING, RINGS, 0.02, local=False),
-        *(
-            Slot(c, None, "", 0.0, -_MOST * s, _MOST * s, 1e-3 * s)
-            for c, s in zip(names.shape.values(), sizes, strict=True)
-        ),
-        *(
-            Slot(n, None, "", 0.0, -_MOST * s, _MOST * s, 0.1 * s, local=False)
-            for n, s in zip(names.noise.values(), [s / sizes[0] for s in sizes[1:]], strict=True)
-        ),
-        *(
-            Slot(b, None, "", 0.0, -_MOST * s, _MOST * s, 0.1 * s, local=False)
-            for b, s in zip(names.drives.values(), ratios, strict=True)
-        ),
+        *_gains(names.shape.values(), sizes, 1e-3, True),
+        *_gains(names.noise.values(), [s / sizes[0] for s in sizes[1:]], 0.1, False),
+        *_gains(names.drives.values(), [spreads[i] / spreads[k] for k in others], 0.1, False),
     )
     known = [m for j in outputs for m in own_modes(site, j)]
     orders = {n: derivatives_seen(site, j) for n, j in zip(seen, outputs, strict=True)}
@@ -105,6 +95,13 @@ def _driven_by(site: Site, i: int, outputs: Sequence[int], band: tuple[float, fl
         " the shape times q, q'/w or q''/w^2 by its unit",
         statement=partial(_statement, seen), credible=partial(not_had, known, high),
     )  # fmt: skip
+
+
+def _gains(names: Iterable[str], sizes: Sequence[float], part: float, local: bool) -> list[Slot]:
+    """Return slots for gains of these sizes, a part of which is what a fit begins with."""
+    return [
+        Slot(n, None, "", 0.0, -_MOST * s, _MOST * s, part * s, local=local) for n, s in zip(names, sizes, strict=True)
+    ]
 
 
 def _statement(seen: Sequence[str], p: Mapping[str, float]) -> str:
