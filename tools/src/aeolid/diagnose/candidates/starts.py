@@ -118,6 +118,7 @@ def _starts(row: Row) -> list[dict[str, float]]:
     slots = {s.name: s for s in row.attachment.slots}
     guess = dict(row.grid) | {n: v for n, v in row.estimate.items() if n in slots}
     options = [guess | dict(start) for start in row.attachment.starts]
+    options += [dict(grid) | {n: v for n, v in found.items() if n in slots} for grid, found in row.others]
     null = {n: s.null + (s.size if s.low == s.null else 0.0) for n, s in slots.items() if s.local}
     options.append(dict(row.grid) | null)
     for name, slot in slots.items():
