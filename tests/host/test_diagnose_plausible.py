@@ -36,7 +36,8 @@ def fitted(slots: tuple[Slot, ...], values: tuple[float, ...], stds: tuple[float
 
 
 def effect(*slots: Slot, **more: Any) -> Any:
-    usual = {"essential": (), "credible": lambda values: "", "gain_states": (), "noise_driven": False, "share": None}
+    usual = {"essential": (), "credible": lambda values: "", "gain_states": (), "noise_driven": False, "share": None,
+             "drives": ()}  # fmt: skip
     return SimpleNamespace(key="filter", slots=slots, **(usual | more))
 
 

@@ -22,6 +22,7 @@ _MOST_SHARE = 0.95  # of the mass: what is left of the body still answers its fo
 _GRID = 24  # frequencies that the bank scores
 _STARTS = 6  # frequencies that fits start from, beside the bank's best
 _SHARES = (0.02, 0.05, 0.1, 0.2)  # that fits start from: the score of two that swing alike promises three times more
+_SWINGS = 4  # of the body's typical stroke is the shortest pendulum: a shorter one goes over the top, as chance has it
 _GRAVITY = "9.80665"  # m/s²
 
 
@@ -64,8 +65,6 @@ def carried_masses(site: Site) -> list[Attachment]:
     is then that of the part where the body is held. Modes of a turbine have names and places of their own.
     """
     low, high = 4.0 / (len(site.u) * site.step), highest_hz(site)
-    if high < 2 * in_force().hypotheses.least_band * low:
-        return []
     return [
         found
         for number, motion in enumerate(site.motions)
@@ -91,9 +90,13 @@ def _on(
 ) -> list[Attachment]:  # fmt: skip
     """Return what may swing with a body: on a spring, and where the body moves in metres also from a hinge."""
     kinds = (_SPRING, _HINGE) if motion.position_unit == "m" and not step else (_SPRING,)
-    low, high = band
+    low, highest = band
     found = []
     for kind in kinds:
+        whirls = np.sqrt(float(_GRAVITY) / max(_SWINGS * motion.position_size, 1e-300)) / (2 * np.pi)
+        high = min(highest, whirls) if kind is _HINGE else highest
+        if high < 2 * in_force().hypotheses.least_band * low:
+            continue
         tag = f"{kind.name}{number + 1}"
         w, zeta, share = f"{tag}_frequency_hz", f"{tag}_damping", f"{tag}_share"
         slots = (

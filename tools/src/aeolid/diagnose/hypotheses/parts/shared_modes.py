@@ -53,7 +53,7 @@ def seen_in_all(site: Site) -> list[Attachment]:
     2000, Modal Testing, section 2.4: residues of a mode are of rank one). An output that shows a mode of a turbine with
     a name of its own is left to that. Noise drives a second pair of states with the same poles and a shape of its own:
     with one shape for both, a force in a narrow band that nobody recorded passes for a mode; with none, what noise does
-    to the mode bends its damping (a shaft's 0.058 ± 0.001 for 0.053).
+    to the mode bends its damping (a shaft's 0.058 ± 0.001 for 0.053). That shape starts from the outputs' spreads.
     """
     outputs = [j for j, name in enumerate(site.output_names) if kind_of(name, site) is None]
     spreads = np.std(site.u, axis=0)
@@ -75,11 +75,12 @@ def _driven_by(site: Site, i: int, outputs: Sequence[int], band: tuple[float, fl
         {site.symbols[k]: f"{tag}_b{k + 1}" for k in others},
     )  # fmt: skip
     sizes = [(float(np.nanstd(site.y[:, j])) or 1.0) / spreads[i] for j in outputs]
+    noise = _gains(names.noise.values(), [s / sizes[0] for s in sizes[1:]], 0.1, False)
     slots = (
         Slot(names.w, "frequency_hz", "Hz", low, low, high, high / 3, local=False),
         Slot(names.zeta, "damping", "1", _DAMPING_START, _LEAST_DAMPING, RINGS, 0.02, local=False),
         *_gains(names.shape.values(), sizes, 1e-3, True),
-        *_gains(names.noise.values(), [s / sizes[0] for s in sizes[1:]], 0.1, False),
+        *(replace(slot, null=s / sizes[0]) for slot, s in zip(noise, sizes[1:], strict=True)),
         *_gains(names.drives.values(), [spreads[i] / spreads[k] for k in others], 0.1, False),
     )
     known = [m for j in outputs for m in own_modes(site, j)]
