@@ -106,6 +106,8 @@ def test_one_output_and_modes_of_a_turbine_are_left_to_modes_of_their_own() -> N
     omega, own = np.sqrt(SQUARES[2]) / (2 * np.pi), {"frequency_hz": 0.0, "damping": ZETA}
     assert "the model has this mode" in a.credible(own | {"frequency_hz": omega})
     assert a.credible(own | {"frequency_hz": 3.97}) == ""
+    broad = own | {"frequency_hz": 0.9 * omega, "damping": 0.2}  # a correction of the model's own mode
+    assert "its half-power band holds the model's own mode" in a.credible(broad)
 
 
 def test_a_mode_that_three_sensors_show_has_one_name(tmp_path: Path) -> None:
