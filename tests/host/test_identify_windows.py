@@ -8,7 +8,7 @@ import pytest
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.subspace import find_states, gamma_k, largest_useful_order
-from aeolid.identify.windows import decompose, factorise, find_scaling, require_windows
+from aeolid.identify.windows import factorise, find_scaling, require_windows
 from aeolid.plants.lti import simulate_fourth_order
 from aeolid.record import Record
 
@@ -216,18 +216,3 @@ def test_gamma_k_shifts_by_one_block_a_row():
     expected[4:6, 4:] = theta[:, :2]
     np.testing.assert_array_equal(gamma_k(theta, 3, 3, 2), expected)
     np.testing.assert_array_equal(gamma_k(theta, 3, 2, 2), expected[:4])
-
-
-def test_decomposition_goes_on_where_divide_and_conquer_fails(monkeypatch):
-    """The fast routine refuses some matrices of lost rank (turbine, p = 50); the other one takes over."""
-    matrix = np.random.default_rng(0).standard_normal((7, 4)) @ np.diag([1.0, 1e-3, 1e-15, 0.0])
-    expected = decompose(matrix)
-
-    def refuse(*_, **__):
-        raise np.linalg.LinAlgError("SVD did not converge")
-
-    monkeypatch.setattr(np.linalg, "svd", refuse)
-    U, s, Vt = decompose(matrix)
-    assert U.shape == (7, 4) and Vt.shape == (4, 4)
-    np.testing.assert_allclose(s, expected[1], atol=1e-15)
-    np.testing.assert_allclose(U * s @ Vt, matrix, atol=1e-14)

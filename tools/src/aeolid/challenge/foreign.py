@@ -28,6 +28,7 @@ from aeolid.challenge.march import levels, wander
 from aeolid.challenge.rig_menu import Effect, effects, outside
 from aeolid.challenge.rigs import Rig, Values
 from aeolid.challenge.rigs_static import ALL
+from aeolid.decompositions import pinv
 
 Facts = dict[str, Any]
 SHARES = {"parameter": 0.08, "double": 0.07, "outside": 0.06}  # and a third hide nothing; each at least once from 12 on
@@ -90,7 +91,7 @@ class Case:
         B = B[:, :1]
         if rig.project:
             T = np.array(rig.project)
-            A, B, C = T @ A @ np.linalg.pinv(T), T @ B, C @ np.linalg.pinv(T)
+            A, B, C = T @ A @ pinv(T), T @ B, C @ pinv(T)
         outputs = [
             {"name": o.name, "unit": o.unit, "offset": float(y)} for o, y in zip(rig.outputs, shown, strict=True)
         ]

@@ -20,6 +20,7 @@ from scipy.linalg import LinAlgError, cholesky, expm, solve_discrete_are, solve_
 
 from aeolid.challenge.plants import Setup
 from aeolid.compiled import njit
+from aeolid.decompositions import lstsq
 
 Array = NDArray[np.float64]
 SEALED, SETTLE, PAST = 0.7, 50, 12  # where the sealed share begins; samples and lags
@@ -163,7 +164,7 @@ def worth(
     rows = _imitations(predictor, hidden, root, e1, loose)
     fit = slice(SETTLE, first)
     flat = [r[fit].ravel() for r in rows]
-    weights = np.linalg.lstsq(np.column_stack(flat), d[fit].ravel(), rcond=1e-10)[0]
+    weights = lstsq(np.column_stack(flat), d[fit].ravel(), rcond=1e-10)
     rest = d - np.tensordot(weights, np.array(rows), axes=1)
     return Worth(float(0.5 * np.sum(rest[first:] ** 2)), moved, float(vaf1.min()))
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import matrix_balance, schur, solve_discrete_lyapunov
 
+from aeolid.decompositions import condition
 from aeolid.identify.subspace import ScaledModel, spectral_radius
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
@@ -81,7 +82,7 @@ def experiment_on(plant: StateSpace, controller: StateSpace | None = None) -> Ex
     else:
         Ac, Bc, Cc, Dc = controller.A, controller.B, controller.C, controller.D
     within = np.eye(outputs) - D @ Dc
-    if np.linalg.cond(within) > 1e10:
+    if condition(within) > 1e10:
         raise ValueError("the loop within the sample has no solution")
     W = np.linalg.inv(within)
     y = np.hstack([W @ C, W @ D @ Cc])  # of [x; xc]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.errors import NotIdentifiable
 from aeolid.fleet.plan import Plan
 from aeolid.fleet.summary import Summary
@@ -106,7 +107,7 @@ def _held_out_loss(
 ) -> float:
     """Return the mean log error power of an order's predictor over the held-out windows, per output."""
     T = basis.state_map(order)
-    solution = np.linalg.lstsq(_regressors(fitted, T, through), fitted.y_now, rcond=1e-11)[0]
+    solution = lstsq(_regressors(fitted, T, through), fitted.y_now, rcond=1e-11)
     e = rest.y_now - _regressors(rest, T, through) @ solution
     return float(np.mean(np.log(np.maximum((e**2).sum(axis=0) / rest.windows, 1e-30))))
 
@@ -119,7 +120,7 @@ def _regressors(factor: WindowFactor, T: Array, through: tuple[bool, ...]) -> Ar
 def _vaf(factor: WindowFactor, T: Array, through: tuple[bool, ...]) -> float:
     """Return the least one-step variance accounted for of all outputs, in percent."""
     regressors = _regressors(factor, T, through)
-    e = factor.y_now - regressors @ np.linalg.lstsq(regressors, factor.y_now, rcond=1e-11)[0]
+    e = factor.y_now - regressors @ lstsq(regressors, factor.y_now, rcond=1e-11)
     return float((100 * (1 - (e**2).sum(axis=0) / (factor.y_now**2).sum(axis=0))).min())
 
 

@@ -21,12 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import svd
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.bands import frequency_response
 from aeolid.identify.markov import MarkovEstimate, regressor_columns
 from aeolid.identify.outcome import nearest
 from aeolid.identify.subspace import ScaledModel, find_states, regressed_matrices
-from aeolid.identify.windows import Scaling, WindowFactor, decompose, window_rows
+from aeolid.identify.windows import Scaling, WindowFactor, window_rows
 from aeolid.models.shapes import reference_outputs, scaled_to
 from aeolid.record import Record
 
@@ -105,7 +106,7 @@ def perturbations(
     factor: WindowFactor, markov: MarkovEstimate, scores: Scores, keep: Sequence[int], drawn: Array
 ) -> Iterator[Array]:
     """Yield ΔΞ* (l, p m + r) of each run."""
-    _, s, Vt = decompose(factor.R[:, list(keep)])
+    _, s, Vt = svd(factor.R[:, list(keep)])
     s, Vt = s[: markov.rank], Vt[: markov.rank]
     inverse = 1.0 / (s**2 + (markov.penalty[:, None] * s[0]) ** 2)  # (l, rank)
     inverse *= np.sqrt(factor.windows / max(factor.windows - markov.rank, 1))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded, solve_banded
 
+from aeolid.decompositions import lstsq
 from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ def fit_chain(factor: WindowFactor) -> Chain:
     """Return the autoregression of order p that the windows of p + 1 samples tell, the smallest where many do."""
     m, q = factor.inputs + factor.outputs, factor.past
     past, now = factor.R[:, : q * m], factor.R[:, q * m :]
-    theta = np.linalg.lstsq(past, now, rcond=RANK)[0].T  # (m, q m), oldest first
+    theta = lstsq(past, now, rcond=RANK).T  # (m, q m), oldest first
     error = now - past @ theta.T
     covariance = error.T @ error / max(factor.windows - 1, 1) + FLOOR * np.eye(m)
     lags = theta.reshape(m, q, m).transpose(1, 0, 2)[::-1]

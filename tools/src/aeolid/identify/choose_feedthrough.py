@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.identify.feedthrough import (
     LEVEL,
     LOOP_LEVEL,
@@ -94,7 +95,7 @@ def _innovations(
     """Return what the past leaves of outputs (N, l) and inputs (N, r), the inputs, and recorded excitations or None."""
     r, width = len(scaling.inputs), factor.past * factor.channels
     last = width + r + len(scaling.outputs)
-    theta = np.linalg.lstsq(factor.R[:, :width], factor.R[:, width:last], rcond=1e-9)[0]
+    theta = lstsq(factor.R[:, :width], factor.R[:, width:last], rcond=1e-9)
     names = records[0].names("excitation", "disturbance")
     left, inputs, outside, windows = [], [], [], 0
     for record in records:

@@ -21,6 +21,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import singular_values, spectral_norm
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.excitation import OWN, share_left
 from aeolid.identify.markov import MarkovEstimate, estimate_markov
@@ -69,8 +70,8 @@ def noisy(factor: WindowFactor) -> bool:
     regressors = np.hstack([factor.R[:, : factor.past * factor.channels], factor.u_now])
     size = regressors.shape[1]
     R = triangularise(np.hstack([regressors, factor.y_now]))
-    left = np.linalg.svd(R[size:, size:], compute_uv=False)
-    return bool(left[-1] > OWN * np.linalg.norm(factor.y_now, 2))
+    left = singular_values(R[size:, size:])
+    return bool(left[-1] > OWN * spectral_norm(factor.y_now))
 
 
 def outside_shares(factor: WindowFactor, feedthrough: Sequence[bool]) -> list[tuple[float, float]]:

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
+from aeolid.decompositions import lstsq
+
 Array = NDArray[np.float64]
 WHITENING_ORDER = 30  # of the autoregression that whitens an input before it is correlated
 
@@ -25,7 +27,7 @@ def whiten(u: Array, order: int = WHITENING_ORDER) -> Array:
         return u
     rows = np.lib.stride_tricks.sliding_window_view(u[:-1], order)  # (N − order, order)
     target = u[order:]
-    coefficients = np.linalg.lstsq(rows.T @ rows, rows.T @ target, rcond=1e-12)[0]
+    coefficients = lstsq(rows.T @ rows, rows.T @ target, rcond=1e-12)
     return np.concatenate([np.zeros(order), target - rows @ coefficients])
 
 
@@ -41,5 +43,5 @@ def explained_share(rho: Array, own: Array) -> float:
     R² = ρᵀ T⁻¹ ρ, T the Toeplitz matrix of `own`: Σ ρ² of a signal that is not white counts the same variance several
     times over and is no share.
     """
-    weights = np.linalg.lstsq(toeplitz(own), rho, rcond=1e-10)[0]
+    weights = lstsq(toeplitz(own), rho, rcond=1e-10)
     return float(np.clip(rho @ weights, 0.0, 1.0))

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.identify.windows import decompose
+from aeolid.decompositions import svd
 
 Array = NDArray[np.float64]
 Model = TypeVar("Model")
@@ -59,7 +59,7 @@ def _best_step(
     """Return the best model along the damped steps and its loss, the model itself where none is better."""
     size = R.shape[1] - 1
     scale = column_scale(R)
-    U, s, Vt = decompose(R[:size, :size] / scale)
+    U, s, Vt = svd(R[:size, :size] / scale)
     target = U.T @ R[:size, size]
     best, least = model, loss
     for damping in DAMPING:
@@ -87,6 +87,6 @@ def covariance_root(R: Array, free: int) -> Array:
     """Return L (npar, free) with cov θ = L Lᵀ, the inverse of the information RᵀR on its `free` largest directions."""
     size = R.shape[1] - 1
     scale = column_scale(R)
-    _, s, Vt = decompose(R[:size, :size] / scale)
+    _, s, Vt = svd(R[:size, :size] / scale)
     root: Array = (Vt[:free].T / s[:free]) / scale[:, None]
     return root

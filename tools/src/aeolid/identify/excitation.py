@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq, singular_values
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.windows import WindowFactor
 
@@ -30,7 +31,7 @@ def require_own_excitation(
     """
     columns = input_columns(factor)
     for i, name in enumerate(names):
-        s = np.linalg.svd(columns[:, :, i], compute_uv=False)
+        s = singular_values(columns[:, :, i])
         rank, needed = int(np.count_nonzero(s > EXCITED * s[0])), min(order + bool(feedthrough[i]), factor.past + 1)
         if rank < needed:
             raise NotIdentifiable(
@@ -98,5 +99,5 @@ def share_left(regressors: Array, target: Array) -> float:
     """Return what least squares leaves of a target (q,), relative to its size."""
     norm = np.sqrt((regressors**2).sum(axis=0))
     rows = regressors / np.where(norm > 0, norm, 1.0)
-    left = target - rows @ np.linalg.lstsq(rows, target, rcond=1e-12)[0]
+    left = target - rows @ lstsq(rows, target, rcond=1e-12)
     return float(np.linalg.norm(left)) / max(float(np.linalg.norm(target)), 1e-300)

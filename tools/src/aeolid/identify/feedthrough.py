@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from aeolid.decompositions import lstsq, pinv
 from aeolid.identify.correlation import lagged_correlation, whiten
 from aeolid.identify.windows import WindowFactor
 
@@ -80,12 +81,12 @@ def lag_zero(e: Array, v: Array) -> tuple[Array, NDArray[np.intp]]:
     p, most = np.ones(v.shape[1]), np.zeros(v.shape[1], dtype=np.intp)
     for i in range(v.shape[1]):
         others = np.delete(v, i, axis=1)
-        own, left = (a - others @ np.linalg.lstsq(others, a, rcond=1e-10)[0] for a in (v[:, i], e))
+        own, left = (a - others @ lstsq(others, a, rcond=1e-10) for a in (v[:, i], e))
         if not own @ own > WEAK * N * 1e-4:
             continue
         size = left / np.maximum(np.sqrt((left**2).sum(axis=0)), 1e-300)
         rho = size.T @ own / np.sqrt(own @ own)
-        share = min(float(rho @ np.linalg.pinv(size.T @ size, rcond=1e-10, hermitian=True) @ rho), 1 - 1e-12)
+        share = min(float(rho @ pinv(size.T @ size, rcond=1e-10, hermitian=True) @ rho), 1 - 1e-12)
         p[i] = chdtrc(outputs, -N * np.log1p(-share))
         most[i] = int(np.argmax(abs(rho)))
     return p, most
@@ -111,12 +112,12 @@ def ask_excitation(e: Array, v: Array, i: int, x: Array) -> bool | None:
     nothing says F; False: F shows, or D does not.
     """
     white = np.column_stack([whiten(column) for column in x.T])
-    explained = white @ np.linalg.lstsq(white, v, rcond=1e-10)[0]
+    explained = white @ lstsq(white, v, rcond=1e-10)
     share = (explained**2).sum(axis=0) / np.maximum((v**2).sum(axis=0), 1e-300)
     moved = np.flatnonzero(share > MOVES)
     if i not in moved:
         return None
-    gain = np.linalg.lstsq(explained[:, moved], e, rcond=1e-10)[0]  # (moved, l)
+    gain = lstsq(explained[:, moved], e, rcond=1e-10)  # (moved, l)
     rest, own = e - v[:, moved] @ gain, (v - explained)[:, i]
     scale = np.sqrt((rest**2).sum(axis=0))
     rho = rest.T @ own / np.maximum(scale * np.sqrt((v[:, i] ** 2).sum()), 1e-300)
@@ -153,5 +154,5 @@ def ask_memory(factor: WindowFactor, i: int) -> bool | None:
 
 
 def _power(rows: Array, target: Array) -> float:
-    left = target - rows @ np.linalg.lstsq(rows, target, rcond=1e-12)[0]
+    left = target - rows @ lstsq(rows, target, rcond=1e-12)
     return float(left @ left)

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq, pinv, svd
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.subspace import ScaledModel
 from aeolid.identify.uncertainty import MatrixSpread
@@ -87,7 +88,7 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
     observed = tuple(observability(p.A, p.C, blocks) for p in parts)
     seen = [o[:, :references].reshape(blocks * references, -1) for o in observed]
     weights = tuple(p.S for p in parts)
-    U, sigma, Vt = np.linalg.svd(np.hstack([o @ w for o, w in zip(seen, weights, strict=True)]), full_matrices=False)
+    U, sigma, Vt = svd(np.hstack([o @ w for o, w in zip(seen, weights, strict=True)]))
     rank = int(np.count_nonzero(sigma > RANK * sigma[0]))
     if rank < order or (blocks - 1) * references < order:
         raise NotIdentifiable(
@@ -96,10 +97,10 @@ def join(parts: Sequence[Part], references: int, order: int, blocks: int) -> Joi
         )
     basis = U[:, :order]
     maps = tuple(
-        w @ np.linalg.pinv(basis.T @ o @ w, rcond=RANK) for o, w in zip(seen, weights, strict=True)
+        w @ pinv(basis.T @ o @ w, rcond=RANK) for o, w in zip(seen, weights, strict=True)
     )  # fmt: skip
     up, down = basis[:-references], basis[references:]
-    A = np.linalg.lstsq(up, down, rcond=None)[0]
+    A = lstsq(up, down)
     C = np.vstack([basis[:references], *(p.C[references:] @ T for p, T in zip(parts, maps, strict=True))])
     return Joint(A, C, references, observed, weights, U, sigma, Vt.T, maps)
 
@@ -131,7 +132,7 @@ def _moved(parts: Sequence[Part], joint: Joint, j: int, moved: Array) -> Array:
     dU = _turned(joint, j, dM)
     basis = joint.U[:, :n]
     up, rest = basis[:-r], basis[r:] - basis[:-r] @ joint.A
-    inverse = np.linalg.pinv(up)
+    inverse = pinv(up)
     rows = [inverse @ (dU[:, r:] - dU[:, :-r] @ joint.A) + inverse @ inverse.T @ dU[:, :-r].transpose(0, 2, 1) @ rest]
     rows.append(dU[:, :r])
     for k, part in enumerate(parts):
@@ -162,7 +163,7 @@ def _inverse_moved(Z: Array, dZ: Array) -> Array:
 
     Its derivative is that of Golub and Pereyra (1973).
     """
-    plus = np.linalg.pinv(Z, rcond=RANK)
+    plus = pinv(Z, rcond=RANK)
     turned = dZ.transpose(0, 2, 1)
     left, right = turned @ (plus.T @ plus), plus @ plus.T @ turned
     moved: Array = left - plus @ (Z @ left) + right - right @ Z @ plus - plus @ (dZ @ plus)

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from aeolid.decompositions import svd
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.ridge import Spectrum, filter_factors
-from aeolid.identify.windows import WindowFactor, decompose, triangularise
+from aeolid.identify.windows import WindowFactor, triangularise
 
 Array = NDArray[np.float64]
 TINY = float(np.finfo(float).tiny)
@@ -102,7 +103,7 @@ def _decomposed(factor: WindowFactor, keep: list[int]) -> tuple[Array, Array, Ar
     """Return U, s, Vᵀ of these columns, the factor R of columns and targets, and how many are told and excited."""
     size = len(keep)
     R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
-    U, s, Vt = decompose(R[:size, :size])
+    U, s, Vt = svd(R[:size, :size])
     excited = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
     error_size = float(np.sqrt((R[size:, size:] ** 2).sum(axis=0).max() / max(factor.windows, 1)))
     rank = min(excited, int(np.count_nonzero(OPEN * s * np.sqrt(factor.windows) > error_size * s[0])))

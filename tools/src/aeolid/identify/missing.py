@@ -18,6 +18,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.chain import Chain, fill, fit_chain
 from aeolid.identify.windows import Scaling, WindowFactor, factorise, find_scaling
@@ -150,7 +151,7 @@ def _information(factors: list[WindowFactor]) -> float:
     mean = _averaged(factors)
     if mean.windows <= width:
         return 1.0  # the windows are refused for their number
-    ways = [np.linalg.lstsq(f.R[:, :width], f.y_now, rcond=1e-10)[0] for f in factors]
+    ways = [lstsq(f.R[:, :width], f.y_now, rcond=1e-10) for f in factors]
     middle = np.mean(ways, axis=0)
     error = mean.y_now - mean.R[:, :width] @ middle
     covariance = error.T @ error / max(mean.windows - width, 1) + 1e-14 * np.eye(last)

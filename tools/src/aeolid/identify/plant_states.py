@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc
 
+from aeolid.decompositions import lstsq, pinv
 from aeolid.identify.markov import estimate_markov
 from aeolid.identify.subspace import StateBasis, find_states, largest_useful_order
 from aeolid.identify.truncation import LARGEST_ORDER, held_out_power, order_loss
@@ -68,9 +69,9 @@ def ask_predicted(halves: Halves, through: tuple[bool, ...], i: int, level: floa
     T, width = basis.state_map(int(np.argmin(losses)) + 1), fitted.past * fitted.channels
     others = [j for j in range(fitted.inputs) if through[j] and j != i]
     known = np.hstack([held_out.R[:, :width] @ T.T, held_out.u_now[:, others]])
-    told = np.linalg.lstsq(fitted.R[:, :width], fitted.u_now[:, i], rcond=1e-9)[0]
+    told = lstsq(fitted.R[:, :width], fitted.u_now[:, i], rcond=1e-9)
     u, instrument, y = (
-        a - known @ np.linalg.lstsq(known, a, rcond=1e-12)[0]
+        a - known @ lstsq(known, a, rcond=1e-12)
         for a in (held_out.u_now[:, i], held_out.R[:, :width] @ told, held_out.y_now)
     )
     moved = float(instrument @ u)
@@ -81,7 +82,7 @@ def ask_predicted(halves: Halves, through: tuple[bool, ...], i: int, level: floa
     size = np.sqrt((e**2).sum(axis=0))
     z = two_stage / np.maximum(size, 1e-300) * moved / np.sqrt(instrument @ instrument)
     shape = (e / np.maximum(size, 1e-300)).T @ (e / np.maximum(size, 1e-300))
-    wald = float(z @ np.linalg.pinv(shape, rcond=1e-6, hermitian=True) @ z)
+    wald = float(z @ pinv(shape, rcond=1e-6, hermitian=True) @ z)
     leaving_out, biased = (float(np.sum((d / size) ** 2)) for d in (two_stage, plain - two_stage))
     within = _within(held_out, i)
     cost = leaving_out * float(u @ u) / max(held_out.windows, 1)
@@ -102,7 +103,7 @@ def _within(factor: WindowFactor, i: int) -> Array:
     """Return |correlations| (l,) of what the past and the other inputs leave of input i and of each output."""
     width = factor.past * factor.channels
     known = np.hstack([factor.R[:, :width], np.delete(factor.u_now, i, axis=1)])
-    u, y = (a - known @ np.linalg.lstsq(known, a, rcond=1e-9)[0] for a in (factor.u_now[:, i], factor.y_now))
+    u, y = (a - known @ lstsq(known, a, rcond=1e-9) for a in (factor.u_now[:, i], factor.y_now))
     scale = np.sqrt((u @ u) * (y**2).sum(axis=0))
     out: Array = np.minimum(abs(y.T @ u) / np.maximum(scale, 1e-300), 1 - 1e-9)
     return out

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from aeolid.decompositions import pinv, singular_values, spectral_norm
 from aeolid.identify.markov import regressor_columns
 from aeolid.identify.windows import WindowFactor, triangularise
 
@@ -87,7 +88,7 @@ def least_moving_average(factor: WindowFactor, feedthrough: tuple[bool, ...]) ->
     R = triangularise(np.hstack([factor.R[:, keep], factor.y_now]))
     place = np.array(keep)
     noise = np.where((place < width) & (place % m >= factor.inputs + l), 1.0, 0.0)
-    size = float(np.linalg.norm(R[:, : len(keep)], 2))
+    size = spectral_norm(R[:, : len(keep)])
 
     def solve(weight: float) -> tuple[Array, float]:
         penalty = np.diag(size * np.maximum(np.sqrt(weight) * noise, 1e-9))  # the floor decides what data leave open
@@ -145,12 +146,12 @@ def check_positive_real(theta: Array, past: int, inputs: int, covariance: Array,
     turn = np.exp(-1j * np.outer(frequency, np.arange(len(H))))
     response = np.einsum("fp,pkj->fkj", turn, H)
     with np.errstate(all="ignore"):
-        inverse = np.linalg.pinv(response)
+        inverse = pinv(response)
     least = np.linalg.eigvalsh((inverse + inverse.conj().transpose(0, 2, 1)) / 2)[:, 0]
     place = int(np.argmin(least))
     hertz = float(frequency[place] / (2 * np.pi * sample_time_s)) if sample_time_s > 0 else 0.0
     radius = float(abs(zeros).max(initial=0.0))
-    remaining = float(np.linalg.norm(response - np.eye(rank), 2, axis=(1, 2)).max())
+    remaining = float(singular_values(response - np.eye(rank)).max())
     return PositiveReal(float(least[place] - 0.5), hertz, radius, rank, outputs, remaining)
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
+from aeolid.decompositions import svd
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.windows import decompose, triangularise
+from aeolid.identify.windows import triangularise
 
 Array = NDArray[np.float64]
 INDEPENDENT = 1e-9  # least singular value of ΓK Z that is not rounding, beside the largest
@@ -22,7 +23,7 @@ def choose_states(stacked: Array, windows: Array, order: int, combined: bool) ->
     """
     width = stacked.shape[1]
     root = triangularise(np.vstack([windows, np.eye(width)])) / np.sqrt(len(windows) + 1)
-    left, values, _ = decompose(stacked @ root.T)
+    left, values, _ = svd(stacked @ root.T)
     rank = int(np.count_nonzero(values > INDEPENDENT * max(float(values[0]), 1e-300)))
     if rank < order:
         raise NotIdentifiable(

@@ -16,6 +16,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.identify.descent import ENOUGH, MOST_STEPS, column_scale, covariance_root, descend, usable
 from aeolid.identify.error_weight import RESOLVED, least_of, log_det, weight_of
 from aeolid.identify.extended import Samples
@@ -119,7 +120,7 @@ class Refinement:
     def equilibrium(self) -> Array:
         """Return the outputs at rest (l,) under the mean input, scaled units; see `subspace.equilibrium`."""
         m = self.model
-        rest = np.linalg.lstsq(np.eye(len(m.A)) - m.A, m.K @ self.constant, rcond=1e-2)[0]
+        rest = lstsq(np.eye(len(m.A)) - m.A, m.K @ self.constant, rcond=1e-2)
         out: Array = m.C @ rest + self.constant
         return out
 
@@ -290,10 +291,10 @@ def run_model(model: ScaledModel, stretches: Sequence[Stretch], weight: Array) -
         R = _nuisance_factor(answer[: len(raw)], raw, weight)
         total = triangularise(np.vstack([total, R[n:, n:]]))
         factors.append(R)
-    constant = np.asarray(np.linalg.lstsq(total[:, :outputs], total[:, outputs], rcond=1e-12)[0], np.float64)
+    constant = np.asarray(lstsq(total[:, :outputs], total[:, outputs], rcond=1e-12), np.float64)
     errors, states = [], []
     for stretch, f, R in zip(stretches, forced, factors, strict=True):
-        x0 = np.asarray(np.linalg.lstsq(R[:n, :n], R[:n, -1] - R[:n, n:-1] @ constant, rcond=1e-10)[0], np.float64)
+        x0 = np.asarray(lstsq(R[:n, :n], R[:n, -1] - R[:n, n:-1] @ constant, rcond=1e-10), np.float64)
         x = run_states(closed, f, x0)[:-1]
         states.append(x)
         errors.append(stretch.y - x @ model.C.T - stretch.u @ model.D.T - constant)

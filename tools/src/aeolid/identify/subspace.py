@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import schur, solve_discrete_are
 
-from aeolid.identify.windows import WindowFactor, decompose
+from aeolid.decompositions import lstsq, svd
+from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
 INSIDE = 0.9999  # where poles on or outside the unit circle are moved
@@ -75,7 +76,7 @@ def find_states(factor: WindowFactor, theta: Array, future: int) -> StateBasis:
     """Decompose ΓK Z, eq. (26), through the triangular factor of Z."""
     width = factor.past * factor.channels
     stacked = gamma_k(theta, factor.past, future, factor.channels)
-    left, values, _ = decompose(stacked @ factor.R[:width, :width].T)
+    left, values, _ = svd(stacked @ factor.R[:width, :width].T)
     return StateBasis(values / np.sqrt(max(factor.windows, 1)), left, stacked, factor.windows)
 
 
@@ -178,7 +179,7 @@ def equilibrium(factor: WindowFactor, T: Array, model: ScaledModel) -> Array:
     b = following - model.A @ x - model.B @ u
     c = y - model.C @ x - model.D @ u
     known = min(1e-2, LONGEST_REST / max(factor.windows, 1))
-    rest = np.linalg.lstsq(np.eye(n) - model.A, b, rcond=known)[0]
+    rest = lstsq(np.eye(n) - model.A, b, rcond=known)
     out: Array = model.C @ rest + c
     return out
 
@@ -235,6 +236,6 @@ def least_squares(regressors: Array, targets: Array) -> Array:
     """Return X with targets ≈ regressors Xᵀ; columns are scaled first, so that rcond means rank, not units."""
     norm = np.sqrt((regressors**2).sum(axis=0))
     norm = np.where(norm > 0, norm, 1.0)
-    solution = np.linalg.lstsq(regressors / norm, targets, rcond=1e-11)[0]
+    solution = lstsq(regressors / norm, targets, rcond=1e-11)
     X: Array = solution.T / norm
     return X

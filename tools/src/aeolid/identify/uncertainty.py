@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.identify.markov import MarkovEstimate
 from aeolid.identify.subspace import ScaledModel, StateBasis
 from aeolid.identify.windows import WindowFactor, triangularise
@@ -175,5 +176,5 @@ def pseudo_inverse(columns: Array) -> Array:
     """Return the transposed pseudo-inverse (q, k) of columns (q, k), each brought to unit size first."""
     norm = np.sqrt((columns**2).sum(axis=0))
     norm = np.where(norm > 0, norm, 1.0)
-    out: Array = np.linalg.pinv(columns / norm, rcond=RANK).T / norm
+    out: Array = pinv(columns / norm, rcond=RANK).T / norm
     return out

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
-from scipy.linalg import lapack, svd
+from scipy.linalg import lapack
 
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.magnitudes import require_magnitude
@@ -118,19 +118,6 @@ def triangularise(rows: Array) -> Array:
     work = np.zeros((max(count, width), width), order="F")
     work[:count] = rows
     return _factor_in_place(work)
-
-
-def decompose(matrix: Array) -> tuple[Array, Array, Array]:
-    """Return U, s, Vᵀ of the singular value decomposition, U and V with min(rows, columns) columns.
-
-    The divide-and-conquer routine fails now and then on matrices whose rank is lost in rounding; the slower one by QR
-    steps, which has no such failures, takes over.
-    """
-    try:
-        U, s, Vt = np.linalg.svd(matrix, full_matrices=False)
-    except np.linalg.LinAlgError:
-        U, s, Vt = svd(matrix, full_matrices=False, lapack_driver="gesvd")
-    return U, s, Vt
 
 
 def find_scaling(records: Sequence[Record], *, driven: bool = False) -> Scaling:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq, svd
 from aeolid.errors import NotIdentifiable, UsageError
 
 Complex = NDArray[np.complex128]
@@ -223,7 +224,7 @@ def _solutions(matrix: Complex, orders: Indices, with_left: bool) -> tuple[Compl
 
 def _apart(vectors: Complex, orders: Indices) -> Complex:
     """Return an orthonormal basis (rows, c) of the span of vectors that the harmonic's number makes diagonal."""
-    basis, sizes, _ = np.linalg.svd(vectors, full_matrices=False)
+    basis, sizes, _ = svd(vectors)
     basis = basis[:, sizes > SAME * sizes[0]]
     _, turned = np.linalg.eigh(basis.conj().T @ (orders[:, None] * basis))
     out = np.full(vectors.shape, np.nan, complex)  # what a defective eigenvalue lacks is no solution
@@ -248,5 +249,5 @@ def _is_new(i: int, picked: list[int], values: Complex, states: Complex, theta: 
         return True
     basis = states[:, same] / np.linalg.norm(states[:, same], axis=0)
     own = states[:, i] / np.linalg.norm(states[:, i])
-    rest = own - basis @ np.linalg.lstsq(basis, own, rcond=None)[0]
+    rest = own - basis @ lstsq(basis, own)
     return bool(np.linalg.norm(rest) > PARALLEL)

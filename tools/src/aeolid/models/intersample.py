@@ -16,6 +16,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.models.smooth_curve import smooth_curve
 
 Array = NDArray[np.float64]
@@ -112,7 +113,7 @@ def _slope_weights() -> Array:
     angle = np.linspace(0.02, _BAND, 200)
     half = angle / 2
     wanted = 12 * (np.sin(half) - half * np.cos(half)) * 2 / angle**2 / (np.sin(half) / half)
-    found: Array = np.linalg.lstsq(2 * np.sin(np.outer(angle, np.arange(1, _REACH + 1))), wanted, rcond=None)[0]
+    found: Array = lstsq(2 * np.sin(np.outer(angle, np.arange(1, _REACH + 1))), wanted)
     return np.concatenate([-found[::-1], [0.0], found])
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.errors import DataError
 from aeolid.models.load import matched, require_sample_time
 from aeolid.models.lpv import LpvStateSpace, apply_at, run_scheduled, with_one
@@ -59,7 +60,7 @@ def estimate_initial_state(model: LpvStateSpace, u: Array, y: Array, mu: Array) 
         product = transition[k] @ product
     good = (abs(rows) < LARGEST).all(axis=(1, 2)) & (abs(innovation) < LARGEST).all(axis=1)
     matrix = rows[good].reshape(-1, model.order)
-    x0 = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
+    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
 
 

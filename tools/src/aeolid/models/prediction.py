@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.models.recursion import run_states
 from aeolid.models.state_space import StateSpace
 
@@ -45,7 +46,7 @@ def estimate_initial_state(model: StateSpace, u: Array, y: Array) -> Array:
     with np.errstate(all="ignore"):
         good = np.isfinite(rows).all(axis=(1, 2)) & np.isfinite(innovation).all(axis=1)
     matrix = rows[good].reshape(-1, model.order)
-    x0 = np.linalg.lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)[0]
+    x0 = lstsq(matrix, (innovation[good] * weight).ravel(), rcond=1e-10)
     return np.asarray(x0, dtype=np.float64)
 
 

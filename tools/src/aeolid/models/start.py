@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Equations
 from aeolid.models.integrate import Compiled, compile_equations, free_run
@@ -85,11 +86,9 @@ def _fitted(errors: Callable[[Array], Array], x0: Array, places: Sequence[int]) 
         gram, downhill, before = slopes.T @ slopes, slopes.T @ left, value
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         for _ in range(_TRIES):
-            step = np.linalg.lstsq(
-                gram / np.outer(size, size) + damping * np.eye(len(size)), downhill / size, rcond=None
-            )
+            step = lstsq(gram / np.outer(size, size) + damping * np.eye(len(size)), downhill / size)
             trial = x0.copy()
-            trial[list(places)] -= step[0] / size
+            trial[list(places)] -= step / size
             if _squares(moved := errors(trial)) < value:
                 x0, left, value, damping = trial, moved, _squares(moved), damping * 0.2
                 break

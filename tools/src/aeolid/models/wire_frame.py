@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.geometry import Geometry, Point, Sensor, Triple
 from aeolid.models.modes import Mode
 from aeolid.units import factor
@@ -155,7 +156,7 @@ def _motion(
     u[at[single]] = D[single] * a[single, None]
     for point in np.flatnonzero(count > 1):
         mine = at == point  # D[mine] (sensors, 3)
-        u[point] = np.linalg.pinv(D[mine], rcond=_ALIKE) @ a[mine]
+        u[point] = pinv(D[mine], rcond=_ALIKE) @ a[mine]
     u[frame.fixed] = 0.0
     u = _interpolated(frame, u, at)
     largest = float(np.linalg.norm(u, axis=1).max())

@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from scipy.signal import lfilter
 from scipy.special import logit
 
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.hypotheses.parts.wind import winds
@@ -125,7 +126,7 @@ def _is_computed(winds_read: Sequence[Array], seen: Sequence[Array], inputs: int
 
 
 def _left(y: Array, X: Array) -> float:
-    return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+    return float(np.sum((y - X @ lstsq(X, y)) ** 2))
 
 
 def smoother(winds_read: Sequence[Array]) -> tuple[float, float]:

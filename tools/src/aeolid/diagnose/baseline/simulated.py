@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv, svd
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.predictor.fitted import Fit
@@ -168,12 +169,12 @@ def _information_root(fit: Fit, columns: Sequence[int], outputs: int) -> Array:
     them: what a model of finite order leaves over is not white.
     """
     rest = np.delete(fit.jacobian, columns, axis=1)
-    basis = np.linalg.svd(rest / np.maximum(np.linalg.norm(rest, axis=0), 1e-300), full_matrices=False)
+    basis = svd(rest / np.maximum(np.linalg.norm(rest, axis=0), 1e-300))
     Q = basis[0][:, basis[1] > 1e-9 * basis[1][0]]
     own = fit.jacobian[:, list(columns)]
     own = own - Q @ (Q.T @ own)
-    R = np.linalg.qr(own, mode="r")
-    white = own @ np.linalg.pinv(R, rcond=1e-10)
+    R: Array = np.asarray(np.linalg.qr(own, mode="r"), dtype=np.float64)
+    white = own @ pinv(R, rcond=1e-10)
     scores = white * fit.residual[:, None]
     sums = np.add.reduceat(scores, np.arange(0, len(scores), _BLOCK * outputs), axis=0)
     inflation = max(1.0, float(np.sum(sums**2)) / len(columns))

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.baseline.frame import carry_free, carry_point
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
@@ -268,7 +269,7 @@ def _promised(predictor: Predictor, at: Fit, place: int) -> tuple[float, float]:
     down, up = (found[:, k] - found[:, 2] / moves[k].h for k in (0, 1))
     result = []
     for column, sign in ((down, -1.0), (up, 1.0)):
-        own = column - at.jacobian @ np.linalg.lstsq(at.jacobian, column, rcond=1e-10)[0]
+        own = column - at.jacobian @ lstsq(at.jacobian, column, rcond=1e-10)
         slope = sign * float(own @ base)
         result.append(0.5 * slope**2 / max(float(own @ own), 1e-300) if slope > 0 else 0.0)
     return result[0], result[1]
@@ -332,7 +333,7 @@ def _leak(stage: _Stage, choice: Choice) -> float:
 
 
 def _left(X: Array, now: Array) -> float:
-    return float(np.sum((now - X @ np.linalg.lstsq(X, now, rcond=1e-10)[0]) ** 2))
+    return float(np.sum((now - X @ lstsq(X, now, rcond=1e-10)) ** 2))
 
 
 def _pasts(segment: Segment, errors: Array, place: int, kind: str) -> tuple[Array, Array, Array]:

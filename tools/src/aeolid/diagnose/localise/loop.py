@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.compiled import njit
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.noise import colour_var
@@ -90,7 +91,7 @@ def _weights(X: Array, u: Array, at_once: NDArray[np.bool_]) -> tuple[Array, Arr
     gram, cross, square = (X / scale).T @ (X / scale), (X / scale).T @ u, float(u @ u)
 
     def fitted(columns: list[int]) -> tuple[float, Array, float]:
-        w = np.linalg.lstsq(gram[np.ix_(columns, columns)], cross[columns], rcond=1e-12)[0]
+        w = lstsq(gram[np.ix_(columns, columns)], cross[columns], rcond=1e-12)
         left = max(square - float(cross[columns] @ w), 1e-12 * square)
         return len(u) * np.log(left) + len(columns) * np.log(len(u)), w, left
 

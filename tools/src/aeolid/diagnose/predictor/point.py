@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Prior:
 
     def redrawn(self, theta: Array, rng: np.random.Generator) -> Prior:
         """Return the prior that another occasion of learning about this θ might have left."""
-        drawn = np.linalg.pinv(self.root) @ rng.standard_normal(len(self.root))
+        drawn = pinv(self.root) @ rng.standard_normal(len(self.root))
         return Prior(theta + drawn, self.root)
 
 

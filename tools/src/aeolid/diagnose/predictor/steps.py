@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq, pinv
 from aeolid.diagnose.predictor.evaluation import Evaluator
 from aeolid.diagnose.predictor.gains import closed_loop
 from aeolid.diagnose.predictor.point import LEAST_VARIANCE, Free, Point
@@ -64,7 +65,7 @@ def _with_walls(limits: Limits, predictor: Evaluator, point: Point, free: Free) 
     near = np.abs(values) > _NEAR
     if not np.any(near):
         return limits
-    left = np.linalg.pinv(right)[near]  # rows wᴴ with wᴴ v = 1
+    left = pinv(right)[near]  # rows wᴴ with wᴴ v = 1
     turn = np.conj(values[near]) / np.abs(values[near])
     slopes = np.zeros((int(near.sum()), limits.slopes.shape[1]))
     for place, index in enumerate(free.theta):
@@ -147,6 +148,6 @@ def _solve(matrix: Array, push: Array, walls: Array, slack: Array) -> tuple[Arra
         return np.asarray(np.linalg.solve(matrix, push[:, None])[:, 0], dtype=np.float64), slack
     solved = np.asarray(np.linalg.solve(matrix, np.column_stack([push, walls.T])), dtype=np.float64)
     step, back = solved[:, 0], solved[:, 1:]
-    needed = np.linalg.lstsq(walls @ back, walls @ step - slack, rcond=None)[0]
+    needed = lstsq(walls @ back, walls @ step - slack)
     force = np.maximum(np.asarray(needed, dtype=np.float64), 0.0)
     return step - back @ force, force

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from aeolid.decompositions import lstsq, pinv
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.pair import Pair, Side
 from aeolid.models.multiblade import fixed_frame
@@ -156,11 +157,11 @@ def _answers(
 def _one(S: ComplexArray, z: int, u: int, count: float) -> tuple[ComplexArray, Array, Array]:
     """Return response (r, l), its variance and what it leaves (l,) of one band's spectra S (c, c) of z, u and y."""
     Zu, Zy, Zz = S[:z, z : z + u], S[:z, z + u :], S[:z, :z]
-    H: ComplexArray = np.linalg.lstsq(Zu, Zy, rcond=None)[0].astype(np.complex128)
+    H: ComplexArray = lstsq(Zu, Zy).astype(np.complex128)
     Uu, Uy, Yy = S[z : z + u, z : z + u], S[z : z + u, z + u :], S[z + u :, z + u :]
     rest = np.diag(Yy - H.conj().T @ Uy - Uy.conj().T @ H + H.conj().T @ Uu @ H).real
     rest = np.maximum(rest, 1e-9 * np.diag(Yy).real)
-    P = np.linalg.pinv(Zu.conj().T @ np.linalg.lstsq(Zz, Zu, rcond=None)[0])
+    P = pinv(Zu.conj().T @ lstsq(Zz, Zu))
     return H, np.outer(np.abs(np.diag(P)), rest) / count, rest
 
 
@@ -185,5 +186,5 @@ def fitted(
     far = np.array([0.5 / hz, *[_MOST_GAIN] * len(outputs)])
     fits = (least_squares(errors, x, x_scale="jac", bounds=(-far, far)) for x in starts)
     best = min(fits, key=lambda r: float(r.cost))
-    std = np.sqrt(np.diag(np.linalg.pinv(best.jac.T @ best.jac)))
+    std = np.sqrt(np.diag(pinv(best.jac.T @ best.jac)))
     return Fit(float(best.x[0]), float(std[0]), best.x[1:], std[1:])

@@ -8,6 +8,7 @@ from itertools import combinations, pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.run_prior.evidence import evidence_at, prior_of
 from aeolid.diagnose.run_prior.explain import Found
 from aeolid.diagnose.run_prior.grams import total
@@ -124,7 +125,7 @@ def quadratic_peak(x: Array, y: Array) -> tuple[Array, Array]:
     k = x.shape[1]
     pairs = [(i, j) for i in range(k) for j in range(i, k)]
     columns = np.column_stack([np.ones(len(x)), x, *(x[:, i] * x[:, j] for i, j in pairs)])
-    found = np.linalg.lstsq(columns, y, rcond=None)[0]
+    found = lstsq(columns, y)
     slope, H = found[1 : k + 1], np.zeros((k, k))
     for (i, j), c in zip(pairs, found[k + 1 :], strict=True):
         H[i, j] += c

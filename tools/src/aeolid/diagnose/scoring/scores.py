@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import spectral_norm
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Slot
@@ -78,7 +79,7 @@ def overlap(a: Row, b: Row) -> float:
     """Return cos² between two hypotheses: the largest squared canonical correlation of their directions."""
     if a.basis is None or b.basis is None:
         return 0.0
-    return min(1.0, float(np.linalg.norm(a.basis.T @ b.basis, 2)) ** 2)
+    return min(1.0, spectral_norm(a.basis.T @ b.basis) ** 2)
 
 
 def score_bank(prepared: Prepared, attachments: Sequence[Attachment], seed: int, known: Bank | None = None) -> Bank:

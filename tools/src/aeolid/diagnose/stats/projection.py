@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import svd
+
 Array = NDArray[np.float64]
 _RANK = 1e-7  # of the largest singular value, below which a direction is rounding
 
@@ -15,7 +17,7 @@ def span(jacobian: Array) -> Array:
     scaled = jacobian[:, size > 0] / size[size > 0]
     if not scaled.shape[1]:
         return np.zeros((len(jacobian), 0))
-    U, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    U, s, _ = svd(scaled)
     result: Array = U[:, s > _RANK * s[0]]
     return result
 

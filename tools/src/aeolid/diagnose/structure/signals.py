@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq, pinv
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.rules import in_force
@@ -231,7 +232,7 @@ def _followed(tag: str, unit: str, position: ast.expr, reach: float) -> tuple[Me
 def _slope(window: int) -> Array:
     """Return weights (window,) of the newest row and those before it: slope of the fitted parabola at the newest."""
     rows = -np.arange(window, dtype=np.float64)
-    result: Array = np.linalg.pinv(np.vander(rows, 3, increasing=True))[1]
+    result: Array = pinv(np.vander(rows, 3, increasing=True))[1]
     return result
 
 
@@ -279,7 +280,7 @@ def _sign(y: Array, q: Array, v: Array) -> float:
     """Return 1 where the output grows with position or velocity (what drives them), −1 where it falls (a reaction)."""
     good = np.isfinite(y)
     moving = [(x - x.mean()) / max(float(x.std()), 1e-300) for x in (q[good], v[good])]
-    weights = np.linalg.lstsq(np.column_stack([*moving, np.ones(int(good.sum()))]), y[good], rcond=None)[0][:2]
+    weights = lstsq(np.column_stack([*moving, np.ones(int(good.sum()))]), y[good])[:2]
     return 1.0 if weights[int(np.argmax(np.abs(weights)))] >= 0 else -1.0
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.baseline.recorded_wind import PREFIX
 from aeolid.diagnose.data.segments import Segment
@@ -107,7 +108,7 @@ def shows_zero(predictor: Predictor, fit: Fit, zeros: Sequence[str]) -> list[str
     told = []
     for k, name in enumerate(zeros):
         column = columns[:, len(own) + k]
-        apart = column - rest @ np.linalg.lstsq(rest, column, rcond=1e-10)[0]
+        apart = column - rest @ lstsq(rest, column, rcond=1e-10)
         if np.linalg.norm(apart) > rules.zero_apart_share * np.linalg.norm(column) > 0:
             told.append(name)
     return told

@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.diagnose.baseline.prepare import NUISANCE
 from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.data.segments import Segment
@@ -117,7 +118,7 @@ def block_std(fit: Fit, outputs: int) -> Array:
     scores = np.add.reduceat(J * r[:, None], ends, axis=0)  # (B, k)
     gram = J.T @ J + fit.prior_jacobian.T @ fit.prior_jacobian
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    inverse = np.linalg.pinv(gram / np.outer(size, size), rcond=1e-12, hermitian=True)
+    inverse = pinv(gram / np.outer(size, size), rcond=1e-12, hermitian=True)
     reached = (scores / size) @ inverse
     count = len(ends)
     variance = (reached**2).sum(axis=0) * count / max(count - 1, 1)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import singular_values
 from aeolid.errors import DataError, NotIdentifiable, UsageError
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.windows import CONSTANT, Scaling, find_scaling
@@ -185,7 +186,7 @@ def _require_varying(record: Record, names: Sequence[str], values: Array, offset
                 f"{record.source}: scheduling channel {name!r} is constant at {offset[i]:g} {record.unit(name)}; "
                 "record over several operating points, or identify a time-invariant model (varx)"
             )
-    s = np.linalg.svd((values - offset) / scale, compute_uv=False)
+    s = singular_values((values - offset) / scale)
     if s[-1] < COLLINEAR * s[0]:
         raise NotIdentifiable(
             f"{record.source}: the scheduling channels {', '.join(names)} are collinear: with the leading 1 they span "

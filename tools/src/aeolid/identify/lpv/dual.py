@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh, lapack, solve_triangular
 
+from aeolid.decompositions import svd
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.lpv.data import Indices, LpvData
 from aeolid.identify.lpv.kernel import Kernel
 from aeolid.identify.lpv.states import Estimate, StateSequence, largest_kept
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.ridge import Spectrum, filter_factors
-from aeolid.identify.windows import decompose
 
 Array = NDArray[np.float64]
 LOW_RANK = 0.6  # of the windows; up to here the Cholesky factor is cheaper than all eigenvectors
@@ -56,7 +56,7 @@ def solve_dual(
     else:
         solution = _solve_rows(kernel, regularization, count, selection, tolerance)
     stacked = kernel.states_rows(solution.alpha, future, solution.rows)
-    _, s, right = decompose(stacked)
+    _, s, right = svd(stacked)
     kept = largest_kept(s, ROUNDING)
     X = right[:kept].T * np.sqrt(s[:kept])
     used = data.windows if solution.rows is None else len(solution.rows)
@@ -127,7 +127,7 @@ def _solve_rows(
     """Regress on the features the selected rows span, L with L Lᵀ ≈ G: the penalty is that of the primal problem."""
     data = kernel.data
     L, rows = select_rows(kernel, count, selection, tolerance)
-    P, s, Vt = decompose(L)
+    P, s, Vt = svd(L)
     keep = s > s[0] * np.sqrt(data.windows * np.finfo(float).eps)
     P, s, Vt = P[:, keep], s[keep], Vt[keep]
     y = data.y[data.targets]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import aeolid
+from aeolid.decompositions import singular_values
 from aeolid.errors import NotIdentifiable, UsageError
 from aeolid.identify.excitation import require_told_apart
 from aeolid.identify.fit import Fit
@@ -214,7 +215,7 @@ def _require_data(
     lagged = np.stack([data.u[data.targets - j] for j in range(data.past, -1, -1)], axis=1)  # (N, p + 1, r)
     lagged = lagged - lagged.mean(axis=0)
     for i, name in enumerate(names):
-        s = np.linalg.svd(lagged[:, :, i], compute_uv=False)
+        s = singular_values(lagged[:, :, i])
         rank = int(np.count_nonzero(s > EXCITED * s[0]))
         if 2 * rank < data.past + 1:
             raise NotIdentifiable(

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import singular_values
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import LpvData, feedthrough_columns, spread
 from aeolid.identify.lpv.structure import Structure
@@ -86,7 +87,7 @@ def require_distinct(data: LpvData, X: Array, structure: Structure, source: str)
     rows = np.hstack([_block(mu[now], X[now], "A" in varies), _block(mu[now], u[now], "B" in varies)])
     needed = rows.shape[1]
     if len(rows) > needed:
-        s = np.linalg.svd(rows / np.maximum(np.sqrt((rows**2).sum(axis=0)), 1e-300), compute_uv=False)
+        s = singular_values(rows / np.maximum(np.sqrt((rows**2).sum(axis=0)), 1e-300))
         rank = int(np.count_nonzero(s > 1e-9 * s[0]))
     else:
         rank = len(rows)

@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import svd
 from aeolid.errors import NotIdentifiable
 from aeolid.identify.lpv.data import Indices, LpvData, feedthrough_columns, lag_channels, spread
 from aeolid.identify.lpv.states import Estimate, StateSequence, largest_kept
 from aeolid.identify.lpv.structure import Structure
 from aeolid.identify.ridge import Spectrum, filter_factors
-from aeolid.identify.windows import decompose, triangularise
+from aeolid.identify.windows import triangularise
 
 Array = NDArray[np.float64]
 ROUNDING = 1e-13
@@ -83,7 +84,7 @@ def solve_primal(data: LpvData, structure: Structure, future: int, regularizatio
     factor = factorise_lpv(data, structure)
     q, size = factor.regressors, factor.regressors + factor.feedthrough
     R = factor.R
-    P, s, Vt = decompose(R[:size, :size])
+    P, s, Vt = svd(R[:size, :size])
     rank = int(np.count_nonzero(s > s[0] * max(factor.windows, size) * np.finfo(float).eps))
     projected = P[:, :rank].T @ R[:size, size:]
     outside = np.maximum((R[:, size:] ** 2).sum(axis=0) - (projected**2).sum(axis=0), 0.0)
@@ -91,7 +92,7 @@ def solve_primal(data: LpvData, structure: Structure, future: int, regularizatio
     theta = (factors / s[:rank] * projected.T) @ Vt[:rank]  # (l, q + feedthrough)
     stacked = gamma_k(theta[:, :q], structure, data.past, future)
     width = stacked.shape[1]
-    left, values, _ = decompose(stacked @ _lag_factor(factor, structure, data.past).T)
+    left, values, _ = svd(stacked @ _lag_factor(factor, structure, data.past).T)
     kept = largest_kept(values, ROUNDING)
     selector = left[:, :kept].T / np.sqrt(values[:kept])[:, None]
     T = selector @ stacked  # (kept, q of one output factor)

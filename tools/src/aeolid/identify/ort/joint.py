@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from aeolid.decompositions import singular_values, svd
 from aeolid.errors import NotIdentifiable
-from aeolid.identify.windows import Scaling, WindowFactor, decompose, triangularise
+from aeolid.identify.windows import Scaling, WindowFactor, triangularise
 
 Array = NDArray[np.float64]
 OWN_NOISE = 1e-5  # smallest singular value of the stochastic component, relative to the whole: below, it is rounding,
@@ -108,7 +109,7 @@ def require_disturbance(factor: WindowFactor, layout: Layout, scaling: Scaling, 
     needed, q = layout.past + layout.future, len(layout.disturbances)
 
     def values(order: int) -> Array:
-        return decompose(triangularise(factor.R[:, layout.columns(layout.disturbances, 0, order)]))[1]
+        return svd(triangularise(factor.R[:, layout.columns(layout.disturbances, 0, order)]))[1]
 
     floor = max(factor.windows, needed * q) * np.finfo(float).eps
     full = values(needed)
@@ -131,7 +132,7 @@ def require_own_noise(lq: Lq, layout: Layout, scaling: Scaling, source: str) -> 
 
     Raises NotIdentifiable with the rank found and the one needed.
     """
-    s = np.linalg.svd(lq.L33, compute_uv=False)
+    s = singular_values(lq.L33)
     size = np.sqrt(np.linalg.norm(lq.L33) ** 2 + np.linalg.norm(lq.projection) ** 2)
     rank = int(np.count_nonzero(s > OWN_NOISE * size))
     if rank == len(s):

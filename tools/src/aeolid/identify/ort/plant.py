@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_lyapunov
 
+from aeolid.decompositions import lstsq, svd
 from aeolid.identify.ort.joint import Layout, Lq
 from aeolid.identify.ort.subsystems import Deterministic, Stochastic, solve_toeplitz
 from aeolid.identify.subspace import (
@@ -17,14 +18,14 @@ from aeolid.identify.subspace import (
     spectral_radius,
     system_matrices,
 )
-from aeolid.identify.windows import WindowFactor, decompose
+from aeolid.identify.windows import WindowFactor
 
 Array = NDArray[np.float64]
 
 
 def connect(deterministic: Deterministic, stochastic: Stochastic) -> Array:
     """Return T = Γ_s^† Γ_d (n_s, n_d), which brings the deterministic states to the stochastic ones, Lemma 4."""
-    T: Array = np.asarray(np.linalg.lstsq(stochastic.gamma, deterministic.gamma, rcond=None)[0], np.float64)
+    T: Array = np.asarray(lstsq(stochastic.gamma, deterministic.gamma), np.float64)
     return T
 
 
@@ -76,7 +77,7 @@ def reduce(model: ScaledModel, factor: WindowFactor, order: int) -> tuple[Scaled
     values, vectors = np.linalg.eigh((Q + Q.T) / 2)
     root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T  # Q = root' root
     # with X the states, X root' = V diag(σ) W': in coordinates σ^{−1/2} W' root x both Gramians are diag(σ)
-    V, size, Wt = decompose(states @ root.T)
+    V, size, Wt = svd(states @ root.T)
     keep = np.sqrt(np.maximum(size[:order], 1e-15 * size[0]))
     into = (Wt[:order] @ root) / keep[:, None]
     out = (states.T @ V[:, :order]) / keep  # into @ out = I
@@ -98,7 +99,7 @@ def with_better_gain(model: ScaledModel, basis: StateBasis, factor: WindowFactor
         return model
     rival = system_matrices(factor, basis.state_map(len(model.A)), layout.block_through)
     own, other = (observability(m, layout.future) for m in (model, rival))
-    K: Array = np.asarray(np.linalg.lstsq(own, other @ rival.K, rcond=None)[0], np.float64)
+    K: Array = np.asarray(lstsq(own, other @ rival.K), np.float64)
     better = replace(model, K=K, gain_method="PBSIDopt of past and future window")
     if spectral_radius(model.A - K @ model.C) >= 1 or not np.isfinite(K).all():
         return model

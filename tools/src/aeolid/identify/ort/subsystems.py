@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
+from aeolid.decompositions import lstsq, svd
 from aeolid.identify.ort.joint import Layout, Lq, stochastic_rows
 from aeolid.identify.subspace import kalman_gain
-from aeolid.identify.windows import WindowFactor, decompose, triangularise
+from aeolid.identify.windows import WindowFactor, triangularise
 
 Array = NDArray[np.float64]
 
@@ -62,9 +63,9 @@ class Spectra:
 
 def find_spectra(lq: Lq, windows: int) -> Spectra:
     """Decompose L42 and the normalised covariance of future and past."""
-    U, s, _ = np.linalg.svd(lq.L42)  # all left vectors: those beyond n annihilate Γ
+    U, s, _ = svd(lq.L42, full_matrices=True)  # all left vectors: those beyond n annihilate Γ
     root = triangularise(np.hstack([lq.L43, lq.L44]).T).T
-    Us, correlations, Vt = decompose(solve_triangular(root, lq.L43, lower=True))
+    Us, correlations, Vt = svd(solve_triangular(root, lq.L43, lower=True))
     scale = np.sqrt(windows)
     return Spectra(U, s / scale, Us, correlations, Vt, root / scale)
 
@@ -76,7 +77,7 @@ def realise_deterministic(spectra: Spectra, lq: Lq, layout: Layout, order: int) 
     """
     joint = len(layout.joint)
     gamma = spectra.left_d[:, :order] * np.sqrt(spectra.values_d[:order])
-    A = np.asarray(np.linalg.lstsq(gamma[:-joint], gamma[joint:], rcond=None)[0], np.float64)
+    A = np.asarray(lstsq(gamma[:-joint], gamma[joint:]), np.float64)
     free = np.ones((joint, len(layout.disturbances)), bool)
     free[: len(layout.outputs)] = layout.through
     D, B = solve_toeplitz(spectra.left_d[:, order:], gamma, lq.L41, lq.L11, free)
@@ -103,7 +104,7 @@ def solve_toeplitz(annihilator: Array, gamma: Array, L41: Array, L11: Array, fre
     target = (left @ L41).T.ravel()
     keep = np.hstack([free.T, np.ones((q, order), bool)]).ravel()  # unknowns: for each disturbance [D; B]
     solution = np.zeros(len(keep))
-    solution[keep] = np.linalg.lstsq(system[:, keep], target, rcond=None)[0]
+    solution[keep] = lstsq(system[:, keep], target)
     both = solution.reshape(q, channels + order).T
     return both[:channels], both[channels:]
 
@@ -116,7 +117,7 @@ def realise_stochastic(spectra: Spectra, factor: WindowFactor, lq: Lq, layout: L
     """
     gamma = spectra.root @ (spectra.left_s[:, :order] * np.sqrt(spectra.correlations[:order]))
     x, targets = stochastic_states(spectra, factor, lq, layout, order)
-    found = np.asarray(np.linalg.lstsq(x, targets, rcond=None)[0].T, np.float64)
+    found = np.asarray(lstsq(x, targets).T, np.float64)
     return with_gain(found[:order], found[order:], gamma, x, targets)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import lfilter, welch
 
+from aeolid.decompositions import lstsq
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.hypotheses.parts.forces import with_parameters
 from aeolid.diagnose.hypotheses.parts.modes import RINGS, highest_hz
@@ -102,7 +103,7 @@ def _poles(seen: _Seen, order: int) -> list[tuple[float, float]]:
     past = [seen.y[order - k : order - k + rows] for k in range(1, order + 1)]
     driven = [seen.drives[order - k : order - k + rows] for k in range(order + 1)]
     regressors = np.column_stack([*past, *driven, np.ones(rows)])
-    weights = np.linalg.lstsq(regressors, seen.y[order:], rcond=None)[0][:order]
+    weights = lstsq(regressors, seen.y[order:])[:order]
     poles = np.roots(np.concatenate([[1.0], -weights]))
     rates = np.log(poles[poles.imag > 0]) / seen.step
     modes = [(float(abs(s) / (2 * np.pi)), float(-s.real / abs(s))) for s in rates]

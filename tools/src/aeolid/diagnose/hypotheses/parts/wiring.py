@@ -10,6 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import svd
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.hypotheses import HypothesesRules
@@ -158,7 +159,7 @@ def _imitated(site: Site, rules: HypothesesRules) -> tuple[bool, ...]:
     steady = np.where(np.abs(slower) > rules.fading_ratio * np.abs(moved), slower, 0.0)
     sizes = np.array([max(spread_of(y), 1e-300) for y in site.y.T])
     scaled = steady / sizes[:, None]
-    U, s, _ = np.linalg.svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300), full_matrices=False)
+    U, s, _ = svd(scaled / np.maximum(np.linalg.norm(scaled, axis=0), 1e-300))
     inside = np.linalg.norm(U[:, s > rules.force_reach * max(s[0], 1e-300)], axis=1)
     return tuple(bool(1 - x * x < rules.force_reach**2) for x in inside)
 
