@@ -344,6 +344,8 @@ def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
     assert is_another(at("coulomb_friction", "state:v"), at("actuator_lag", "input:u"))
     assert not is_another(at("transport_delay", "input:u"), at("actuator_lag", "input:u"))
     assert not is_another(at("actuator_lag", "input:u"), at("actuator_lag", "input:u"))
+    assert not is_another(at("coulomb_friction", "mode:0.8 Hz"), at("coulomb_friction", "state:load"))
+    assert is_another(at("coulomb_friction", "state:motor"), at("coulomb_friction", "state:load"))
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,7 @@ def fitted(slots: tuple[Slot, ...], values: tuple[float, ...], stds: tuple[float
 
 def effect(*slots: Slot, **more: Any) -> Any:
     usual = {"essential": (), "credible": lambda values: "", "gain_states": (), "noise_driven": False, "share": None,
-             "drives": ()}  # fmt: skip
+             "drives": (), "entry": "sensor_second_order"}  # fmt: skip
     return SimpleNamespace(key="filter", slots=slots, **(usual | more))
 
 
@@ -70,6 +70,19 @@ def test_values_that_trade_are_judged_together(gain: float, refused: bool) -> No
     assert bool(objection([effect(SIZE)], alone, lag, gain, 1)) is refused
     essential = effect(SIZE, SHAPE, essential=("inverse",))
     assert "does not differ from none" in objection([essential], fit, model, gain, 2)
+
+
+@pytest.mark.parametrize(("stds", "refused"), [((60.0, 1.2), True), ((5.0, 1.2), False), ((60.0, 0.02), False)])
+def test_a_loop_of_which_nothing_is_known_but_its_stiffness_is_a_spring(
+    stds: tuple[float, float], refused: bool
+) -> None:
+    """A frequency 1.5 % off beside a friction was a loop of 46 ± 60 rad/s² that yields over 0.71 ± 1.2 rad."""
+    force = Slot("force", "acceleration", "rad/s^2", 0.0, 0.0, 1e4, 1.0)
+    length = Slot("length", "yield_length", "rad", 0.2, 0.006, 5.0, 0.2, local=False)
+    fit, model = fitted((force, length), (46.0, 0.71), stds)
+    told = objection([effect(force, length, entry="bouc_wen_hysteresis")], fit, model, 90.0, 2)
+    assert ("so that it is a spring" in told) is refused
+    assert not objection([effect(force, length)], fit, model, 90.0, 2)
 
 
 def test_an_entry_may_object_to_its_own_values() -> None:

@@ -40,6 +40,7 @@ def candidate(
         "handicap": 0.0,
         "parameters": 1,
         "moved": (),
+        "low_ends": [],
     }
     return SimpleNamespace(
         fit_density=parts["fit"], select_difference=parts["select"], fit_gain=fit_gain,
@@ -81,6 +82,19 @@ WINNER = candidate(60.0, 20.0, name="structural_mode")
 def test_a_refused_explanation_far_ahead_takes_the_name(other: Any, outdoes: bool) -> None:
     """A sensor 4 ms late, refused as shorter than half a sample, gained twice what a mode gained that got its name."""
     assert (outdone_by([WINNER, other], WINNER) is other) is outdoes
+
+
+@pytest.mark.parametrize(
+    ("entry", "label", "outdoes"),
+    [("play_hysteresis", "half_width", False), ("bouc_wen_hysteresis", "yield_length", False),
+     ("play_hysteresis", "stiffness", True), ("sensor_lag", "tau_s", True)],
+)  # fmt: skip
+def test_what_ends_as_the_effect_named_does_not_outdo_it(entry: str, label: str, outdoes: bool) -> None:
+    """A slider whose spring yields at once is dry friction: 57 nats ahead, at its range's end, it took the name."""
+    friction = candidate(60.0, 20.0, name="coulomb_friction")
+    other = candidate(137.0, 45.0, at_end=True, name=entry)
+    other.low_ends = [(other.attachments[0], label)]
+    assert (outdone_by([friction, other], friction) is other) is outdoes
 
 
 @pytest.mark.parametrize(

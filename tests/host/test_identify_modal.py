@@ -15,7 +15,7 @@ from aeolid.identify.clusters import Cluster, Criteria, _hand_out, _judge
 from aeolid.identify.compressed import compress
 from aeolid.identify.diagram import Pole
 from aeolid.identify.markov import estimate_markov
-from aeolid.identify.modal import find_modal
+from aeolid.identify.modal import find_modal, shrunk_phases
 from aeolid.identify.pole_spread import Spreader
 from aeolid.identify.shape_spread import shape_covariance
 from aeolid.identify.subspace import find_states, regressed_matrices
@@ -220,3 +220,25 @@ def test_signals_without_modes_have_none_and_singular_ones_have_theirs():
     for found in (twice, alone):  # a copy of a channel changes nothing to speak of
         hertz = [m.frequency_hz for m in found]
         assert len(hertz) >= 2 and max(min(abs(BUILDING.modes()[0] / f - 1)) for f in hertz) < 0.02
+
+
+def test_phases_that_chance_explains_are_shrunk_towards_a_real_shape():
+    """Of four sensors' phases about none a sixth of the squared error is left, of sure phases nothing goes.
+
+    With ν = 3 the mean of max(0, 1 − ν/χ²)² χ² is 0.4996 by the integral over the density of χ², beside 3 unshrunk;
+    its deviation over 3,000 draws is 0.025.
+    """
+    random = np.random.default_rng(2)
+    root = np.vstack([np.zeros((1, 3)), np.linalg.cholesky(np.array([[1.0, 0.5, 0], [0.5, 2.0, 0.3], [0, 0.3, 0.5]]))])
+    shape, inverse = np.array([1.0, -0.4, 2.0, 0.7]), np.linalg.inv(root[1:] @ root[1:].T)
+    left = []
+    for _ in range(3000):
+        drawn = shape + 1j * root @ random.standard_normal(3)
+        kept = shrunk_phases(drawn, root)
+        np.testing.assert_array_equal(kept.real, drawn.real)
+        left.append(kept.imag[1:] @ inverse @ kept.imag[1:])
+    assert np.mean(left) == pytest.approx(0.4996, abs=0.1)
+    sure = shape + 1j * np.array([0.0, 30.0, -20.0, 10.0])
+    np.testing.assert_allclose(shrunk_phases(sure, root), sure, rtol=0.01)
+    np.testing.assert_array_equal(shrunk_phases(sure, np.zeros((4, 3))), sure)
+    np.testing.assert_array_equal(shrunk_phases(sure, np.full((4, 3), np.nan)), sure)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aeolid.decompositions import pinv
 from aeolid.errors import UsageError
 from aeolid.geometry import Geometry, united
 from aeolid.identify.clusters import Cluster, Criteria, cluster
@@ -38,9 +39,11 @@ from aeolid.models.wire_frame import complexity_lines, geometry_facts
 from aeolid.record import Record
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 UNSETTLED = 1 / 3  # of the modes found: fewer poles that move with the window may be noise
 TWICE = 2  # periods of the slowest mode: a window of more is not doubled, for poles of noise then stay as well
 APART = 1.2  # of two windows: closer ones share too much to tell what moves
+ROUNDING = 1e-12  # of the largest variance: less is none
 FEWEST, LONGEST = 32, 2048  # samples of a segment of the spectrum
 
 
@@ -242,13 +245,17 @@ def _mode(cluster: Cluster, diagram: Diagram, reference: int | None) -> Mode:
 
 
 def _shape(poles: Sequence[Pole], diagram: Diagram, at: int, hertz: float) -> Shape:
-    """Return the median shape in the channels' units, beside the output at an index."""
+    """Return the median shape in the channels' units, beside the output at an index, its phases shrunk."""
     scale, names = diagram.scaling.scale, diagram.outputs
     every = np.array([p.shape / p.shape[at] for p in poles])  # (models, l)
     middle = np.median(every.real, axis=0) + 1j * np.median(every.imag, axis=0)
-    nearest = min(poles, key=lambda p: abs(p.frequency_hz - hertz))
-    around = diagram.model(nearest.past, nearest.order).shape_covariance(nearest.eigenvalue, at)
-    around = around + covariance_of((every - every.mean(axis=0)) / np.sqrt(len(every)))
+    far = [abs(p.frequency_hz - hertz) for p in poles]  # of an even number two lie alike around the median
+    near = [p for p, d in zip(poles, far, strict=True) if d <= min(far) + 1e-6 * hertz]
+    nearest = max(near, key=lambda p: (p.past, p.order))
+    reach = diagram.model(nearest.past, nearest.order).shape_reach(nearest.eigenvalue, at)  # (l, white noises)
+    apart = (every - every.mean(axis=0)).T / np.sqrt(len(every))
+    around = np.array([covariance_of(row) for row in np.hstack([reach, apart])])
+    middle = shrunk_phases(middle, np.hstack([reach, apart]).imag)
     unit = scale / scale[at]
     values = dict(zip(names, map(complex, middle * unit), strict=True))
     spread = {
@@ -256,3 +263,22 @@ def _shape(poles: Sequence[Pole], diagram: Diagram, at: int, hertz: float) -> Sh
         for name, s, u in zip(names, around, unit, strict=True)
     }
     return Shape(names[at], values, spread if np.isfinite(around).all() else None)
+
+
+def shrunk_phases(shape: ComplexArray, reach: Array) -> ComplexArray:
+    """Return a shape (l,), 1 at its reference, its imaginary parts less by what chance explains of them.
+
+    reach (l, k): what white noise of unit variance makes of the imaginary parts. Where damping is in proportion to
+    mass and stiffness a shape is real, and nearly so in most structures; with χ² = ιᵀ S⁻¹ ι of the imaginary parts ι
+    (degrees of freedom ν) they are multiplied by max(0, 1 − ν/χ²), the empirical Bayes estimate of what scatters about
+    none by an unknown variance (Efron and Morris 1973). A shape that is surely complex stays as it is.
+    """
+    power = (reach**2).sum(axis=1)
+    moving = np.flatnonzero(power > ROUNDING * power.max(initial=0.0))  # all but the reference
+    if not len(moving) or not np.isfinite(reach).all():
+        return shape
+    own = shape.imag[moving]
+    statistic, freedom = float(own @ pinv(reach[moving] @ reach[moving].T, 1e-9, hermitian=True) @ own), len(moving)
+    kept = max(0.0, 1 - freedom / statistic) if statistic > 0 else 0.0
+    out: ComplexArray = shape.real + 1j * kept * shape.imag
+    return out

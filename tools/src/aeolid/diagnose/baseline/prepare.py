@@ -33,6 +33,7 @@ from aeolid.diagnose.structure import modal
 from aeolid.diagnose.structure.anatomy import Motion, motions_of_equations, motions_of_state_space
 from aeolid.diagnose.structure.baseline import mass_of, noisy_states, offset_sizes, shape_forces
 from aeolid.diagnose.structure.between import motions_between
+from aeolid.diagnose.structure.bodies import bodies_of_state_space
 from aeolid.diagnose.structure.forces import FORCE, RATE
 from aeolid.diagnose.structure.magnitudes import visible_sizes
 from aeolid.diagnose.structure.signals import motions_of_signals
@@ -130,13 +131,13 @@ def prepare(
     offsets = {} if linear is None else offset_sizes(u[:, : len(linear.inputs)], spreads)
     rough, scales = _rough(compiled, split.fit, (spreads, offsets), linear, settle)
     sizes, rates, moves = _sizes(rough, scales)
-    motions, working, forces = _anatomy(declared, linear, (sizes, rates, spreads, moves), split, settle)
+    motions, bodies, working, forces = _anatomy(declared, linear, (sizes, rates, spreads, moves), split, settle)
     if linear is None:
         motions, working = _with_signals(motions, working, exogenous, split, records[0])
     declared = with_sampling(base.bare(working.auxiliaries), sampling, step)
     site = Site(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
-        working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs),
+        working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs), bodies,
     )  # fmt: skip
     attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
     frame = Frame(
@@ -170,18 +171,22 @@ def _with_signals(
 
 def _anatomy(
     declared: Equations, linear: StateSpace | None, typical: tuple[Array, ...], split: Split, settle: float
-) -> tuple[tuple[Motion, ...], Equations, dict[str, float]]:
-    """Return the motions, the working model (unmeasured forces or modal coordinates added), the forces' sizes."""
+) -> tuple[tuple[Motion, ...], tuple[Motion, ...], Equations, dict[str, float]]:
+    """Return the motions, a linear model's bodies, the working model, the sizes of its unmeasured forces.
+
+    Added to the model are unmeasured forces, or the modes' coordinates and the bodies' velocities.
+    """
     sizes, rates, spreads, moves = typical
     if linear is not None:
         found, working = motions_of_state_space(linear, declared, sizes, spreads)
-        return tuple(found), working, {}
+        driven, working = bodies_of_state_space(linear, working, sizes, np.vstack([s.y for s in split.fit]))
+        return tuple(found), tuple(driven), working, {}
     own = dict(zip([s.name for s in declared.states], rates.tolist(), strict=True))
     span = max(sum(len(s.y) * s.step for s in split.fit), 10 * settle)
     working, added = shape_forces(declared, span, split.fit[0].step)
     forces = {f: own[f.removeprefix(FORCE)] * _mass(declared, f) for f in added}
     bodies = motions_of_equations(declared, sizes, rates)
-    return (*bodies, *motions_between(declared, bodies, sizes, rates, moves)), working, forces
+    return (*bodies, *motions_between(declared, bodies, sizes, rates, moves)), (), working, forces
 
 
 def _fit_baseline(predictor: Predictor, free: Free, starts: list[Point], case: Case) -> tuple[Predictor, Fit]:

@@ -69,14 +69,24 @@ class Candidate:
     @property
     def at_end(self) -> bool:
         """Tell whether a value of an effect ran to the end of its physical range."""
+        return any(at_bound(value, slot) for _, slot, value in self._told())
+
+    @property
+    def low_ends(self) -> list[tuple[Attachment, str]]:
+        """Return the values of effects that ran to the lower end of their range, with their effects."""
+        return [
+            (a, str(slot.label)) for a, slot, value in self._told()
+            if at_bound(value, slot) and value - slot.low < slot.high - value
+        ]  # fmt: skip
+
+    def _told(self) -> list[tuple[Attachment, Slot, float]]:
+        """Return the fitted values that are reported."""
         model, theta = self.predictor.compiled.model, self.fit.point.theta
-        return any(
-            slot.label is not None
-            and model.index(slot.name) in self.fit.free.theta
-            and at_bound(float(theta[model.index(slot.name)]), slot)
-            for a in self.attachments
-            for slot in a.slots
-        )
+        return [
+            (a, slot, float(theta[model.index(slot.name)]))
+            for a in self.attachments for slot in a.slots
+            if slot.label is not None and model.index(slot.name) in self.fit.free.theta
+        ]  # fmt: skip
 
     @property
     def is_plainer(self) -> bool:

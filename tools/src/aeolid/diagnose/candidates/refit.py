@@ -28,7 +28,12 @@ Array = NDArray[np.float64]
 MAX_FINALISTS = 6
 _FAMILIES = 10  # of which one is fitted, where so many speak
 _STEPPED = 6  # further effects that are tried from finite steps once anything is found
-_ZONES, _LOOPS, _SENSORS = 2, 1, 2  # dead zones, hysteretic forces and lags of sensors beside these
+_ZONES, _LOOPS, _SENSORS, _FRICTIONS = (
+    2,
+    1,
+    2,
+    2,
+)  # dead zones, hysteretic forces, lags of sensors, dry frictions beside
 _HELD = 20  # Gauss–Newton iterations with the noise held
 _TRIED_ON_RUN = 2  # starts of each group: a run's model is near already, and each fit moves some 180 parameters
 _AGAIN = 40  # Gauss–Newton iterations of a fit from a better baseline
@@ -59,7 +64,10 @@ def finalists(bank: Bank) -> list[Row]:
     stepped.sort(
         key=lambda r: entry(r.attachment.entry).family != "input_lag"
     )  # inputs are what free parameters absorb
-    groups = ((zones_of(bank), _ZONES), (loops_of(bank), _LOOPS), (sensors_of(bank), _SENSORS))
+    groups = (
+        (zones_of(bank), _ZONES), (loops_of(bank), _LOOPS), (sensors_of(bank), _SENSORS),
+        (frictions_of(bank), _FRICTIONS),
+    )  # fmt: skip
     apart = [([r for r in rows if r in stepped], count) for rows, count in groups]
     others = [r for r in stepped if not any(r in rows for rows, _ in apart)]
     return chosen + others[:_STEPPED] + [r for rows, count in apart for r in rows[:count]]
@@ -68,6 +76,11 @@ def finalists(bank: Bank) -> list[Row]:
 def zones_of(bank: Bank) -> list[Row]:
     """List the dead zones: a narrow one takes a constant from large commands, which free values absorb."""
     return [r for r in bank.rows if r.attachment.stepped and entry(r.attachment.entry).family == "input_nonlinearity"]
+
+
+def frictions_of(bank: Bank) -> list[Row]:
+    """List the dry friction of a linear model's bodies: its noise takes it for a force with memory."""
+    return [r for r in bank.rows if r.attachment.stepped and entry(r.attachment.entry).family == "friction"]
 
 
 def loops_of(bank: Bank) -> list[Row]:

@@ -9,7 +9,7 @@ from aeolid.diagnose.candidates.moved import Moved, moved_in
 from aeolid.diagnose.candidates.race import whispering
 from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.hypotheses.catalogue import entry
-from aeolid.diagnose.hypotheses.parts.base import Attachment, location
+from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import late_ahead
@@ -45,24 +45,6 @@ def habit_ahead(study: Study) -> Candidate | None:
     """Return the part of a row by which a channel is late that explains far more than what would be named."""
     named = study.second or study.winner
     return None if named is None else late_ahead(study.candidates, named, study.prepared.site.row_step)
-
-
-def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:
-    """Return what of a set is a constant of a linear model that is off by that little; a mass beside others only."""
-    known = in_force().conclusion.known_share
-    most = {"gain_change": known, "damping_change": known, "frequency_change": known / 2}
-    if len(candidate.attachments) > 1:  # alone it may be ice; beside a gain it is one more constant
-        most["mass_ratio"] = known
-    constants = ("parameter_error", "added_mass")
-    return tuple(
-        a for a in candidate.attachments
-        if a.entry in constants and all(abs(v) <= most.get(n, -1.0) for n, (v, _) in candidate.values[a.key].items())
-    )  # fmt: skip
-
-
-def is_slight(candidate: Candidate) -> bool:
-    """Tell whether a set is nothing but constants that are off by that little."""
-    return len(slight_parts(candidate)) == len(candidate.attachments)
 
 
 def also_speaking(study: Study) -> list[Candidate]:

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.slight import is_slight, slight_parts
 from aeolid.diagnose.conclusion.declared import (
     contradicted,
     form_speaking,
     habit_ahead,
-    is_slight,
-    slight_parts,
     told_values,
 )
 from aeolid.diagnose.hypotheses.generic import unlisted
@@ -64,13 +63,14 @@ def _immaterial(study: Study) -> str:
     evidence, proof, refitted = in_force().evidence, study.proof, study.declared_proof
     is_proven = study.winner is not None and proof is not None and proof.interval[0] > evidence.proven_nats
     by_values = refitted is not None and refitted.interval[0] > evidence.proven_nats and contradicted(study)
-    if by_values or not is_proven:
+    slight = study.winner is not None and is_slight(study.second or study.winner)
+    if by_values or (not is_proven and not slight):
         text = f"The structure is right, and declared values are surely off, but by little: {told_values(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
     if (late := habit_ahead(study)) is not None:
         said = late.says(late.attachments[0])
         return f"A difference is there beyond doubt, which the way of taking samples can be: {said}."
-    if study.winner is not None and is_slight(study.second or study.winner):
+    if slight:
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
     return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
 

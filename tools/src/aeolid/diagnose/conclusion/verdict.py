@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.simulated_share import is_static
+from aeolid.diagnose.candidates.slight import is_slight, slight_parts
 from aeolid.diagnose.conclusion.declared import (
     also_speaking,
     form_speaking,
     habit_ahead,
-    is_slight,
     on_values,
     parameter_effect,
 )
-from aeolid.diagnose.conclusion.declared import slight_parts as parts_that_matter_little
 from aeolid.diagnose.conclusion.excluded import not_excluded
 from aeolid.diagnose.conclusion.sealed import recovered_fraction, sealed_part
 from aeolid.diagnose.conclusion.sentence import sentence, speaks_in_turn, untested
@@ -123,7 +122,10 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
     if study.winner is not None and _is_turned(study) and outdone_by(study.candidates, study.winner) is None:
         if study.proof is not None and study.proof.worse:  # over the settling time: the sealed part is not silent
             return "unnamed", [], None
-        if study.proof is not None and (not _shows(study, study.proof) or habit_ahead(study) is not None):
+        chosen = study.second or study.winner
+        if study.proof is not None and (
+            not _shows(study, study.proof) or is_slight(chosen) or habit_ahead(study) is not None
+        ):
             return _on_values(study) or ("immaterial", [], None)
         return ("unnamed", [], study.proof) if study.winner.unlisted else (*_named(study, study.winner), study.proof)
     top = study.ceiling
@@ -235,7 +237,7 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
     ids = {a.key: a.entry for a in chosen.attachments}
     if any(a.attachment.entry != ids[a.replaces] for a in study.alternatives):
         return "ambiguous", effects
-    little = parts_that_matter_little(chosen)
+    little = slight_parts(chosen)
     told = [e for a, e in zip(chosen.attachments, effects, strict=False) if a not in little]
     return "multiple" if len(told) > 1 else entry(told[0]["id"]).verdict, told
 

@@ -31,6 +31,19 @@ class StructureRules:
     turned_share: float = rule(
         1e-3, "share", "part of the position's deviation by which it must come back to have turned"
     )
+    both_ways_share: float = rule(
+        0.05, "share", "part of the time that a speed must have either sign for its dry friction to be looked for"
+    )
+    driven_share: float = rule(
+        0.5,
+        "share",
+        "change of a speed within the first sample after a push, of its largest, from which the push acts on that body",
+    )
+    one_mode_share: float = rule(
+        0.9,
+        "share",
+        "part of a body's first motion after a push that one mode may have, for its friction to be its own",
+    )
     least_modulus: float = rule(
         0.2,
         "modulus",

@@ -63,16 +63,24 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
     forced (a sensor 4 ms late, less than the least lag that is believed, was called a bending mode). |Vuong z| above 2
     and 10 nats are asked for; None where nobody is. One of the same family takes nothing: stick and slip fits a stage
     better than dry friction alone, with a force at its range's end; what is missing is friction all the same.
-    A form that fits no worse is enough where the name is a sensor's factor that no calibrated sensor has.
+    A form that fits no worse is enough where the name is a sensor's factor that no calibrated sensor has. Nor does one
+    whose range ends where it is what would be named: a slider whose spring yields at once is dry friction (a simulated
+    joint's, which gives way a little before it slides, 57 nats ahead of dry friction).
     """
     families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
         if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible))
         and (leads(c, named) or stands_for(named, c))
-        and not families & {entry(a.entry).family for a in c.attachments}
+        and not families & {entry(a.entry).family for a in c.attachments} and not _ends_as(c, named)
     ]  # fmt: skip
     return max(ahead, key=lambda c: c.score, default=None)
+
+
+def _ends_as(candidate: Candidate, named: Candidate) -> bool:
+    """Tell whether a candidate ran to where it is an effect that would be named, known by that one's entry."""
+    names = {a.entry for a in named.attachments}
+    return any((label, name) in entry(a.entry).at_least for a, label in candidate.low_ends for name in names)
 
 
 def late_ahead(candidates: Sequence[Candidate], named: Candidate, row_step: float) -> Candidate | None:

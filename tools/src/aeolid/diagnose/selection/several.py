@@ -13,6 +13,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import select_density
 from aeolid.diagnose.candidates.refit import as_rows, refit, zones_of
+from aeolid.diagnose.candidates.slight import slight_parts
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
@@ -29,14 +30,17 @@ def further_effects(
 ) -> tuple[list[Candidate], Bank]:
     """Add one effect after the other, three at most; returns the sets, smallest first, and what the bank then says.
 
-    rivals: all that was fitted alone. A set with an effect that a later one made needless goes.
+    A linear model's wrong constants are no effects in that count; they are as many again at most. rivals: all that was
+    fitted alone. A set with an effect that a later one made needless goes.
     """
     most, chain = in_force().selection.most_effects, [winner]
     while True:
         larger, bank = one_more(prepared, chain[-1], rivals, seed)
         if larger is not None:
             chain.append(larger)
-        if larger is None or len(larger.attachments) >= most or prepared.deadline.skips("a further effect"):
+        named = [] if larger is None else [a for a in larger.attachments if a.entry != "parameter_error"]
+        full = larger is None or len(named) >= most or len(larger.attachments) >= 2 * most
+        if full or prepared.deadline.skips("a further effect"):
             return _needed(prepared, chain), bank
 
 
@@ -102,11 +106,14 @@ def one_more(
 
     The best of each family, sizes only: a sign or an exchange of channels is found before any physics is. A dead zone
     at half the threshold is tried, too: free values absorb most of its score (a car's throttle, 0.14 wide). So is what
-    explained nearly as much alone, whatever it scores beside.
+    explained nearly as much alone, whatever it scores beside. And the best of a linear model's own constants, which
+    comes before all physics where it is off by no more than is usual: nearly every model's are, and what is left of
+    them has many imitators (beside a joint's friction two frequencies 1.5 % off were a mass on a spring).
     """
     bank = what_is_left(prepared, winner, seed)
     best = {entry(r.attachment.entry).family: r for r in reversed(bank.loud) if not r.attachment.is_switch}
     rows = sorted(best.values(), key=lambda r: -r.z)[:_TRIED]
+    rows += [r for r in bank.loud if r.attachment.entry == "parameter_error" and r not in rows][:1]
     zones = [r for r in zones_of(bank) if r not in rows and r.testable]
     rows += [r for r in zones if r.z > in_force().selection.half_limit_share * bank.limit(r)][:1]
     near = _nearly_as_good(prepared, winner, [c for c in rivals if all(c.key != r.attachment.key for r in rows)])
@@ -171,11 +178,16 @@ def _grown(
             continue
         if larger.plausible and is_worth_a_name_beside(larger, row.attachment) and helps(winner, larger):
             found.append(larger)
-    while (best := leading(found)) is not None:
+    while (best := leading([c for c in found if is_slight_beside(c)] or found)) is not None:
         if survives_control(prepared, best):  # by what it gains beyond the smaller set: that is at stake
             return best.beyond(winner)
         found.remove(best)
     return None
+
+
+def is_slight_beside(larger: Candidate) -> bool:
+    """Tell whether what was added last is a constant of a linear model that is off by no more than is usual."""
+    return larger.attachments[-1] in slight_parts(larger)
 
 
 def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
@@ -234,7 +246,10 @@ def corrects(fewer: Candidate, more: Candidate) -> bool:
 def is_another(a: Attachment, b: Attachment) -> bool:
     """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
 
-    A lag and a delay of one input are one drive of higher order.
+    A lag and a delay of one input are one drive of higher order. A force on a mode of a linear model and the same on
+    a body that the mode moves are one force.
     """
-    same_elsewhere = a.entry == b.entry and a.location["entry"] != b.location["entry"]
+    places = a.location["entry"], b.location["entry"]
+    one_force = {p.split(":")[0] for p in places} == {"mode", "state"}
+    same_elsewhere = a.entry == b.entry and places[0] != places[1] and not one_force
     return same_elsewhere or entry(a.entry).family != entry(b.entry).family

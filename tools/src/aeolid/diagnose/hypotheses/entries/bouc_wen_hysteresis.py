@@ -101,4 +101,5 @@ ENTRY = Entry(
     ),
     attach=_attach,
     rank=190,
+    at_least=(("yield_length", "coulomb_friction"),),
 )

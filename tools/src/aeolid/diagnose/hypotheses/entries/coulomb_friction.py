@@ -12,10 +12,11 @@ _SHARPEST, _SOFTEST = 0.003, 0.2  # of the typical velocity: where the force tur
 
 
 def _attach(site: Site) -> list[Attachment]:
-    return [_on(motion, i) for i, motion in enumerate(site.motions)]
+    known = len(site.motions)  # a linear model's noise absorbs what a body's friction does, all but the finite step
+    return [_on(motion, i, stepped=i >= known) for i, motion in enumerate((*site.motions, *site.bodies))]
 
 
-def _on(motion: Motion, number: int) -> Attachment:
+def _on(motion: Motion, number: int, *, stepped: bool) -> Attachment:
     """Return friction that turns over within a free velocity: contacts give before they slide, filters round the edge.
 
     A positioning stage (EMPS) gains 33 nats by it, a damper behind anti-alias filters 66. Where only the sign of the
@@ -29,7 +30,7 @@ def _on(motion: Motion, number: int) -> Attachment:
     return force_on(
         motion, number, "coulomb_friction", (slot, soft) if motion.direction is None else (slot,),
         f"-{force}*{turns}",
-        starts=({}, {force: 0.1 * size}, {force: size}),
+        starts=({}, {force: 0.1 * size}, {force: size}), stepped=stepped,
         equation=f"F = -{motion.force_name}*sign(v), v at {motion.location}",
         statement=say(
             f"dry (Coulomb) friction of {{{motion.force_name}:.3g}} {motion.force_unit} at {motion.location} opposes"
@@ -45,7 +46,8 @@ ENTRY = Entry(
     equation="F = -force_N*sign(v)",
     source="Armstrong-Hélouvry, Dupont, Canudas de Wit 1994, Automatica 30(7); smoothed as tanh(v/v_s)",
     quantities=(Quantity("force_N", "N (N m, m/s^2 without a mass)", 0.0, 1e7, 0.0, "friction force"),),
-    attaches_to="every velocity with an equation of motion, every oscillatory mode, every recorded one of a static law",
+    attaches_to="every velocity with an equation of motion, every oscillatory mode and driven body of a linear model, "
+    "every recorded velocity of a static law",
     signature="a force that flips with the sign of the velocity and does not grow with it; odd harmonics",
     confused_with=(
         ("viscous_friction_change", "size against speed: Coulomb is flat, viscous grows in proportion"),

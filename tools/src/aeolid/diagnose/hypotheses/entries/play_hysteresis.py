@@ -71,4 +71,5 @@ ENTRY = Entry(
     ),
     attach=_attach,
     rank=200,
+    at_least=(("half_width", "coulomb_friction"),),
 )

@@ -9,7 +9,7 @@ from aeolid.diagnose.structure.anatomy import Motion
 
 
 def _attach(site: Site) -> list[Attachment]:
-    return [_on(motion, i) for i, motion in enumerate(site.motions)]
+    return [_on(motion, i) for i, motion in enumerate((*site.motions, *site.bodies))]
 
 
 def _on(motion: Motion, number: int) -> Attachment:
@@ -35,7 +35,8 @@ ENTRY = Entry(
     equation="F = -c2*v*abs(v)",
     source="Morison, Johnson, O'Brien, Schaaf 1950 (drag term); Nayfeh and Mook 1979, section 3.3",
     quantities=(Quantity("c2", "N/(m/s)^2 (1/m without a mass)", 0.0, 1e12, 0.0, "drag coefficient"),),
-    attaches_to="every velocity with an equation of motion, every oscillatory mode, every recorded one of a static law",
+    attaches_to="every velocity with an equation of motion, every oscillatory mode and driven body of a linear model, "
+    "every recorded velocity of a static law",
     signature="damping grows in proportion to amplitude",
     confused_with=(
         ("coulomb_friction", "size against speed: Coulomb is flat, drag grows with the square"),

@@ -10,7 +10,7 @@ from aeolid.diagnose.structure.anatomy import Motion
 
 
 def _attach(site: Site) -> list[Attachment]:
-    return [_on(motion, i) for i, motion in enumerate(site.motions)]
+    return [_on(motion, i) for i, motion in enumerate((*site.motions, *site.bodies))]
 
 
 def _on(motion: Motion, number: int) -> Attachment:
@@ -51,7 +51,8 @@ ENTRY = Entry(
         Quantity("breakaway_excess", "N", 0.0, 1e7, 0.0, "how much more at rest"),
         Quantity("stribeck_speed", "m/s", 0.0, 1e3, float("nan"), "speed over which the excess dies away"),
     ),
-    attaches_to="every velocity with an equation of motion, every oscillatory mode, every recorded one of a static law",
+    attaches_to="every velocity with an equation of motion, every oscillatory mode and driven body of a linear model, "
+    "every recorded velocity of a static law",
     signature="the force falls as motion begins; slow motion jerks",
     confused_with=(("coulomb_friction", "Coulomb friction is the same at every speed: excess not above zero"),),
     attach=_attach,

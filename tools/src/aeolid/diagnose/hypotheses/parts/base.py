@@ -38,7 +38,7 @@ class Site:
     step is the sample time of u (N, r) in s, row_step the time between the rows of y that correct the model; symbols
     are what the model's equations call its inputs; exogenous are channels (N, k) that the model has no use for.
     rails: of each output the ends ("low", "high") at which the values of all recordings pile up; what y shows where it
-    is empty.
+    is empty. bodies: those whose speeds a linear model's outputs show, where a force on one meets modes and all.
     """
 
     model: Equations
@@ -55,6 +55,7 @@ class Site:
     extra: Array
     context: Mapping[str, Any]
     rails: tuple[Mapping[str, float], ...] = ()
+    bodies: tuple[Motion, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -149,6 +150,7 @@ class Entry:
     verdict: what a diagnosis ends with that names it alone; "named", but for what misses no physics.
     turns: it turns the phase, sign, size or place of what a free gain was fitted to; bends: so does it where it passes
     a load on later (stepped attachments). without_ringing: id of the entry that it is when nothing in it rings.
+    at_least: symbols of quantities, each with the id of the entry that it is where that one is as small as can be.
     settings: where simulators have it.
     """
 
@@ -167,6 +169,7 @@ class Entry:
     turns: bool = False
     bends: bool = False
     without_ringing: str = ""
+    at_least: tuple[tuple[str, str], ...] = ()
     settings: tuple[Setting, ...] = ()
 
 
