@@ -18,7 +18,9 @@ from small_cases import write_case
 
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.hypotheses.parts.base import Attachment, told_apart
 from aeolid.diagnose.pipeline import study
+from aeolid.diagnose.structure.anatomy import in_digits, motions_of_state_space
 from aeolid.diagnose.structure.baseline import equations_of
 from aeolid.diagnose.structure.bodies import bodies_of_state_space, column_of_force
 from aeolid.models.model_file import Signal
@@ -107,6 +109,25 @@ def test_one_mode_is_no_body_and_what_no_drive_moves_at_once_is_none() -> None:
     one = sampled(spring, np.array([[0.0], [1.0]]))
     assert found_in(model_of(one[0], one[1][:, 0], np.eye(2)[1:], ("m/s",))) == []
     assert found_in(model_of(A, B[:, 0], np.eye(4)[3:], ("rad/s",))) == []  # the load's speed alone
+
+
+def test_two_modes_close_together_have_names_of_their_own() -> None:
+    """A tower's modes of 0.3214 and 0.3208 Hz were one name, and the model of one stood for the other's."""
+    assert in_digits(np.array([0.3214, 0.3208, 1.3])) == ["0.3214", "0.3208", "1.3"]
+    assert in_digits(np.array([2.35])) == ["2.35"]
+    assert in_digits(np.zeros(2)) == ["0 (1)", "0 (2)"]
+    poles = np.exp(np.array([[-0.02 + 2.0194j, -0.03 + 2.0157j]]).ravel() * STEP)
+    A = np.zeros((4, 4))
+    for k, pole in enumerate(poles):
+        A[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[pole.real, pole.imag], [-pole.imag, pole.real]]
+    model = model_of(A, np.ones(4), np.array([[1.0, 0, 0.2, 0], [0.1, 0, 1.0, 0]]), ("m", "m"))
+    motions, _ = motions_of_state_space(model, equations_of(model, shaped_noise=False), np.ones(4), np.ones(2))
+    assert len({m.location for m in motions}) == 2
+
+
+def test_attachments_of_one_key_are_told_apart() -> None:
+    one = Attachment("coulomb_friction", "key", {}, lambda model: model, ())
+    assert [a.key for a in told_apart([one, replace(one, key="other"), one])] == ["key", "other", "key (2)"]
 
 
 @pytest.mark.slow

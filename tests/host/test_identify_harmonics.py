@@ -98,3 +98,18 @@ def test_a_rotor_speed_says_what_the_azimuth_says():
 def test_a_mode_without_deviations_is_never_a_steady_sine():
     record = shaken(shear_building(), 1000, STEP, 1)
     assert not is_tone(mode(0.45, 0.0, None), [record])
+
+
+def test_a_line_that_a_mode_drowns_in_one_output_is_known_by_another():
+    """The output that a pole moves most need not be the one in which it is plain: 9P beside a shaft's mode.
+
+    Noise in the band takes half of the power of one output and a hundredth of that of the other.
+    """
+    t = np.arange(6000) * STEP
+    line, noise = np.sin(2 * np.pi * 1.8 * t), np.random.default_rng(1).standard_normal((len(t), 2))
+    values = np.column_stack([line + 0.5 * noise[:, 0], 1.5 * line + 15 * noise[:, 1]])
+    record = Record(t, values, (Channel("plain", "m", "output"), Channel("drowned", "m", "output")), STEP, "", "")
+    pole = replace(mode(1.8, 0.0001, 0.0005), shares={"plain": 0.4, "drowned": 0.6})
+    assert is_tone(pole, [record])
+    assert not is_tone(replace(pole, shares={"drowned": 1.0}), [record])
+    assert not is_tone(replace(pole, shares={"plain": 0.2, "drowned": 0.8}), [record])  # hardly moved by it

@@ -129,6 +129,18 @@ def told(results: list[dict[str, Any]]) -> list[str]:
     return lines
 
 
+def of_both(results: list[dict[str, Any]], others: list[dict[str, Any]]) -> list[str]:
+    """Return two lines: the errors of both over the modes that both found."""
+    mine, theirs = ({(r["seed"], q["true"]): q for r in rs for q in r["rows"]} for rs in (results, others))
+    keys = sorted(mine.keys() & theirs.keys())
+    lines = [f"the {len(keys)} modes that both found: rms f, rms d, MAC (mean, median)"]
+    for name, rows in (("aeolid", mine), ("the other tool", theirs)):
+        rms = [np.sqrt(np.mean([rows[k][e] ** 2 for k in keys])) for e in ("error", "damping_ratio")]
+        alike = [rows[k]["alike"] for k in keys]
+        lines.append(f"{name:28s} {rms[0]:6.3%}  {rms[1]:6.1%}  {np.mean(alike):.5f}  {np.median(alike):.5f}")
+    return lines
+
+
 def _held(z: list[float | None]) -> str:
     known = np.array([v for v in z if v is not None])
     return f"{np.mean(abs(known) <= NORMAL):6.1%} ({known.mean():+.2f})" if len(known) else "-"
@@ -160,7 +172,8 @@ def main() -> None:
         if str(seed) in peer:
             theirs = compare(structure, peer[str(seed)]["modes"])
             others.append(theirs | {"seed": seed, "group": group, "seconds": peer[str(seed)]["seconds"]})
-    text = "\n".join(["aeolid", *told(results), *(["", "the other tool", *told(others)] if others else [])])
+    both = ["", "the other tool", *told(others), "", *of_both(results, others)] if others else []
+    text = "\n".join(["aeolid", *told(results), *both])
     print(text)
     if given.out:
         given.out.with_suffix(".txt").write_text(text + "\n")

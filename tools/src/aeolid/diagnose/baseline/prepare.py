@@ -22,7 +22,7 @@ from aeolid.diagnose.data.split import Split, split_records
 from aeolid.diagnose.deadline import Deadline, unlimited
 from aeolid.diagnose.hypotheses.catalogue import ENTRIES
 from aeolid.diagnose.hypotheses.generic import unlisted
-from aeolid.diagnose.hypotheses.parts.base import Attachment, Site
+from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, told_apart
 from aeolid.diagnose.predictor.awake import awakened, with_forces_awake
 from aeolid.diagnose.predictor.explore import explore, fit_best, fit_quietly, noise_ladder
 from aeolid.diagnose.predictor.fitted import Fit
@@ -139,7 +139,7 @@ def prepare(
         working, linear, motions, step, step * factor, u[:, :r], y, tuple(names[:r]), tuple(outputs),
         working.symbols[:r], exogenous, u[:, d : d + len(exogenous)], case.context, _rails(records, outputs), bodies,
     )  # fmt: skip
-    attachments = tuple(a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site))
+    attachments = told_apart([a for e in (*ENTRIES, unlisted.ENTRY) for a in e.attach(site)])
     frame = Frame(
         with_exogenous(working, given), rough[1], sizes, spreads, forces, offsets | SIZES, base.surrogate,
         recorded_wind(working, given), deadline,

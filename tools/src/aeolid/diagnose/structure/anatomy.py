@@ -118,7 +118,9 @@ def motions_of_state_space(
     left = np.linalg.inv(right)
     found: list[Motion] = []
     shared: list[Auxiliary] = []
-    for k in np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > rules.least_modulus)):
+    kept = np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > rules.least_modulus))
+    named = in_digits(np.abs(np.log(values[kept])) / model.sample_time_s / (2 * np.pi))
+    for k, hertz in zip(kept, named, strict=True):
         lam = np.log(values[k]) / model.sample_time_s
         shape = model.C @ right[:, k]  # (l,): how each output sees the mode
         j = int(np.argmax(np.abs(shape) / spreads))
@@ -142,7 +144,7 @@ def motions_of_state_space(
         span = np.abs(q) @ sizes[: len(q)], np.abs(v) @ sizes[: len(v)]
         found.append(
             Motion(
-                f"mode:{abs(lam) / 2 / np.pi:.3g} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
+                f"mode:{hertz} Hz", ast.Name(id=f"{tag}_velocity"), ast.Name(id=f"{tag}_position"),
                 force_on_states(tag, push * model.sample_time_s, feels, converted), "acceleration",
                 f"{base_unit(model.outputs[j].unit)}/s^2",
                 float(span[1]), float(span[0]), float(span[1] * abs(lam)), float(abs(lam) / 2 / np.pi),
@@ -150,6 +152,18 @@ def motions_of_state_space(
             )
         )  # fmt: skip
     return found, replace(converted, auxiliaries=(*converted.auxiliaries, *shared))
+
+
+def in_digits(values: Array) -> list[str]:
+    """Write values with three digits, or as many more as tell them apart: places have these as their names.
+
+    A tower's two modes of 0.3214 and 0.3208 Hz had one name, and one's model was taken for the other's.
+    """
+    for digits in range(3, 16):
+        words = [f"{v:.{digits}g}" for v in values.tolist()]
+        if len(set(words)) == len(words):
+            return words
+    return [f"{v:.3g} ({i + 1})" for i, v in enumerate(values.tolist())]
 
 
 def _derivative_order(unit: str) -> int:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -179,3 +180,13 @@ def location(entry: str, *, outputs: tuple[str, ...] = (), inputs: tuple[str, ..
         "entry": entry, "outputs": list(outputs), "inputs": list(inputs), "frequency_hz": None,
         "azimuth_order": None, "region": None, "time_s": None,
     }  # fmt: skip
+
+
+def told_apart(attachments: Sequence[Attachment]) -> tuple[Attachment, ...]:
+    """Return attachments with keys of their own: models and values are kept by key, those of one are not another's."""
+    seen: Counter[str] = Counter()
+    found = []
+    for a in attachments:
+        seen[a.key] += 1
+        found.append(a if seen[a.key] == 1 else replace(a, key=f"{a.key} ({seen[a.key]})"))
+    return tuple(found)

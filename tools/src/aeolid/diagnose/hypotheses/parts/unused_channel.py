@@ -16,7 +16,7 @@ from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS
+from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, in_digits
 from aeolid.diagnose.structure.baseline import with_force
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.models import expressions as ex
@@ -125,7 +125,7 @@ def _real_poles(site: Site, linear: StateSpace) -> list[Entrance]:
     structure = in_force().structure
     values, right = np.linalg.eig(linear.A)
     spreads = np.maximum(np.nanstd(site.y, axis=0), 1e-300)
-    found = []
+    found: list[tuple[float, float, Callable[[Equations, ast.expr, str], Equations]]] = []
     for k in np.argsort(-abs(values)):
         pole = float(values[k].real)
         if abs(values[k].imag) > 1e-9 or pole <= structure.least_modulus:
@@ -143,8 +143,9 @@ def _real_poles(site: Site, linear: StateSpace) -> list[Entrance]:
             if s.unit.replace(" ", "") in ACCELERATION_UNITS
         }
         add = _along(direction * linear.sample_time_s, feels)
-        found.append(Entrance(f"pole:{abs(rate) / 2 / np.pi:.3g} Hz", gap, add))
-    return found
+        found.append((abs(rate) / (2 * np.pi), gap, add))
+    hertz = in_digits(np.array([rate for rate, _, _ in found]))
+    return [Entrance(f"pole:{f} Hz", gap, add) for f, (_, gap, add) in zip(hertz, found, strict=True)]
 
 
 def _along(
