@@ -39,6 +39,9 @@ class StructureRules:
         "share",
         "change of a speed within the first sample after a push, of its largest, from which the push acts on that body",
     )
+    one_body_cosine: float = rule(
+        0.999, "cosine", "cosine of two outputs' speeds, in typical states, above which they are those of one body"
+    )
     one_mode_share: float = rule(
         0.9,
         "share",

@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 POSITION_UNITS = {"m", "mm", "rad", "deg", "ticks"}
 _UNSEEN = 1e-6  # of the largest: a mode that the driven body shows less tells nothing of what drives it
-_ALIKE = 0.999  # cosine of two speeds, in typical states, that are those of one body
 _SAMPLES = 64  # of a response to a push
 
 
@@ -115,7 +114,7 @@ def _speeds(
         scaled = [s.row * sizes[: len(s.row)] for s in (speed, *found)]
         lengths = [max(float(np.linalg.norm(s)), 1e-300) for s in scaled]
         alike = [abs(scaled[0] @ s) / (lengths[0] * m) for s, m in zip(scaled[1:], lengths[1:], strict=True)]
-        if speed.size > 0 and max(alike, default=0.0) < _ALIKE:
+        if speed.size > 0 and max(alike, default=0.0) < in_force().structure.one_body_cosine:
             found.append(speed)
     return found
 
