@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,23 +18,18 @@ from aeolid.models.equations import Equations
 _MOMENT = 7.7 / Z90  # rows that carry one square of a change: deviation of its moment; 7.7 hold it in 90 %
 
 
-def values_of(
-    attachment: Attachment, fit: Fit, model: Equations, known: Mapping[str, tuple[float, float]] | None = None
-) -> dict[str, tuple[float, float]]:
-    """Return the reported values that were free or are known, each with its deviation, by label.
+def values_of(attachment: Attachment, fit: Fit, model: Equations) -> dict[str, tuple[float, float]]:
+    """Return the reported values that were free, each with its deviation, by label.
 
-    known: name in the model → value and deviation of what was held. The deviation has two parts: what the data leave
-    open, and a hundredth of the effect for its form. No machine is the catalogue's equation to the last digit: a floor
-    that is an outlet above the bottom was told as 0.4044 ± 0.0004 m for 0.4, levels of a drive as 2.0002 ± 0.0000007
-    for 2.
+    The deviation has two parts: what the data leave open, and a hundredth of the effect for its form. No machine is the
+    catalogue's equation to the last digit: a floor that is an outlet above the bottom was told as 0.4044 ± 0.0004 m for
+    0.4, levels of a drive as 2.0002 ± 0.0000007 for 2.
     """
     found: dict[str, tuple[float, float]] = {}
     for slot in attachment.slots:
         place = _place(slot, fit, model)
-        told = None if known is None else known.get(slot.name)
-        if place is not None:
+        if slot.label and place is not None:
             told = _value(slot, fit, model), _deviation(slot, place, fit, model)
-        if slot.label and told is not None:
             found[slot.label] = _with_form(slot, *slot.reported(*told))
     return found
 

@@ -9,14 +9,11 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, values_of, without_the_mute
-from aeolid.diagnose.candidates.recorded_modes import Known, recorded_modes
 from aeolid.diagnose.candidates.refit import without_slopes
 from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.explore import fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.predictor import Predictor
-from aeolid.diagnose.predictor.reflection import reflected
-from aeolid.diagnose.rules import in_force
 
 _ITERATIONS = 10  # Gauss–Newton iterations: the start is the best of half the data
 _TO_THE_END, _TOLERANCE = 40, 1e-3  # and nats: a fit that stops this short is within 0.05 deviations of its optimum
@@ -51,31 +48,10 @@ def estimated_on_all(prepared: Prepared, candidate: Candidate) -> Candidate:
     fit = without_the_mute(candidate.attachments, fit, model)
     if objection(candidate.attachments, fit, model, candidate.fit_gain, candidate.parameters):
         return candidate
-    fit, known = _with_recorded_modes(prepared, candidate, predictor, fit)
     own = {s.name for a in candidate.attachments for s in a.slots}
     moved = tuple(m for m in moved_in(prepared.declared, model, fit) if m.parameter.name not in own)
-    values = {a.key: values_of(a, fit, model, known) for a in candidate.attachments}
+    values = {a.key: values_of(a, fit, model) for a in candidate.attachments}
     return replace(candidate, fit=without_slopes(fit), predictor=predictor, values=values, moved=moved)
-
-
-def _with_recorded_modes(prepared: Prepared, candidate: Candidate, predictor: Predictor, fit: Fit) -> tuple[Fit, Known]:
-    """Return the fit with modes held as the recording itself shows them, and these; as it was where that costs much."""
-    model = predictor.compiled.model
-    known = recorded_modes(prepared, candidate.attachments, fit, model)
-    places = {model.index(name): value for name, (value, _) in known.items()}
-    if not places:
-        return fit, {}
-    theta = fit.point.theta.copy()
-    theta[list(places)] = list(places.values())
-    free = replace(fit.free, theta=tuple(i for i in fit.free.theta if i not in places))
-    start, step = replace(fit.point, theta=theta), predictor.segments[0].step
-    if start.K is not None:  # that gain may not forget with this mode
-        start = reflected(predictor.compiled, predictor.middle, start, free, fit.noise.covariance, step)
-    held = fit_quietly(predictor, start, free, iterations=_ITERATIONS)
-    gain = candidate.fit_gain * len(fit.per_sample) / len(candidate.fit_density)  # on all the data of this fit
-    if held is None or fit.log_posterior - held.log_posterior > in_force().candidates.dear_share * gain:
-        return fit, {}
-    return without_the_mute(candidate.attachments, held, model), known
 
 
 def _fitted_to_all(prepared: Prepared, predictor: Predictor, fit: Fit) -> tuple[Predictor, Fit] | None:

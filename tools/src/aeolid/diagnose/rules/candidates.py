@@ -45,19 +45,6 @@ class CandidatesRules:
     far_nats: float = rule(
         200.0, "nats", "distance behind the leader, or below the baseline, from which a hypothesis is out of the race"
     )
-    mode_windows: int = rule(30, "times", "length of the recording, in windows, from which a mode is identified in it")
-    mode_off_chi2: float = rule(
-        9.21, "chi-squared", "squared difference of two values that chance exceeds once in a hundred", LEVEL
-    )
-    mode_difference_share: float = rule(
-        0.5, "share", "part of its deviation that the difference of a mode in the fit and in the recording has at least"
-    )
-    mode_distance: float = rule(0.15, "share", "part of the fitted frequency beyond which a mode is another one")
-    dear_share: float = rule(
-        0.1,
-        "share",
-        "part of an effect's gain: a mode that costs more as the recording shows it is not what was fitted",
-    )
     lost_rate: float = rule(
         0.1, "nats a sample and output", "distance below the baseline from which a start does not come back"
     )
