@@ -14,13 +14,14 @@ from aeolid.diagnose.conclusion import declared, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
 from aeolid.diagnose.conclusion.sentence import inputs_rest, sentence
 from aeolid.diagnose.selection.rivals import is_other
+from aeolid.diagnose.validation.proof import Proof
 from aeolid.models.equations import Parameter
 from aeolid.record import Channel, Record
 
 
 def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
-    rotation: object = None, worse: bool = False, constant: bool = False,
+    rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
 ) -> tuple[str, list[str], str]:  # fmt: skip
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
@@ -35,14 +36,15 @@ def decided(
     if constant:
         attachment.entry, drag.values = "parameter_error", {attachment.key: {"frequency_change": (-0.011, 0.001)}}
     after = 0.9 if visible else 0.9999
-    proof = SimpleNamespace(
-        gain=10.0, interval=(low, 18.0), nrmse_before={"speed": 1.0}, nrmse_after={"speed": after}, profile={},
-        worse=worse,
+    proof: Any = Proof(10.0, (low, 18.0), np.zeros(1), {"speed": 1.0}, {"speed": after}, 1.0, {}, {}, {}, worse)
+    constants = None if alone is None else SimpleNamespace(
+        candidate=SimpleNamespace(attachments=(None,), says=lambda a: "the frequency is off by 1.3%"),
+        proof=SimpleNamespace(nrmse_after={"speed": alone}, profile={}),
     )  # fmt: skip
     ceiling = SimpleNamespace(select=np.zeros(400), sealed=np.zeros(400), groups=())
     study: Any = SimpleNamespace(
         findings=(), winner=drag, second=None, completed=None, alternatives=(), proof=proof, candidates=(),
-        ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere,
+        ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere, constants=constants,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
             declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0),
@@ -74,6 +76,14 @@ def test_where_the_way_of_taking_samples_explains_more_it_is_the_answer(monkeypa
 def test_folds_decide_nothing_against_a_sealed_part_that_is_foretold_worse(worse: bool, said: str) -> None:
     """A sensor's lag, 102 nats over three recordings in turn, raised the sealed one's error from 0.60 to 0.82."""
     assert decided(-3.0, rotation=SimpleNamespace(proves=True, speaks=True, gain=130.0), worse=worse)[0] == said
+
+
+@pytest.mark.parametrize(("alone", "said"), [(None, "named"), (0.99, "named"), (0.901, "immaterial")])
+def test_what_shows_no_more_than_a_constant_has_no_name(alone: float | None, said: str) -> None:
+    """A loop, 29 nats ahead of a frequency 1.3 % off, foretold no output better than that."""
+    found, names, text = decided(5.0, alone=alone)
+    assert (found, names) == (said, ["quadratic_damping"] if said == "named" else [])
+    assert ("small: the frequency is off by 1.3%; what is left beside" in text) is (said == "immaterial")
 
 
 @pytest.mark.parametrize("low", [5.0, -3.0], ids=["by the sealed part", "by the folds"])

@@ -48,8 +48,8 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
     the same. Sizes that trade with each other, or with what else is free, may each lie within two deviations of none
     though they are clearly there: without them the gain is lost, which the curvature where they are does not say (of
     a play that is taken up on one side alone, one edge is known to 214 nats and the other not at all). But a loop of
-    which neither the force nor where it yields is known has only a stiffness, and is a spring. What changes at a time
-    must be seen both ways: else a value is wrong, and nothing changes.
+    which is not known where it yields has a stiffness only, and is a spring. What changes at a time must be seen both
+    ways: else a value is wrong, and nothing changes.
     """
     evidence = in_force().evidence
     for a in attachments:
@@ -67,8 +67,9 @@ def objection(attachments: Sequence[Attachment], fit: Fit, model: Equations, gai
         trading = not a.essential and gain - parameters > evidence.clear_nats
         if sizes and not trading and not any(_differs(s, p, fit, model, evidence.differs_deviations) for s, p in sizes):
             return f"{sizes[0][0].label} of {a.key} does not differ from none by two standard deviations"
-        if entry(a.entry).family == "hysteresis" and all(std > abs(v) for v, std in values_of(a, fit, model).values()):
-            return f"{a.key}: neither its size nor where it yields is known, so that it is a spring"
+        told = values_of(a, fit, model)
+        if any(name in told and told[name][1] > abs(told[name][0]) for name, _ in entry(a.entry).at_least):
+            return f"{a.key}: where it yields is not known, so that it is a spring"
     return ""
 
 

@@ -70,6 +70,10 @@ def _immaterial(study: Study) -> str:
     if (late := habit_ahead(study)) is not None:
         said = late.says(late.attachments[0])
         return f"A difference is there beyond doubt, which the way of taking samples can be: {said}."
+    if study.constants is not None and not slight:
+        alone = study.constants.candidate
+        said = f"{alone.says(alone.attachments[0])}; what is left beside that shows in no prediction"
+        return f"A difference is there beyond doubt, but small: {said}{_nearest(study, ', and is most like this')}."
     if slight:
         return f"A difference is there beyond doubt, but small{_nearest(study)}."
     return f"A difference is there beyond doubt, but too small to show in any prediction{_nearest(study)}."
@@ -100,9 +104,9 @@ def _beyond(study: Study, proof: Proof | None) -> str:
     return f"; beyond that {study.completed.says(form)}{listed}"
 
 
-def _nearest(study: Study) -> str:
+def _nearest(study: Study, introduced: str = "") -> str:
     """Say what comes nearest to a difference that is too small for a name."""
-    return "" if study.winner is None else f": {study.winner.says(study.winner.attachments[0])}"
+    return "" if study.winner is None else f"{introduced}: {study.winner.says(study.winner.attachments[0])}"
 
 
 def _or_sensor(study: Study, form: Candidate) -> str:

@@ -34,7 +34,7 @@ from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import is_other, leaves_open, outdone_by, rivals_of, weights_of
 from aeolid.diagnose.stats.blocks import block_interval
 from aeolid.diagnose.stats.numbers import finite
-from aeolid.diagnose.validation.proof import Proof, is_material
+from aeolid.diagnose.validation.proof import Proof, beyond, is_material
 from aeolid.diagnose.validation.rotation import is_silent
 
 Array = NDArray[np.float64]
@@ -164,7 +164,12 @@ def _in_turn(study: Study) -> tuple[str, list[dict[str, Any]]]:
 
 
 def _shows(study: Study, proof: Proof) -> bool:
-    """Tell whether what is proven shows in a prediction, of the sealed part or of another."""
+    """Tell whether what is proven shows in a prediction, of the sealed part or of another.
+
+    Beyond what a linear model's constant does alone, where that explains much of it.
+    """
+    if study.constants is not None:
+        return is_material(beyond(proof, study.constants.proof), is_static(study.prepared))
     return is_material(proof, is_static(study.prepared)) or study.shows_elsewhere
 
 

@@ -82,7 +82,7 @@ def form_beside(prepared: Prepared, chosen: Candidate, seed: int, kin_only: bool
     forms += [replace(a, entry=unlisted.ID, key=f"{KIN} {a.key}") for a in kin]
     bank = _scored(prepared, chosen, forms, seed)
     wanted = [r for r in bank.rows if r.testable and r.z > rules.half_limit_share * bank.limit(r)][:_TRIED]
-    return _grown(prepared, chosen, wanted, corrects)
+    return grown(prepared, chosen, wanted, corrects)
 
 
 def _completes(a: Attachment, b: Attachment) -> bool:
@@ -117,7 +117,7 @@ def one_more(
     zones = [r for r in zones_of(bank) if r not in rows and r.testable]
     rows += [r for r in zones if r.z > in_force().selection.half_limit_share * bank.limit(r)][:1]
     near = _nearly_as_good(prepared, winner, [c for c in rivals if all(c.key != r.attachment.key for r in rows)])
-    larger = _grown(prepared, winner, rows, adds, near)
+    larger = grown(prepared, winner, rows, adds, near)
     return (larger if larger is not None and _stands_beside_a_form(prepared, winner, larger, seed) else None), bank
 
 
@@ -157,7 +157,7 @@ def _nearly_as_good(prepared: Prepared, winner: Candidate, rivals: Sequence[Cand
     return as_rows(max(others, key=lambda c: c.fit_gain)) if others else []
 
 
-def _grown(
+def grown(
     prepared: Prepared, winner: Candidate, rows: Sequence[Row], helps: Callable[[Candidate, Candidate], bool],
     near: Sequence[Row] = (),
 ) -> Candidate | None:  # fmt: skip

@@ -90,6 +90,16 @@ def is_material(proof: Proof, static: bool = False) -> bool:
     return any(after < before * (1 - least) and before - after > visible for before, after in pairs)
 
 
+def beyond(more: Proof, less: Proof) -> Proof:
+    """Return a proof whose errors before are those after another one on the same data: what it shows beyond that."""
+    profile = {
+        name: rows | {"before": less.profile[name]["after"]}
+        for name, rows in more.profile.items()
+        if name in less.profile
+    }
+    return replace(more, nrmse_before=less.nrmse_after, profile=profile)
+
+
 def seen_before(segments: Sequence[Segment], settle_s: float) -> list[Segment]:
     """Return stretches that a fit has seen as they are scored elsewhere: behind a start to settle in."""
     return [
