@@ -23,3 +23,9 @@ def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:
 def is_slight(candidate: Candidate) -> bool:
     """Tell whether a set is nothing but constants that are off by that little."""
     return len(slight_parts(candidate)) == len(candidate.attachments)
+
+
+def parts_that_matter(candidate: Candidate) -> tuple[Attachment, ...]:
+    """Return what of a set is more than such a constant; all of it where nothing is."""
+    little = slight_parts(candidate)
+    return tuple(a for a in candidate.attachments if a not in little) or candidate.attachments

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.candidates.slight import is_slight, slight_parts
+from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter, slight_parts
 from aeolid.diagnose.conclusion.declared import (
     contradicted,
     form_speaking,
@@ -32,7 +32,7 @@ def sentence(verdict: str, effects: list[dict[str, Any]], study: Study, proof: P
     if verdict in ("named", "multiple", "parameter") or (verdict == "data_fault" and effects):
         return _one_after_another(effects) + _little(study, proof) + _beyond(study, proof)
     if verdict == "ambiguous" and study.second is not None and proof is study.proof:
-        return _sentence_of_sets(effects, study, study.second) + _beyond(study, proof)
+        return _sentence_of_sets(effects, study, study.second) + _little(study, proof) + _beyond(study, proof)
     if verdict == "ambiguous":
         return " — or: ".join(str(e["statement"]) for e in effects) + _beyond(study, proof)
     if verdict == "data_fault":
@@ -64,7 +64,7 @@ def _immaterial(study: Study) -> str:
     is_proven = study.winner is not None and proof is not None and proof.interval[0] > evidence.proven_nats
     by_values = refitted is not None and refitted.interval[0] > evidence.proven_nats and contradicted(study)
     slight = study.winner is not None and is_slight(study.second or study.winner)
-    if by_values or (not is_proven and not slight):
+    if by_values or study.winner is None:
         text = f"The structure is right, and declared values are surely off, but by little: {told_values(study)}"
         return f"{text}; too small to show in any prediction{_nearest(study)}." if is_proven else f"{text}."
     if (late := habit_ahead(study)) is not None:
@@ -139,9 +139,11 @@ def speaks_in_turn(study: Study) -> bool:
 
 def _sentence_of_sets(effects: Sequence[Mapping[str, Any]], study: Study, chosen: Candidate) -> str:
     """Say each effect of a set, followed by what may stand in its place."""
-    parts, count = [], len(chosen.attachments)
-    for attachment, effect in zip(chosen.attachments, effects, strict=False):
-        others = zip(study.alternatives, effects[count:], strict=True)
+    named = parts_that_matter(chosen)
+    instead = [a for a in study.alternatives if a.replaces in {n.key for n in named}]
+    parts = []
+    for attachment, effect in zip(named, effects, strict=False):
+        others = zip(instead, effects[len(named) :], strict=True)
         said = [str(e["statement"]) for a, e in others if a.replaces == attachment.key]
         parts.append(" — or: ".join([str(effect["statement"]), *said]))
     return "; and ".join(parts)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.simulated_share import is_static
-from aeolid.diagnose.candidates.slight import is_slight, slight_parts
+from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter
 from aeolid.diagnose.conclusion.declared import (
     also_speaking,
     form_speaking,
@@ -232,19 +232,18 @@ def _several(study: Study, chosen: Candidate) -> tuple[str, list[dict[str, Any]]
 
     Constants that are off by no more than usual beside an effect are told with it, and have no name.
     """
-    weights = weights_of([chosen, *(a.candidate for a in study.alternatives)])
-    others = list(zip(study.alternatives, weights[1:], strict=True))
+    named = parts_that_matter(chosen)
+    ids = {a.key: a.entry for a in named}
+    instead = [a for a in study.alternatives if a.replaces in ids]
+    weights = weights_of([chosen, *(a.candidate for a in instead)])
+    others = list(zip(instead, weights[1:], strict=True))
     effects, shown = [], study.completed or chosen
-    for attachment in chosen.attachments:
+    for attachment in named:
         rivals = [_rival(a.attachment, w) for a, w in others if a.replaces == attachment.key]
         effects.append(_effect(study, shown, attachment, rivals, weights[0]))
-    effects += [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
-    ids = {a.key: a.entry for a in chosen.attachments}
-    if any(a.attachment.entry != ids[a.replaces] for a in study.alternatives):
-        return "ambiguous", effects
-    little = slight_parts(chosen)
-    told = [e for a, e in zip(chosen.attachments, effects, strict=False) if a not in little]
-    return "multiple" if len(told) > 1 else entry(told[0]["id"]).verdict, told
+    if any(a.attachment.entry != ids[a.replaces] for a in instead):
+        return "ambiguous", effects + [_effect(study, a.candidate, a.attachment, [], w) for a, w in others]
+    return "multiple" if len(effects) > 1 else entry(effects[0]["id"]).verdict, effects
 
 
 def _effect(
@@ -318,8 +317,8 @@ def _moves(study: Study) -> bool:
 def _undecided(study: Study) -> tuple[tuple[str, str], tuple[Candidate, Candidate]] | None:
     """Return two names of a proven effect that the data do not tell apart, and the candidates that bear them."""
     if study.second is not None:
-        ids = {a.key: a.entry for a in study.second.attachments}
-        other = next(a for a in study.alternatives if a.attachment.entry != ids[a.replaces])
+        ids = {a.key: a.entry for a in parts_that_matter(study.second)}
+        other = next(a for a in study.alternatives if a.replaces in ids and a.attachment.entry != ids[a.replaces])
         return (ids[other.replaces], other.attachment.entry), (study.second, other.candidate)
     if study.winner is None:
         return None
