@@ -24,8 +24,8 @@ def settled_beside_constants(
     Equations have free values of their own; a linear model's gain, frequencies and dampings stand still while effects
     are compared, and the richest form takes up what is wrong with them: a spring that hardens had 91 nats and stops
     118; beside a frequency 1.5 % off 133 and 129. Asked are effects at the place of the first one that reach half of
-    its score alone, and such constants alone. The others that the data then do not tell from the leader are returned
-    with it.
+    its score alone, and such constants alone, which are it where the data do not tell the leader from them. The others
+    that the data do not tell from the leader are returned with it.
     """
     first = chain[0] if chain else None
     if first is None or prepared.linear is None or prepared.surrogate is not None or is_slight(first):
@@ -38,14 +38,15 @@ def settled_beside_constants(
     best = max(ladders, key=lambda steps: steps[-1].score)
     if best[-1].score <= ladders[0][-1].score + in_force().evidence.tied_nats:
         best = ladders[0]
+    plain = next((steps for steps in ladders if is_slight(steps[0])), None)
+    if plain is not None and (plain is best or not tells_apart(best[-1], plain[-1])):
+        return plain, ()
     rest = [steps for steps in ladders if steps is not best]
     effect = best[0].attachments[0]
     alternatives = [
         Alternative(effect.key, steps[-1], steps[0].attachments[0])
-        for steps in rest if not is_slight(steps[0]) and not tells_apart(best[-1], steps[-1])
+        for steps in rest if steps is not plain and not tells_apart(best[-1], steps[-1])
     ]  # fmt: skip
-    if is_slight(best[0]):
-        return best, ()
     if best is ladders[0] and len(best) == 1:
         return chain, ()  # nothing was settled: singles are compared as singles
     return best, tuple(alternatives)
