@@ -80,3 +80,13 @@ def test_the_corpus_is_made_once_and_run_on(tmp_path: Path, capsys: pytest.Captu
     assert main([*commands[0][3:]]) == 0
     assert [c[4] for c in corpus.steps(args)[0][1]] == ["run"]
     assert "2 cases in" in capsys.readouterr().out
+
+
+def test_a_rule_that_one_source_asks_for_is_told_with_it():
+    ways = {"own": (3, 2), "real": (4, 0)}
+    counts = {
+        "alone": {"lowest": {s: n[0] for s, n in ways.items()}, "highest": {s: n[1] for s, n in ways.items()}},
+        "both": {"lowest": {"own": 1, "real": 1}, "highest": {"own": 2, "real": 5}},
+        "idle": {"lowest": {"own": 0, "real": 0}, "highest": {"own": 2, "real": 5}},
+    }
+    assert ablation.asked_by_one(counts) == {"own": ["alone"]}

@@ -166,8 +166,23 @@ def table(found: Sequence[Stored], target: Path | None) -> None:
         print("| " + " | ".join([f"`{name}`", *cells]) + " |")
     idle = [n for n, ways in counts.items() if any(not sum(by.values()) for by in (ways["lowest"], ways["highest"]))]
     print(f"\nno stored answer needs {len(idle)} of {len(counts)}:\n  " + "\n  ".join(idle))
+    for source, names in asked_by_one(counts).items():
+        print(f"\n{source} alone needs {len(names)}:\n  " + "\n  ".join(names))
     if target is not None:
         target.write_text(json.dumps({"answers": total, "rules": counts}, indent=1) + "\n", encoding="utf-8")
+
+
+def asked_by_one(counts: dict[str, dict[str, dict[str, int]]]) -> dict[str, list[str]]:
+    """Return of each source the rules that it alone needs: nobody would have found them with the other sources.
+
+    A source needs a rule where at either end of what the rule may be some of its answers may be others.
+    """
+    found: dict[str, list[str]] = {}
+    for name, ways in counts.items():
+        sources = [s for s in ways["lowest"] if ways["lowest"][s] and ways["highest"][s]]
+        if len(sources) == 1:
+            found.setdefault(sources[0], []).append(name)
+    return found
 
 
 def diagnose(s: Stored, rules: Path, folder: Path) -> Facts:

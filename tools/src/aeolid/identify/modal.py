@@ -270,8 +270,9 @@ def shrunk_phases(shape: ComplexArray, reach: Array) -> ComplexArray:
 
     reach (l, k): what white noise of unit variance makes of the imaginary parts. Where damping is in proportion to
     mass and stiffness a shape is real, and nearly so in most structures; with χ² = ιᵀ S⁻¹ ι of the imaginary parts ι
-    (degrees of freedom ν) they are multiplied by max(0, 1 − ν/χ²), the empirical Bayes estimate of what scatters about
-    none by an unknown variance (Efron and Morris 1973). A shape that is surely complex stays as it is.
+    (degrees of freedom ν) they are multiplied by max(0, 1 − 2ν/χ²). With ν/χ² that is the empirical Bayes estimate of
+    what scatters about none by an unknown variance (Efron and Morris 1973); twice that, none is left until Akaike's
+    criterion prefers a complex shape. A shape that is surely complex stays as it is.
     """
     power = (reach**2).sum(axis=1)
     moving = np.flatnonzero(power > ROUNDING * power.max(initial=0.0))  # all but the reference
@@ -279,6 +280,6 @@ def shrunk_phases(shape: ComplexArray, reach: Array) -> ComplexArray:
         return shape
     own = shape.imag[moving]
     statistic, freedom = float(own @ pinv(reach[moving] @ reach[moving].T, 1e-9, hermitian=True) @ own), len(moving)
-    kept = max(0.0, 1 - freedom / statistic) if statistic > 0 else 0.0
+    kept = max(0.0, 1 - 2 * freedom / statistic) if statistic > 0 else 0.0
     out: ComplexArray = shape.real + 1j * kept * shape.imag
     return out
