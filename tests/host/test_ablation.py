@@ -48,8 +48,8 @@ def test_an_answer_is_counted_where_a_rule_leaves_its_margins(
         "lowest": 2, "half": 1, "twice": 2, "highest": 2
     }  # fmt: skip
     text = capsys.readouterr().out
-    idle = text.split("no stored answer needs")[1]
-    assert f"| `{NATS}` | 2 1 2 2 |" in text and NATS not in idle and "selection.vuong_z" in idle
+    idle, alone = text.split("no stored answer needs")[1].split("own alone needs")
+    assert f"| `{NATS}` | 2 1 2 2 |" in text and NATS not in idle and "selection.vuong_z" in idle and NATS in alone
 
 
 def test_only_what_may_change_is_diagnosed_and_what_is_lost_is_told(
