@@ -40,11 +40,11 @@ def _are_axes(site: Site, name: str, other: str) -> bool:
 def _between(site: Site, i: int, j: int) -> Attachment:
     name, other = site.output_names[i], site.output_names[j]
     share = f"cross_axis_{i + 1}_{j + 1}"
-    plain = next(o.equation for o in site.model.outputs if o.name == other)
     ratio = spread_of(site.y[:, i]) / spread_of(site.y[:, j])
 
     def edit(model: Equations) -> Equations:
         added = Parameter(share, 0.0, "1", -_MOST, _MOST)
+        plain = next(o.equation for o in model.outputs if o.name == other)  # by the words of this very model
         return with_reading(model, name, f"reading + {share}*neighbour", (added,), others={"neighbour": plain})
 
     return Attachment(
