@@ -33,6 +33,7 @@ MODULES = sorted(Path(aeolid.challenge.__file__).parent.glob("*.py"))
 PLUMBING = {
     "children",
     "compiled",
+    "decompositions",
     "display",
     "errors",
     "inputs",

@@ -111,6 +111,13 @@ def test_one_mode_is_no_body_and_what_no_drive_moves_at_once_is_none() -> None:
     assert found_in(model_of(A, B[:, 0], np.eye(4)[3:], ("rad/s",))) == []  # the load's speed alone
 
 
+def test_a_model_without_memory_and_one_of_integrators_alone_are_no_trouble() -> None:
+    still = model_of(np.zeros((1, 1)), np.ones(1), np.ones((1, 1)), ("m/s",))
+    assert found_in(still) == []
+    pushed = model_of(np.eye(1), np.ones(1), np.ones((1, 1)), ("m/s",))
+    assert found_in(pushed, np.random.default_rng(1).standard_normal((500, 1))) == ["state:motor"]
+
+
 def test_two_modes_close_together_have_names_of_their_own() -> None:
     """A tower's modes of 0.3214 and 0.3208 Hz were one name, and the model of one stood for the other's."""
     assert in_digits(np.array([0.3214, 0.3208, 1.3])) == ["0.3214", "0.3208", "1.3"]

@@ -370,13 +370,15 @@ def test_shapes_are_drawn_on_the_axes_given(found: ae.ModalAnalysis) -> None:
     rest = [line for line in grid[0, 0].get_lines() if line.get_color() == "0.6"]
     np.testing.assert_allclose(sorted(rest[0].get_ydata()), [0, 40], **NEAR)
     plt.close(grid[0, 0].figure)
-    two = found.plot_shapes(plt.subplots(2, 1)[1], modes=[-1])
-    assert two.shape == (2, 1) and f"{found.modes[-1].frequency_hz:.4g}" in two[0, 0].get_title()
+    own = found.plot_shapes(modes=[-1]).shape  # a mode within one plane has one view
+    given = found.plot_shapes(plt.subplots(*own, squeeze=False)[1], modes=[-1])
+    assert given.shape == own and own[1] == 1
+    assert f"{found.modes[-1].frequency_hz:.4g}" in given[0, 0].get_title()
     for wrong in ([4], [-5]):
         with pytest.raises(UsageError, match="no mode"):
             found.plot_shapes(modes=wrong)
     with pytest.raises(UsageError, match="axes"):
-        found.plot_shapes(plt.subplots(1, 1)[1])
+        found.plot_shapes(plt.subplots(3, 1)[1])
     plt.close("all")
 
 

@@ -2,10 +2,10 @@
 
 numpy calls LAPACK's divide-and-conquer routines (gesdd, gelsd), the fastest. With some kernels of OpenBLAS they report
 now and then that a matrix did not converge which is finite and as well conditioned as any (numpy issue 12941, OpenBLAS
-issue 3044); which one it is depends on processor, threads and version. The routine by QR steps (gesvd) takes over
-there, two to six times slower. Where the first way succeeds its result is returned to the bit. No other module calls
-these routines of numpy or scipy (`tests/host/test_decompositions.py`). Matrices are real or complex; `singular_values`
-and `pinv` take stacks of them (..., rows, columns) as well.
+issue 3044); which one it is depends on processor, threads and version. The routine by QR steps (gesvd), which is
+slower, takes over there. Where the first way succeeds its result is returned to the bit. No other module calls these
+routines of numpy or scipy (`tests/host/test_decompositions.py`). Matrices are real or complex; `singular_values` and
+`pinv` take stacks of them (..., rows, columns) as well.
 """
 
 from __future__ import annotations

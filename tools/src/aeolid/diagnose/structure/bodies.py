@@ -27,6 +27,7 @@ ComplexArray = NDArray[np.complex128]
 POSITION_UNITS = {"m", "mm", "rad", "deg", "ticks"}
 _UNSEEN = 1e-6  # of the largest: a mode that the driven body shows less tells nothing of what drives it
 _SAMPLES = 64  # of a response to a push
+_SLOWEST = 1e-3  # of a sample: nothing but integrators has no rate of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,9 @@ def bodies_of_state_space(
     mode and what is no oscillation: where there is one mode, it says all there is.
     """
     values, right = np.linalg.eig(model.A)
+    kept = values[abs(values) > in_force().structure.least_modulus].astype(complex)
+    if not len(kept):  # nothing but the memory of a sample
+        return [], converted
     try:
         left = np.linalg.inv(right)
     except np.linalg.LinAlgError:  # no full set of modes
@@ -57,7 +61,7 @@ def bodies_of_state_space(
     if (driven := _driven(model, speeds)) is None:
         return [], converted
     i, body = driven
-    fastest = float(abs(np.log(values[abs(values) > 1e-6].astype(complex))).max())
+    fastest = max(float(abs(np.log(kept)).max()), _SLOWEST)
     found: list[Motion] = []
     shared: list[Auxiliary] = []
     for speed in speeds:
