@@ -1,9 +1,9 @@
 """Take singular values, pseudo-inverses and least squares of any finite matrix, also where LAPACK's first way fails.
 
 numpy calls LAPACK's divide-and-conquer routines (gesdd, gelsd), the fastest. With some kernels of OpenBLAS they report
-now and then that a matrix did not converge which is finite and as well conditioned as any (numpy issue 12941, OpenBLAS
-issue 3044); which one it is depends on processor, threads and version. The routine by QR steps (gesvd), which is
-slower, takes over there. Where the first way succeeds its result is returned to the bit. No other module calls these
+now and then that a matrix did not converge which is finite and as well conditioned as any (reported to numpy as 12941,
+to OpenBLAS as 3044); which one it is depends on processor, threads and version. The routine by QR steps (gesvd), which
+is slower, takes over there. Where the first way succeeds its result is returned to the bit. No other module calls these
 routines of numpy or scipy (`tests/host/test_decompositions.py`). Matrices are real or complex; `singular_values` and
 `pinv` take stacks of them (..., rows, columns) as well.
 """
