@@ -11,6 +11,7 @@ import pytest
 
 from aeolid.diagnose.conclusion.verdict import diagnose
 from aeolid.diagnose.data.case import load_case
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.pipeline import study
 from aeolid.diagnose.selection.several import KIN
 from aeolid.diagnose.validation import sealed
@@ -88,6 +89,36 @@ def test_one_effect_follows_another(gains: tuple[float, ...], kept: int, monkeyp
     prepared: Any = SimpleNamespace(split=SimpleNamespace(sealed=()), settle_s=1.0)
     whole: Any = SimpleNamespace(predictor=None, fit=None)
     assert sealed.hold_against(prepared, whole, chain, 1).kept == kept
+
+
+@pytest.mark.parametrize(
+    ("lead", "rivals", "errs", "kept"),
+    [
+        (-22.0, (-20.0, 20.0, 59.0), (), "2"),  # the sealed data say which of those that were not told apart it is
+        (-22.0, (59.0, 20.0, 30.0), ("0",), "1"),  # not one whose longer predictions err more
+        (-22.0, (2.0, -3.0, 1.0), (), "lead"),  # the best of three must be above what three are worth
+        (12.0, (59.0, 20.0, 30.0), (), "lead"),  # what is borne out stays, whatever gains more there
+        (-22.0, (), (), "lead"),
+    ],
+)
+def test_a_rival_that_the_sealed_data_bear_out_takes_the_place_of_a_leader_that_they_do_not(
+    lead: float, rivals: tuple[float, ...], errs: tuple[str, ...], kept: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gains = {"lead": lead} | {str(k): g for k, g in enumerate(rivals)}
+
+    def held(prepared: Any, whole: Any, chain: Any, seed: int) -> Any:
+        own = proof(gains[chain[0].key])
+        own.worse = chain[0].key in errs
+        return sealed.Held((chain[0],), 0, None, own)
+
+    candidates = {key: SimpleNamespace(key=key, score=-k, unlisted=False) for k, key in enumerate(gains)}
+    monkeypatch.setattr(sealed, "hold_against", held)
+    monkeypatch.setattr(sealed, "rivals_of", lambda of, winner: [c for c in of if c is not winner])
+    monkeypatch.setattr(sealed.Held, "several", property(lambda self: None))
+    stage: Any = SimpleNamespace(surrogate=None, deadline=unlimited())
+    chain: Any = [candidates["lead"]]
+    found = sealed.hold_leader(stage, stage, chain, list(candidates.values()), 1)  # type: ignore[arg-type]
+    assert found.sets[0].key == kept
 
 
 def spring(folder: Path, k2: float, k3: float) -> Path:

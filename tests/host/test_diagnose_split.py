@@ -231,7 +231,8 @@ def clipped(seed: int, *, step: float = 0.0, end: float = 2.6) -> Array:
 def test_a_few_samples_at_the_very_same_extreme_are_a_rail() -> None:
     """A limit that takes 0.1 to 1 % of the samples, never five in a row: values of nine digits do not repeat.
 
-    Where values come in steps they do, and there half a per cent it must be; nor is a swing that nothing cuts a rail.
+    Where values come in wide steps they do, and there half a per cent it must be; nor is a swing that nothing cuts a
+    rail.
     """
     for seed in range(20):
         x = clipped(seed)
@@ -241,3 +242,21 @@ def test_a_few_samples_at_the_very_same_extreme_are_a_rail() -> None:
         assert all(np.sum(coarse == end) > 0.005 * len(x) for end in rails(coarse).values()), often
         assert rails(clipped(seed, step=0.1, end=np.inf)) == {}
         assert rails(np.random.default_rng(seed).standard_normal(3000)) == {}
+
+
+def test_an_extreme_that_is_reached_far_more_often_than_the_levels_next_to_it_is_a_rail() -> None:
+    """Of levels of 12 bits values repeat anywhere, but a swing's tail thins out: ten times at its end are no chance.
+
+    A swing that nothing cuts has none, nor a sine with noise, which stays longest at its ends.
+    """
+    found = 0
+    for seed in range(40):
+        x = clipped(seed, end=2.6)
+        step = float(np.ptp(x)) / 4096
+        often = [int(np.sum(x == end)) for end in (x.min(), x.max())]
+        found += len(rails(step * np.rint(x / step))) if min(often) >= 8 else 2
+        whole = clipped(seed, end=np.inf)
+        assert rails(step * np.rint(whole / step)) == {}
+        sine = np.sin(0.37 * np.arange(3000)) + 0.003 * np.random.default_rng(seed).standard_normal(3000)
+        assert rails(step * np.rint(sine / step)) == {}
+    assert found >= 72, "an end reached eight times is reached in fewer than five visits now and then"

@@ -10,9 +10,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.run_prior.build import pair_of
-from aeolid.diagnose.run_prior.modal import Modal, compare_modes
-from aeolid.diagnose.run_prior.standing_out import lone_mode, once_of, risen_of
+from aeolid.diagnose.run_prior.explain import explain
+from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
+from aeolid.diagnose.run_prior.proof import prove
+from aeolid.diagnose.run_prior.search import Search
+from aeolid.diagnose.run_prior.standing_out import local_of, local_rise, lone_mode, once_of, risen_of
 from aeolid.record import Channel, Record
 
 Array = NDArray[np.float64]
@@ -35,14 +39,17 @@ def swung(force: Array, hz: float, damping: float) -> Array:
 
 
 @cache
-def turbine(seed: int, hz: float = TOWER[0], line: float = 0.0) -> Record:
-    """Return a recording with the tower's modes at hz and 0.95 hz, of 0 none; line: of a force once a revolution."""
+def turbine(seed: int, hz: float = TOWER[0], line: float = 0.0, bent: float = 1.0) -> Record:
+    """Return a recording with the tower's modes at hz and 0.95 hz, of 0 none; line: of a force once a revolution.
+
+    bent: size of a further mode at 2.9 Hz in both accelerations.
+    """
     rng = np.random.default_rng(seed)
     wind = lfilter([0.1], [1, -0.99], rng.standard_normal(SAMPLES))
     pitch = lfilter([0.3], [1, -0.9], rng.standard_normal(SAMPLES))
     force, aside = wind - 0.3 * pitch, 0.1 * rng.standard_normal(SAMPLES)
     azimuth = np.cumsum(np.full(SAMPLES, SPEED)) * STEP
-    second = 0.02 * swung(force, 2.9, 0.02)
+    second = bent * 0.02 * swung(force, 2.9, 0.02)
     towers = np.zeros((2, SAMPLES)) if hz == 0 else np.array([swung(force, hz, 0.08), swung(aside, 0.95 * hz, 0.01)])
     speed = lfilter([STEP], [1, -0.99], force)
     outputs = [speed, towers[0] + second, towers[1] + second + line * np.cos(azimuth)]
@@ -90,3 +97,43 @@ def test_short_sides_gaps_and_other_machines_end_without_an_answer() -> None:
     whole = pair_of([long], [run], CONTEXT)
     assert lone_mode(whole, Modal((), (), ()), CONTEXT, FIT) is None  # no mode is known there
     assert lone_mode(whole, Modal((), (), ()), {"machine": "pump"}, FIT) is None
+
+
+def test_a_further_mode_that_the_run_lacks_stands_out_beside_its_own_frequency() -> None:
+    """Errors one row ahead grow by 4 % at most, and modes of noise are absent, too, which do not stand out."""
+    pair = pair_of([turbine(6, bent=4.0)], [turbine(9, bent=0.0)], CONTEXT)
+    found = explain(pair, CONTEXT, {}, unlimited())
+    assert len(found.found) == 1 and found.found[0].mode is not None and found.found[0].rise is not None
+    assert found.found[0].mode.frequency_hz == pytest.approx(2.9, rel=0.02)
+    proof = prove(pair, found, Search(pair).ridge)
+    assert proof.interval[0] > 3.0
+
+
+def test_what_differs_otherwise_does_not_stand_out_beside_any_mode() -> None:
+    """Other wind, a stronger wind, an imbalance: the ratio of powers goes on beside every mode of the recording."""
+    for recording in (turbine(3), turbine(5, line=3.0)):
+        pair = pair_of([recording], [turbine(2)], CONTEXT)
+        for hz, damping in ((TOWER[0], TOWER[1]), (2.9, 0.02), (1.1, 0.05)):
+            absent = Absent(hz, 0.01, damping, 0.01, pair.shown[1], "", pair.shown[1:])
+            assert local_of(pair, absent, SPEED / (2 * np.pi), FIT) is None
+
+
+def test_blades_that_pass_are_no_mode_where_their_other_multiples_rise_as_well() -> None:
+    """Lines three and six times a revolution, alike: one of them is not told to be a mode at its frequency."""
+    made = turbine(7)
+    angle = made.column("azimuth")
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    loads = sum(np.cos(k * angle + 0.02 * np.cumsum(noise)) for k in (3, 6, 9))
+    values = made.values.copy()
+    values[:, 2] += 0.3 * loads
+    pair = pair_of([replace(made, values=values)], [turbine(2)], CONTEXT)
+    hz = 6 * SPEED / (2 * np.pi)
+    rise = local_rise(pair, "tower_acc_fore_aft", hz, 0.01, FIT)
+    assert rise is not None and rise.is_plain
+    absent = Absent(hz, 0.01, 0.01, 0.01, "tower_acc_fore_aft", "", ("tower_acc_fore_aft",))
+    assert local_of(pair, absent, SPEED / (2 * np.pi), FIT) is None
+
+
+def test_a_band_beyond_what_samples_show_has_no_answer() -> None:
+    pair = pair_of([turbine(1)], [turbine(2)], CONTEXT)
+    assert local_rise(pair, "tower_acc_fore_aft", 9.5, 0.02, FIT) is None

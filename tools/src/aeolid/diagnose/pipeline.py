@@ -41,7 +41,7 @@ from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
 from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove, seen_before
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
-from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against
+from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against, hold_leader
 
 Array = NDArray[np.float64]
 
@@ -170,15 +170,8 @@ def _evidence(
 def _proven(
     prepared: Prepared, unsealed: Prepared, candidates: Sequence[Candidate], chain: Sequence[Candidate], seed: int
 ) -> tuple[Held, list[Candidate]]:
-    """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted.
-
-    A set that the sealed data do not bear out falls back on its first effect: where the sealed part is silent the folds
-    choose one effect, and are asked about further ones apart.
-    """
-    evidence = in_force().evidence
-    held = hold_against(prepared, unsealed, chain, seed)
-    if held.several is not None and held.proof is not None and held.proof.interval[0] <= evidence.proven_nats:
-        held = hold_against(prepared, unsealed, chain[:1], seed)
+    """Hold the sets against the sealed data, or the form that takes their place; returns also all forms fitted."""
+    held = hold_leader(prepared, unsealed, chain, candidates, seed)
     if prepared.deadline.skips("forms outside the catalogue"):
         return held, []
     form, forms = form_beyond(prepared, candidates, chain[held.kept : held.kept + 1], held.proof, seed)

@@ -213,6 +213,21 @@ class RunPriorRules:
         "measured: at most 1.5 in 12 nulls; 3.9 to 12 where a mode of tower or drive train is missing; 3.3 where a "
         "blade's is, which answers tell",
     )
+    local_log: float = rule(
+        0.7,
+        "log",
+        "growth of an output's power at a mode, over that beside it, from which a mode that the runs lack is said",
+        "measured: 1.0 to 3.7 where a mode is missing, 0.45 at most in nulls and other effects",
+    )
+    local_deviations: float = rule(
+        4.0, "deviations", "the same, in deviations of such a growth between spectra of one machine", RUN_DECISIONS
+    )
+    passing_ratio: float = rule(
+        2.0,
+        "times",
+        "growth at a multiple of the blades' passing, over that at the other multiples, from which it is a mode's",
+        RUN_DECISIONS,
+    )
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
     )

@@ -21,7 +21,7 @@ from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.resonances import resonances
 from aeolid.diagnose.run_prior.search import FIT, Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
-from aeolid.diagnose.run_prior.standing_out import lone_mode, once_of
+from aeolid.diagnose.run_prior.standing_out import Local, local_of, lone_mode, once_of
 
 Array = NDArray[np.float64]
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
@@ -43,6 +43,7 @@ class Found:
     edge: bool = False  # the mode is a pair of a blade's edgewise whirl
     standing: Standing | None = None
     seen_in: Pair | None = None  # outputs in which it was found, where these are not all
+    rise: Local | None = None  # how the mode stands out beside its own frequency
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,6 +192,8 @@ def _from_modes(
 ) -> tuple[Found, ...]:  # fmt: skip
     """Return the mode that the runs lack: one that stands out of their spectra, then the sharpest where errors grow.
 
+    Then the sharpest whose own frequency stands out of what is beside it, however little errors one row ahead grow.
+
     A pair of edgewise whirl modes is one. plain: only what stands out, where a mode that moved explains the pair.
     """
     rules = in_force().run_modes
@@ -215,6 +218,9 @@ def _from_modes(
     least = rules.shown_growth_share * most  # a mode of one output is not what moved another one more
     named = [a for a in modal.absent if a.kind and moved.get(a.output, 0.0) > max(rules.named_growth, least)]
     shown = [a for a in modal.absent if moved.get(a.output, 0.0) > least] if most > rules.shown_growth else []
-    if named:
-        return (Found(None, max(named, key=lambda a: moved[a.output])),)
-    return (Found(None, shown[0]),) if shown else ()
+    hz = float(turn) / (2 * np.pi) if turn else None
+    grown = max(named, key=lambda a: moved[a.output]) if named else shown[0] if shown else None
+    if grown is not None:
+        return (Found(None, grown, rise=local_of(pair, grown, hz, FIT)),)
+    local = ((a, local_of(pair, a, hz, FIT)) for a in modal.absent)
+    return next(((Found(None, a, rise=rise),) for a, rise in local if rise is not None), ())

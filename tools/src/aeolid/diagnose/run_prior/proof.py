@@ -37,8 +37,9 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
 
     Both trust the run as one of the same machine in other wind is to be trusted (nulls ask for weights of 0.3 to 1),
     within that as the data of the fit do with the effects: a predictor that leaves the run behind as soon as it errs
-    has nothing to gain. Where the effect is a mode that the
-    runs lack, after weighs the run as the data of the fit ask for. ceiling: what that weight gains.
+    has nothing to gain. Where the effect is a mode that the runs lack, after weighs the run as the data of the fit ask
+    for; one that adds little to errors one row ahead may be proven by how it stands out of the sealed part's spectra
+    beside its own frequency. ceiling: what that weight gains.
     """
     edges = np.linspace(FIT, 1.0, _BLOCKS + 1)
     own = any(f.mode is not None or (f.standing is not None and f.standing.own) for f in explanation.found)
@@ -52,9 +53,13 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
     spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
     gain = float(gains.sum()) + sum(s.nats for s in apart)
+    interval = (gain - spread, gain + spread)
+    for rise in (f.rise for f in explanation.found if f.rise is not None):
+        if rise.proof[1][0] > interval[0]:
+            gain, interval = rise.proof
     ceiling = max(gain, float(np.sum(freed.nats - bare.nats)))
     series = {} if not explanation.found else _series(pair, bare, full, explanation.change)
-    return RunProof(gain, (gain - spread, gain + spread), bare.errors(pair), full.errors(pair), ceiling, series)
+    return RunProof(gain, interval, bare.errors(pair), full.errors(pair), ceiling, series)
 
 
 @dataclass(frozen=True, eq=False)
