@@ -257,7 +257,28 @@ def test_a_form_that_makes_the_declared_values_right_speaks(
         unlisted=True, plausible=True, complete=True, score=score, fit_gain=21.4, select_gain=select_gain,
         moved=(SimpleNamespace(deviations=deviations),),
     )  # fmt: skip
-    study: Any = SimpleNamespace(winner=None, proof=None, candidates=(form, candidate_of_a_name()))
+    bank = SimpleNamespace(loud=[], rows=[], limit=lambda row: 5.0)
+    study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, candidate_of_a_name()))
+    assert (form_speaking(study) is form) is speaks
+
+
+@pytest.mark.parametrize(
+    ("score", "deviations", "speaks"), [(11.4, 0.4, False), (9.5, 0.4, True), (30.0, 0.4, False), (30.0, 9.0, True)]
+)
+def test_a_form_is_silent_where_an_entry_of_the_catalogue_makes_the_values_right_as_well(
+    score: float, deviations: float, speaks: bool
+) -> None:
+    """A level's sensor that reads too much: what has a name is told. One that leaves the values wrong says nothing."""
+    form = SimpleNamespace(
+        unlisted=True, plausible=True, complete=True, score=11.0, fit_gain=21.4, select_gain=2.1,
+        moved=(SimpleNamespace(deviations=0.4),), key="unlisted state:v",
+    )  # fmt: skip
+    named = candidate_of_a_name()
+    named.score, named.key, named.moved = score, "sensor_scale output:level", (SimpleNamespace(deviations=deviations),)
+    named.attachments = (SimpleNamespace(entry="sensor_scale", key=named.key),)
+    heard = SimpleNamespace(attachment=named.attachments[0])
+    bank = SimpleNamespace(loud=[heard], rows=[], limit=lambda row: 5.0)
+    study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, named))
     assert (form_speaking(study) is form) is speaks
 
 
@@ -275,7 +296,9 @@ def test_inputs_that_act_late_are_said_where_nothing_is_missing() -> None:
 
 
 def candidate_of_a_name() -> Any:
-    return SimpleNamespace(unlisted=False, plausible=True, complete=True, score=99.0, fit_gain=90.0, select_gain=20.0)
+    return SimpleNamespace(
+        unlisted=False, plausible=True, complete=True, score=99.0, fit_gain=90.0, select_gain=20.0, key="of a name"
+    )
 
 
 @pytest.mark.parametrize(("score", "driven", "said"), [(300.0, False, True), (9.0, False, False), (300.0, True, False)])

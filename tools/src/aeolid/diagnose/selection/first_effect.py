@@ -12,7 +12,7 @@ from aeolid.diagnose.baseline.frame import carry_point
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.control import survives_control
-from aeolid.diagnose.candidates.race import fit_rows, is_accepted, select_density
+from aeolid.diagnose.candidates.race import fit_rows, hopeless, is_accepted, select_density
 from aeolid.diagnose.candidates.refit import finalists, renewed
 from aeolid.diagnose.candidates.settle_sampling import settle, settle_beside
 from aeolid.diagnose.candidates.simulated_share import by_simulation
@@ -68,11 +68,16 @@ def find_first(case: Case, seed: int, step: Step, deadline: Deadline | None = No
 
 
 def _beside(case: Case, seed: int, step: Step, found: First, deadline: Deadline) -> First:
-    """Look again where the effect found shows that the inputs are to be read otherwise, and keep what is likelier."""
+    """Look again where the effect found shows that the inputs are to be read otherwise, and keep what is likelier.
+
+    What the effect found was far ahead of is not fitted again: of eleven recordings with three outputs every fit took
+    10 to 30 s, and a second look at twenty of them went beyond 900 s.
+    """
     sampling = None if found.winner is None else settle_beside(case, found.prepared, found.candidates)
     if sampling is None or found.winner is None:
         return found
-    again = _look(case, seed, step, 0.35, found.prepared.decimation, deadline, replace(sampling, free=False))
+    behind = frozenset(c.key for c in found.candidates if hopeless(c.fit_gain, found.winner))
+    again = _look(case, seed, step, 0.35, found.prepared.decimation, deadline, replace(sampling, free=False), behind)
     short = max(-sampling.gain, 0.0)  # nats that a plainer reading was allowed to be less likely
     if again.winner is None or again.winner.fit.log_posterior < found.winner.fit.log_posterior - short:
         return found
@@ -108,7 +113,7 @@ def settled_stage(case: Case, most: int | None = None, deadline: Deadline | None
 
 def _look(
     case: Case, seed: int, step: Step, share: float, most: int | None, deadline: Deadline,
-    sampling: Sampling | None = None,
+    sampling: Sampling | None = None, behind: frozenset[str] = frozenset(),
 ) -> First:  # fmt: skip
     done = step("baseline predictor", share)
     prepared = settled_stage(case, most, deadline) if sampling is None else prepare(case, most, deadline, sampling)
@@ -121,7 +126,7 @@ def _look(
     bank = score_bank(prepared, prepared.hypotheses, seed)
     done()
     done = step("full fits", max(share, 0.3))
-    prepared, bank, candidates = fit_thoroughly(prepared, bank, seed)
+    prepared, bank, candidates = fit_thoroughly(prepared, bank, seed, behind)
     winner, candidates = first_effect(prepared, candidates)
     done()
     return First(prepared, bank, candidates, winner)
@@ -143,8 +148,12 @@ def _ends_at(candidate: Candidate, highest: float) -> bool:
     return any(at_bound(float(theta[model.index(s.name)]), s) for s in slots)
 
 
-def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared, Bank, list[Candidate]]:
+def fit_thoroughly(
+    prepared: Prepared, bank: Bank, seed: int, behind: frozenset[str] = frozenset()
+) -> tuple[Prepared, Bank, list[Candidate]]:
     """Fit the finalists; where one leads the baseline without its effect to a better fit, go on from there.
+
+    behind: keys of what need not be fitted.
 
     What is fitted is fitted once more from the better baseline and keeps the better of both; what the bank then brings
     up anew is fitted too.
@@ -153,9 +162,10 @@ def fit_thoroughly(prepared: Prepared, bank: Bank, seed: int) -> tuple[Prepared,
     simulated = by_simulation(prepared, seed) if bank.loud else []
     for _ in range(_AGAIN + 1):
         rows = {r.attachment.key: r for r in [*finalists(bank), *paying(prepared, bank), *simulated]}
-        fresh = [r for key, r in rows.items() if key not in fitted]
+        fresh = [r for key, r in rows.items() if key not in fitted and key not in behind]
         fitted |= {c.key: c for c in fit_rows(prepared, fresh)}
-        fitted |= {c.key: c for c in fit_rows(prepared, kin(bank, list(fitted.values())))}
+        more = [r for r in kin(bank, list(fitted.values())) if r.attachment.key not in behind]
+        fitted |= {c.key: c for c in fit_rows(prepared, more)}
         if prepared.deadline.skips("the fits once more from a better baseline"):
             break
         better = better_baseline(prepared, list(fitted.values()))
