@@ -194,7 +194,8 @@ def _from_modes(
 
     Then the sharpest whose own frequency stands out of what is beside it, however little errors one row ahead grow.
 
-    A pair of edgewise whirl modes is one. plain: only what stands out, where a mode that moved explains the pair.
+    A pair of edgewise whirl modes is one, but where the output that shows it lacks its own mode in the runs: a tower
+    that does not sway shows no blade. plain: only what stands out, where a mode that moved explains the pair.
     """
     rules = in_force().run_modes
     lone = lone_mode(pair, modal, context, FIT)
@@ -206,7 +207,7 @@ def _from_modes(
         for a in modal.absent:
             for b in modal.absent:
                 pair_of = abs(b.frequency_hz - a.frequency_hz - apart) < rules.whirl_distance * apart
-                if pair_of and a.output == b.output:
+                if pair_of and a.output == b.output and (lone is None or lone.output != a.output):
                     middle = Absent(
                         (a.frequency_hz + b.frequency_hz) / 2, float(np.hypot(a.frequency_std_hz, b.frequency_std_hz)),
                         (a.damping + b.damping) / 2, float(np.hypot(a.damping_std, b.damping_std)), a.output,
