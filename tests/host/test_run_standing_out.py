@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from aeolid.diagnose.deadline import unlimited
+from aeolid.diagnose.run_prior import explain as explaining
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.explain import explain
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
@@ -107,6 +108,21 @@ def test_a_further_mode_that_the_run_lacks_stands_out_beside_its_own_frequency()
     assert found.found[0].mode.frequency_hz == pytest.approx(2.9, rel=0.02)
     proof = prove(pair, found, Search(pair).ridge)
     assert proof.interval[0] > 3.0
+
+
+@pytest.mark.parametrize(("lacking", "entry"), [("tower_acc_side_side", ""), ("rotor_speed", "edge"), (None, "edge")])
+def test_an_edgewise_pair_is_one_unless_the_output_that_shows_it_lacks_its_own_mode(
+    lacking: str | None, entry: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A simulated tower that does not sway shows no blade whirl either: with it missing, 0.88 and 1.28 Hz are, too."""
+    turn, side = SPEED / (2 * np.pi), "tower_acc_side_side"
+    whirl = tuple(Absent(1.08 + k * turn, 0.003, 0.01, 0.002, side, "", (side,)) for k in (-1, 1))
+    lone = None if lacking is None else Absent(0.32, 0.001, 0.005, 0.001, lacking, "tower_side_side", (lacking,))
+    monkeypatch.setattr(explaining, "lone_mode", lambda *_: lone)
+    pair = pair_of([turbine(3)], [turbine(2)], CONTEXT)
+    found = explaining._from_modes(Modal((), (), whirl), dict.fromkeys(pair.shown, 2.0), CONTEXT, pair, False)
+    assert len(found) == 1 and found[0].edge is (entry == "edge")
+    assert found[0].mode is lone or entry == "edge"
 
 
 def test_what_differs_otherwise_does_not_stand_out_beside_any_mode() -> None:
