@@ -152,6 +152,11 @@ def test_words_of_simulators_are_of_the_catalogue_and_take_values() -> None:
         "0.9 times the present value"
     )
     assert settings("sensor_sign") == ()
+    further = settings("structural_mode", "output:tower_acc_side_side", {"frequency_hz": 2.99, "damping": 0.03})
+    assert [text for s, text in further if s == "OpenFAST"] == [
+        "ElastoDyn: TwSSDOF2 = True (the tower's second side-side mode), if that swings at 2.99 Hz"
+    ]
+    assert settings("structural_mode", "output:pump_pressure", {"frequency_hz": 2.99}) == ()
     with_settings = [e.id for e in ENTRIES if e.settings]
     assert len(with_settings) > 30
     for name in with_settings:

@@ -7,7 +7,12 @@ from aeolid.diagnose.hypotheses.parts.bending_modes import within_motions
 from aeolid.diagnose.hypotheses.parts.carried_mass import carried_masses
 from aeolid.diagnose.hypotheses.parts.modes import RINGS, kind_of, mode_at
 from aeolid.diagnose.hypotheses.parts.response_modes import behind_static
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.shared_modes import seen_in_all
+
+_FORE_AFT = r"^output:.*(fore.?aft|taxp|twrbsmyt)"  # outputs of a turbine that show its further modes
+_SIDE = r"^output:.*(side.?(to.?)?side|tayp|twrbsmxt|lateral)"
+_FLAP = r"^output:.*(flap|out.?of.?plane|rootmy[bc])"
 
 
 def _attach(site: Site) -> list[Attachment]:
@@ -40,4 +45,25 @@ ENTRY = Entry(
     ),
     attach=_attach,
     rank=320,
+    settings=(
+        Setting(
+            OPENFAST,
+            "ElastoDyn: TwFADOF2 = True (the tower's second fore-aft mode) or FlapDOF2 = True (the blades' second"
+            " flapwise mode), whichever swings at {frequency_hz:.3g} Hz",
+            "ElastoDyn: TwFADOF2 = True or FlapDOF2 = True",
+            f"{_FORE_AFT}|{_FLAP}",
+        ),
+        Setting(
+            OPENFAST,
+            "ElastoDyn: TwSSDOF2 = True (the tower's second side-side mode), if that swings at {frequency_hz:.3g} Hz",
+            "ElastoDyn: TwSSDOF2 = True",
+            _SIDE,
+        ),
+        Setting(
+            BLADED,
+            "Modal analysis: include the modes of tower and blades up to {frequency_hz:.3g} Hz",
+            "Modal analysis: include further modes of tower and blades",
+            f"{_FORE_AFT}|{_FLAP}|{_SIDE}",
+        ),
+    ),
 )
