@@ -60,6 +60,7 @@ def diagnosed(case: Path, way: str, out: Path, patience: float) -> Facts:
         if not pid and time.perf_counter() - begun > patience:
             child.kill()
         time.sleep(0.2)
+    child.returncode = os.waitstatus_to_exitcode(status)
     seconds, made = time.perf_counter() - begun, out / "diagnosis.json"
     said: Facts = {"verdict": "time-out" if seconds > patience else "crash", "effects": [], "sealed": {}}
     said = json.loads(made.read_text(encoding="utf-8")) if status == 0 and made.is_file() else said
