@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
+from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.rules import in_force, with_rules
 from aeolid.diagnose.run_prior import explain
 from aeolid.diagnose.run_prior.build import pair_of
@@ -30,20 +31,36 @@ CHANNELS = (
 )  # fmt: skip
 
 
-def shadowed(seed: int, load: float) -> Record:
-    """Return a recording whose output answers the pitch, wind, and a load three times a revolution."""
+def shadowed(seed: int, load: float, short: bool = False) -> Record:
+    """Return a recording whose output answers the pitch, wind, and a load three times a revolution; or short ones."""
     rng = np.random.default_rng(seed)
     pitch, wind = rng.standard_normal((2, SAMPLES))
     azimuth = np.cumsum(SPEED + 0.02 * np.sin(0.02 * np.arange(SAMPLES))) * STEP
     answer = np.convolve(pitch, [0.0, 0.5, 0.3, 0.1])[:SAMPLES]
-    output = answer + 0.5 * wind + load * np.cos(3 * azimuth)
+    turning = np.exp(6 * (np.cos(3 * azimuth) - 1)) if short else np.cos(3 * azimuth)
+    output = answer + 0.5 * wind + load * turning
     return Record(STEP * np.arange(SAMPLES), np.column_stack([pitch, output, azimuth]), CHANNELS, STEP, "made", "")
+
+
+def told(recording: Record, run: Record) -> list[str]:
+    """Return the names, rivals among them, of what a pair is explained by."""
+    found = explain.explain(pair_of([recording], [run], CONTEXT), CONTEXT, {}, unlimited())
+    names = [names_of(f, {}, found, CONTEXT) for f in found.found]
+    return [n.entry for group in names for n in group]
+
+
+def test_short_loads_as_blades_pass_are_a_shadow_and_a_wave_may_be_sampled_turbulence() -> None:
+    """What a tower takes from a blade lasts a small part of the turn: waves of six and nine to a revolution, too."""
+    run = shadowed(2, 0.0)
+    assert told(shadowed(1, 0.6, short=True), run) == ["tower_shadow"]
+    assert sorted(told(shadowed(1, 0.3), run)) == ["rotational_sampling", "tower_shadow"]
+    assert told(shadowed(1, 0.0), run) == []
 
 
 def gained(recording: Record, run: Record) -> tuple[float, float]:
     """Return what a load three times a revolution gains, and what is held against it."""
     search = Search(pair_of([recording], [run], CONTEXT))
-    shadow = next(h for h in all_hypotheses(search.pair, {}) if h.entry == "tower_shadow")
+    shadow = next(h for h in all_hypotheses(search.pair, {}) if h.entry == "rotational_sampling")
     return search.gain(shadow, ())[0], search.control(shadow, ())
 
 

@@ -30,6 +30,7 @@ SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
     "unsteady_aero": ("actuator_lag", "parameter_error"),
     "dynamic_inflow": ("parameter_error",),
+    "tower_shadow": ("rotational_sampling",),
 }
 
 

@@ -20,6 +20,7 @@ LAGS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # time constants and delays that are tri
 _DELAYS = (1, 2, 3, 4, 5, 6, 8, 11, 15)  # in samples: between them a delay interpolates, and the evidence ripples
 _WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)  # of play and dead bands, in deviations of the input
 _RATES = (0.7, 0.5, 0.35, 0.25, 0.15)  # of the steepest slope of the input that all but a thousandth keep to
+_PASSING = (3, 6, 9)  # orders of a load that is short against a revolution, as a blade's before the tower
 _TURNS = (5.0, 10.0, 20.0)  # time constants of the wake, in windows / 5
 
 
@@ -211,14 +212,14 @@ def _of_rotor(pair: Pair) -> list[Hypothesis]:
     if any(s.turned is None for s in pair.recordings):
         return []
 
-    def harmonic(order: int, values: Values) -> Change:
+    def harmonic(orders: tuple[int, ...], values: Values) -> Change:
         def waves(side: Side) -> Array:
             angle = side.turned if side.turned is not None else np.zeros(len(side))
-            return np.column_stack([np.cos(order * angle), np.sin(order * angle)])
+            return np.column_stack([f(order * angle) for order in orders for f in (np.cos, np.sin)])
 
         return Change(extra=waves)
 
     return [
-        Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, order))
-        for entry, order in (("mass_imbalance", 1), ("tower_shadow", 3))
+        Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, orders))
+        for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", (3,)), ("tower_shadow", _PASSING))
     ]

@@ -135,7 +135,7 @@ def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Ma
     """Return what an operator may stand for: a factor on a turbine's pitch is aerodynamic, on its tower a mass."""
     if h.entry == "mass_imbalance":
         return _imbalance(explanation)
-    if h.entry == "tower_shadow":
+    if h.entry == "rotational_sampling":  # of a shadow, too, the first order may be all that shows
         return ["tower_shadow", "rotational_sampling"]
     if h.entry == "sensor_scale" and is_turbine(context) and _is_of_tower(h):
         assert found.scored is not None
