@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from aeolid.models import equations_file
+from aeolid.models.equations import Equations
 from aeolid.models.input_filters import KINDS, SPLIT, WHOLE
 from aeolid.models.integrate import apply_filters, compile_equations, driven, simulate
 
@@ -197,6 +198,61 @@ def test_infinitely_mild_is_no_change() -> None:
     slope = (apply("actuator_second_order", JUMPS, fast, 0.7) - JUMPS) / fast
     expected = -2 * 0.7 * np.concatenate([[0.0], np.diff(JUMPS)]) / STEP
     np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-6)
+
+
+LIMITS = {"rate_limit": (6.0,), "input_saturation": (-0.4, 0.6), "deadband": (0.5,), "dead_zone": (0.3,),
+          "backlash": (0.7,), "input_quantisation": (0.4,)}  # fmt: skip
+
+
+def chained(folder: Path, late: dict[str, float], kind: str, values: tuple[float, ...]) -> Equations:
+    """Return a model whose input is read late, as the file has it first, and passes a limit."""
+    slots = dict(zip(KINDS[kind].slots, (*values, 1.0), strict=True))
+    lines = ["[parameters]", *(f"{n} = {v}" for n, v in (late | slots).items())]
+    lines += ['[[output]]\nname = "y"\nequation = "u"']
+    lines += ['[[input_filter]]\ninput = "u"\nkind = "intersample_%s"' % ("zoh" if len(late) == 1 else "filtered")]
+    lines += [*(f'{n} = "{n}"' for n in late), f'[[input_filter]]\ninput = "u"\nkind = "{kind}"']
+    lines += [f'{n} = "{n}"' for n in slots]
+    (folder / "model.toml").write_text("\n".join(lines))
+    return equations_file.load(folder / "model.toml")
+
+
+@pytest.mark.parametrize("kind", LIMITS)
+def test_a_limit_acts_on_the_command_as_it_was_given_however_late_that_is(kind: str, tmp_path: Path) -> None:
+    """Reference: the limit at a thousand points a sample, then 0.6 samples later; a ramp within a sample is its mean.
+
+    What is read late by a part of a sample has means that nobody commanded: behind these a drive of 0.4 V/s was told as
+    0.33, and one of 2.5 deg/s as 1.97.
+    """
+    values, offset = LIMITS[kind], 0.6
+    model = chained(tmp_path, {"offset_s": offset * STEP}, kind, values)
+    found = apply_filters(model, JUMPS[:, None], model.theta, STEP)[:, 0]
+    fine = KINDS[kind].rule(held(JUMPS), np.array([*values, 1.0]), STEP / FINE, WHOLE)
+    far = round(offset * FINE)
+    expected = means(np.concatenate([np.full(far, fine[0]), fine])[: len(fine)])
+    tolerance = 0.25 * values[0] * STEP if kind == "rate_limit" else 1e-9  # of a ramp half of what it moves in a sample
+    np.testing.assert_allclose(found, expected, atol=tolerance)
+    if kind == "rate_limit":
+        behind = KINDS[kind].rule(KINDS["intersample_zoh"].rule(JUMPS, model.theta[:1], STEP, WHOLE),
+                                  np.array([*values, 1.0]), STEP, WHOLE)  # fmt: skip
+        error, other = (float(np.sqrt(np.mean((x - expected) ** 2))) for x in (found, behind))
+        assert error < 0.1 * values[0] * STEP < 0.5 * other
+
+
+@pytest.mark.parametrize("kind", LIMITS)
+def test_behind_a_limit_the_filter_of_all_outputs_sees_the_mean_of_each_sample(kind: str, tmp_path: Path) -> None:
+    """In one piece and in two the same means; of a limit that is blended out, bit for bit the filter alone."""
+    late = {"offset_s": 0.3 * STEP, "delay_s": 0.4 * STEP}
+    model = chained(tmp_path, late, kind, LIMITS[kind])
+    whole = apply_filters(model, JUMPS[:, None], model.theta, STEP)
+    both = apply_filters(model, np.repeat(JUMPS, 2)[:, None], model.theta, STEP, SPLIT).reshape(-1, 2)
+    np.testing.assert_allclose(both @ SPLIT, whole[:, 0], atol=1e-9)
+    limited = KINDS[kind].rule(JUMPS, np.array([*LIMITS[kind], 1.0]), STEP, WHOLE)
+    expected = KINDS["intersample_filtered"].rule(limited, np.array(list(late.values())), STEP, WHOLE)
+    np.testing.assert_allclose(whole[:, 0], expected, atol=1e-12)
+    theta = model.theta
+    theta[model.index("share")] = 0.0
+    bare = KINDS["intersample_filtered"].rule(JUMPS, np.array(list(late.values())), STEP, WHOLE)
+    np.testing.assert_array_equal(apply_filters(model, JUMPS[:, None], theta, STEP)[:, 0], bare)
 
 
 def test_a_model_file_may_name_every_kind(tmp_path: Path) -> None:

@@ -266,3 +266,7 @@ CHANGING = (
     "intersample_zoh", "intersample_filtered",
 )  # fmt: skip
 """Kinds behind which a held input changes within a step; the others let it step with the samples."""
+HELD_LATE = ("intersample_zoh", "intersample_filtered")
+"""Kinds by which a held input is late as a whole."""
+LIMITING = ("rate_limit", "input_saturation", "deadband", "dead_zone", "backlash", "input_quantisation")
+"""Kinds that are not linear, which do not let through the mean of a step what they let through of its parts."""

@@ -5,14 +5,14 @@ from __future__ import annotations
 import ast
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.errors import DataError
-from aeolid.models.equations import Equations
-from aeolid.models.input_filters import CHANGING, KINDS, QUARTERS, SPLIT, WHOLE
+from aeolid.models.equations import Equations, InputFilter
+from aeolid.models.input_filters import CHANGING, HELD_LATE, KINDS, LIMITING, QUARTERS, SPLIT, WHOLE
 from aeolid.models.intersample import MOVING, as_held, slopes, slopes_of_quarters
 from aeolid.models.machine_code import LANES, MachineCode, translate
 from aeolid.models.march import fastest_at_most, march, outputs, reading_jacobian, settle, slope, state_jacobian
@@ -251,8 +251,22 @@ def _change_within(compiled: Compiled, u: Array, means: Array, theta: Array, ste
     return found
 
 
+@lru_cache(maxsize=256)
+def _in_order(filters: tuple[InputFilter, ...]) -> tuple[InputFilter, ...]:
+    """Return filters with the lateness of held commands behind what is not linear; the rest stays in order."""
+    late = tuple(f for f in filters if f.kind in HELD_LATE)
+    if not late or not any(f.kind in LIMITING for f in filters):
+        return filters
+    last = max(i for i, f in enumerate(filters) if f.kind in LIMITING)
+    before = tuple(f for f in filters[: last + 1] if f not in late)
+    return (*before, *late, *(f for f in filters[last + 1 :] if f not in late))
+
+
 def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces: Array = WHOLE) -> Array:
     """Pass inputs (N·p, r) through what lies in front of the plant, in the order of the model's filters.
+
+    But a held command that is late, or whose outputs are filtered, passes limits, plays and steps first, as it was
+    given: the mean of a step that comes late by a part of a sample is a command that nobody gave.
 
     pieces (p,): of a step, of which the rows are the means, one after another; in one piece the recorded inputs.
     """
@@ -260,7 +274,7 @@ def apply_filters(model: Equations, u: Array, theta: Array, step: float, pieces:
         return np.ascontiguousarray(u)
     result = np.array(u, dtype=float)
     names = [s.name for s in model.inputs]
-    for f in model.filters:
+    for f in _in_order(model.filters):
         column = names.index(f.channel)
         values = np.array([theta[model.index(p)] for p in f.parameters])
         result[:, column] = KINDS[f.kind].rule(np.ascontiguousarray(result[:, column]), values, step, pieces)

@@ -28,7 +28,8 @@ def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
 
     The filter stands for one on every output: of a linear plant they are the same. Its step response has the integral
     I(t) = t - d (1 - exp(-t/d) cos(t/d)), d its delay at low frequencies, √2 over its corner in rad/s; each change of
-    the input adds the difference of I over a piece: exact. Without a delay it is the held input, offset alone.
+    the input adds the difference of I over a piece: exact. Without a delay it is the held input, offset alone. Of an
+    input that a limit has made change within a sample its mean over the sample counts.
     """
     if not (math.isfinite(values[0]) and math.isfinite(values[1])):
         return np.full_like(u, np.nan)
@@ -38,7 +39,20 @@ def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
     lags = np.arange(first, first + math.ceil(_FADED * delay) + 2)
     at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces
     share = (_step_integral(at + pieces, delay) - _step_integral(at, delay)) / pieces
-    return _with_changes(np.ascontiguousarray(u), share - 1.0, first, len(pieces))
+    return _with_changes(_held_means(np.ascontiguousarray(u), pieces), share - 1.0, first, len(pieces))
+
+
+@njit(cache=True)
+def _held_means(u: Array, pieces: Array) -> Array:
+    """Return the mean over each sample in all its pieces; what is held stays to the last digit."""
+    count, out = len(pieces), u.copy()
+    for k in range(0, len(u), count):
+        change = 0.0
+        for j in range(1, count):
+            change += pieces[j] * (u[k + j] - u[k])
+        for j in range(count):
+            out[k + j] = u[k] + change if change != 0.0 else u[k + j]
+    return out
 
 
 @njit(cache=True)

@@ -160,7 +160,7 @@ def _moved(search: Search) -> dict[str, float]:
 def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
     """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
     rules = in_force().run_prior
-    table = [s for s in table if s.nats > max(rules.named_nats, rules.least_share * lost)]
+    table = [s for s in table if s.nats > max(rules.named_nats * s.hypothesis.parts, rules.least_share * lost)]
     share, of_moved = rules.explained_share, rules.moved_mode_share
     fit = [
         s for s in table

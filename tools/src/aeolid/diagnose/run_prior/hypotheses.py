@@ -31,7 +31,8 @@ class Hypothesis:
     entry: id of the catalogue; place: `input:name`, `output:name` or `rotor`; names, units, low, high: of its values,
     as the catalogue has them; grid: values to begin at; change: what the values do to the data; scaled: which values
     are searched on a logarithmic scale (all but shares and factors); steps: widths of the first search, on that scale;
-    of: frequency in Hz and damping of the run's mode that moves.
+    of: frequency in Hz and damping of the run's mode that moves; parts: how many loads it is, each of which must be
+    worth a name.
     """
 
     entry: str
@@ -45,6 +46,7 @@ class Hypothesis:
     scaled: bool = True
     steps: Values = ()
     of: Values = ()
+    parts: int = 1
 
     @property
     def key(self) -> str:
@@ -220,6 +222,6 @@ def _of_rotor(pair: Pair) -> list[Hypothesis]:
         return Change(extra=waves)
 
     return [
-        Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, orders))
+        Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, orders), parts=len(orders))
         for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", (3,)), ("tower_shadow", _PASSING))
     ]
