@@ -262,8 +262,8 @@ def test_a_form_stands_against_what_the_sealed_data_left(monkeypatch: pytest.Mon
 
     monkeypatch.setattr(pipeline, "form_beyond", asked)
     for kept in (0, 1):
-        monkeypatch.setattr(pipeline, "hold_against", lambda *_, kept=kept: Held(sets=tuple(chain), kept=kept))
+        monkeypatch.setattr(pipeline, "hold_leader", lambda *_, kept=kept: Held(sets=tuple(chain), kept=kept))
         pipeline._proven(stage, stage, [], chain, 1)
-    monkeypatch.setattr(pipeline, "hold_against", lambda *_: Held())
+    monkeypatch.setattr(pipeline, "hold_leader", lambda *_: Held())
     pipeline._proven(stage, stage, [], [], 1)
     assert seen == [[one], [two], []]
