@@ -259,4 +259,5 @@ def test_an_extreme_that_is_reached_far_more_often_than_the_levels_next_to_it_is
         assert rails(step * np.rint(whole / step)) == {}
         sine = np.sin(0.37 * np.arange(3000)) + 0.003 * np.random.default_rng(seed).standard_normal(3000)
         assert rails(step * np.rint(sine / step)) == {}
+    assert rails(np.full(100, 2.5)) == {}, "what never changes has no range"
     assert found >= 72, "an end reached eight times is reached in fewer than five visits now and then"

@@ -157,6 +157,8 @@ def rails(v: Array) -> dict[str, float]:
     rules = in_force().data
     found: dict[str, float] = {}
     apart = np.diff(np.unique(v))
+    if not len(apart):  # what never changes has no range
+        return found
     spacing = float(apart[apart > _ROUNDING * np.ptp(v)].min())
     fine = len(np.unique(v)) > rules.fine_share * len(v)
     for side, rail in (("low", float(v.min())), ("high", float(v.max()))):
