@@ -6,6 +6,7 @@ import ast
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,8 +116,12 @@ class Equations:
         return np.array([s.initial for s in self.states] + [math.nan] * len(self.memories))
 
     def index(self, parameter: str) -> int:
-        """Return the place of a parameter in `theta`."""
-        return [p.name for p in self.parameters].index(parameter)
+        """Return the place of a parameter in `theta`; KeyError where there is none."""
+        return self._places[parameter]
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        return {p.name: i for i, p in enumerate(self.parameters)}
 
     def simulate(self, record: Record) -> Array:
         """Run free on the recorded inputs, read as their roles say; returns y (N, l) in the outputs' units."""

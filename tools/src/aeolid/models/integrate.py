@@ -198,10 +198,10 @@ def substeps(compiled: Compiled, middle: Array, theta: Array, x0: Array, step: f
     u, th, n = contiguous(middle), contiguous(theta), len(compiled.model.states)
     if fastest_at_most(compiled.code.flow, n, settled, u, th) * step <= 0.5:
         return 1
-    jacobians = [state_jacobian(compiled.code.flow, n, x, u, th) for x in settled]
+    jacobians = np.stack([state_jacobian(compiled.code.flow, n, x, u, th) for x in settled])
     if not all(math.isfinite(float(j.sum())) for j in jacobians):
         return 4
-    fastest = max(float(np.max(np.abs(np.linalg.eigvals(j)), initial=0.0)) for j in jacobians)
+    fastest = float(np.max(np.abs(np.linalg.eigvals(jacobians)), initial=0.0))
     return int(min(_MAX_SUBSTEPS, max(1, math.ceil(fastest * step / 0.5))))
 
 

@@ -33,13 +33,21 @@ def filtered(u: Array, values: Array, step: float, pieces: Array) -> Array:
     """
     if not (math.isfinite(values[0]) and math.isfinite(values[1])):
         return np.full_like(u, np.nan)
+    return _filtered(np.ascontiguousarray(u), float(values[0]) / step, float(values[1]) / step, pieces)
+
+
+@njit(cache=True)
+def _filtered(u: Array, offset: float, delay: float, pieces: Array) -> Array:
+    """Return `filtered`, offset and delay in samples."""
     most = len(u) / len(pieces) + 1.0
-    offset, delay = min(max(values[0] / step, -most), most), min(max(values[1] / step, 0.0), most)
-    first = math.floor(offset)
-    lags = np.arange(first, first + math.ceil(_FADED * delay) + 2)
-    at = (lags[:, None] - offset) + np.cumsum(pieces) - pieces
-    share = (_step_integral(at + pieces, delay) - _step_integral(at, delay)) / pieces
-    return _with_changes(_held_means(np.ascontiguousarray(u), pieces), share - 1.0, first, len(pieces))
+    offset, delay = min(max(offset, -most), most), min(max(delay, 0.0), most)
+    first, count, end = math.floor(offset), len(pieces), np.cumsum(pieces)
+    lacking = np.empty((math.ceil(_FADED * delay) + 2, count))
+    for i in range(len(lacking)):
+        for j in range(count):
+            at = (first + i - offset) + end[j] - pieces[j]
+            lacking[i, j] = (_step_integral(at + pieces[j], delay) - _step_integral(at, delay)) / pieces[j] - 1.0
+    return _with_changes(_held_means(u, pieces), lacking, first, count)
 
 
 @njit(cache=True)
@@ -90,11 +98,11 @@ def _with_changes(u: Array, lacking: Array, first: int, count: int) -> Array:
     return out
 
 
-def _step_integral(t: Array, delay: float) -> Array:
+@njit(cache=True)
+def _step_integral(t: float, delay: float) -> float:
     """Return the integral of the filter's step response from 0 to t, times and delay in samples; 0 before."""
-    after = np.maximum(t, 0.0)
+    after = max(t, 0.0)
     if delay < _SHORTEST:
         return after
     x = after / delay
-    found: Array = after - delay * (1.0 - np.exp(-x) * np.cos(x))
-    return found
+    return after - delay * (1.0 - math.exp(-x) * math.cos(x))

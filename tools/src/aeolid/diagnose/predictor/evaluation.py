@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -40,6 +39,8 @@ class Evaluator:
         self.scales = scales
         self.var_order = var_order
         self._acting: dict[int, tuple[bytes, Array]] = {}
+        self._counts: dict[int, tuple[bytes, int]] = {}
+        self._gain: tuple[bytes, Array] | None = None
         self._last: tuple[tuple[Point, list[Array]], ...] = ()
         self._noise: tuple[Sequence[Array], Noise | None] | None = None
         self._rows: dict[int, tuple[NDArray[np.bool_], NDArray[np.bool_]]] = {}
@@ -76,8 +77,17 @@ class Evaluator:
 
     def ready(self, point: Point, index: int) -> tuple[Array, int]:
         """Return a segment's inputs behind their filters and its integration steps a sample; short runs share it."""
-        segment, u = self.segments[index], self._behind_filters(point, index)
-        return u, substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+        return self._behind_filters(point, index), self._count(point, index)
+
+    def _count(self, point: Point, index: int) -> int:
+        """Return a segment's integration steps a sample; kept for who asks for the same point again."""
+        known, asked = self._counts.get(index), point.theta.tobytes() + point.x0[index].tobytes()
+        if known is not None and known[0] == asked:
+            return known[1]
+        segment = self.segments[index]
+        count = substeps(self.compiled, segment.middle, point.theta, point.x0[index], segment.fine_step)
+        self._counts[index] = asked, count
+        return count
 
     def _behind_filters(self, point: Point, index: int) -> Array:
         """Return a segment's inputs behind their filters; kept for the next point whose filters are the same."""
@@ -89,30 +99,34 @@ class Evaluator:
         self._acting[index] = values, u
         return u
 
-    def wide(self, base: Point, points: Sequence[Point], index: int) -> Array:
+    def wide(self, base: Point, points: Sequence[Point], gains: Array, index: int) -> Array:
         """Return innovations (N, l, LANES) of one segment for up to LANES points near `base`, side by side.
 
-        All have the same values of the input filters' parameters. The integration steps are those of `base`, so that
-        a small step never changes them. Lanes without a point of their own repeat the first.
+        All have the same values of the input filters' parameters; gains (n, l, LANES) are theirs (`wide_gain`). The
+        integration steps are those of `base`, so that a small step never changes them. Lanes without a point of their
+        own repeat the first.
         """
-        segment, first = self.segments[index], points[0]
-        lanes = [*points, *[first] * (LANES - len(points))]
-        u = self._behind_filters(first, index)
-        count = substeps(self.compiled, segment.middle, base.theta, base.x0[index], segment.fine_step)
+        segment, lanes = self.segments[index], [*points, *[points[0]] * (LANES - len(points))]
+        u, count = self._behind_filters(points[0], index), self._count(base, index)
         theta, x0 = np.stack([p.theta for p in lanes], axis=1), np.stack([p.x0[index] for p in lanes], axis=1)
-        gains = [self.gain(points[0])]
-        for before, p in pairwise(points):  # starts that differ have one gain
-            same = before.K is p.K and np.array_equal(before.theta, p.theta) and np.array_equal(before.noise, p.noise)
-            gains.append(gains[-1] if same else self.gain(p))
-        K = np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
-        return self.compiled.predict_wide(u, segment.y, theta, K, x0, segment.fine_step, count, segment.stride)
+        return self.compiled.predict_wide(u, segment.y, theta, gains, x0, segment.fine_step, count, segment.stride)
+
+    def wide_gain(self, points: Sequence[Point]) -> Array:
+        """Return the gains (n, l, LANES) of up to LANES points, the first one's in lanes that are left over."""
+        gains = [self.gain(p) for p in points]
+        return np.stack([*gains, *[gains[0]] * (LANES - len(gains))], axis=2)
 
     def gain(self, point: Point) -> Array:
         """Return the predictor's gain (n, l): given, or the Kalman gain of the noise amplitudes."""
         if point.K is not None and not np.any(point.noise):
             return point.K
-        sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
-        K = kalman_gain(self.compiled, sizes, point.theta, point.noise, first.middle, first.step)
+        known, asked = self._gain, point.theta.tobytes() + point.noise.tobytes()
+        if known is not None and known[0] == asked:  # starts that differ have one gain
+            K = known[1]
+        else:
+            sizes, first = (self.scales.x0, self.scales.spread), self.segments[0]
+            K = kalman_gain(self.compiled, sizes, point.theta, point.noise, first.middle, first.step)
+            self._gain = asked, K
         return K if point.K is None else K + point.K
 
     def innovations(self, point: Point) -> list[Array]:

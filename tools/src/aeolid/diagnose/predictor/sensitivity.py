@@ -63,7 +63,7 @@ def columns(predictor: Evaluator, at: Point, noise: Noise, base: Array, variants
     """
     result = np.zeros((len(variants), len(base))).T
     jobs = []
-    for places in _alike(predictor, variants):
+    for places in _alike(predictor, at, variants):
         for first in range(0, len(places), LANES):
             jobs.append(partial(_fill, result, predictor, at, noise, base, variants, places[first : first + LANES]))
     list(_POOL.map(lambda job: job(), jobs))
@@ -79,24 +79,29 @@ def _fill(
     only, outputs = chosen[0].segment, predictor.segments[0].y.shape[1]
     rows = [(len(s.y) - s.burn) * outputs for s in predictor.segments]
     first = 0 if only is None else sum(rows[:only])
-    steps = np.array([v.h for v in chosen])
+    steps, points = np.array([v.h for v in chosen]), [v.point for v in chosen]
+    gains = predictor.wide_gain(points)
     for i in range(len(rows)) if only is None else [only]:
         still = base[first : first + rows[i], None]
-        e, moved = predictor.wide(at, [v.point for v in chosen], i), np.empty((rows[i], LANES))
+        e, moved = predictor.wide(at, points, gains, i), np.empty((rows[i], LANES))
         whiten_lanes(e, predictor.segments[i].y, noise.var, noise.factor, noise.early_factor, moved)
         with np.errstate(over="ignore", invalid="ignore"):  # a model that runs away
             result.T[places, first : first + rows[i]] = ((still - moved[:, : len(places)]) / steps).T
         first += rows[i]
 
 
-def _alike(predictor: Evaluator, variants: Sequence[Variant]) -> list[list[int]]:
-    """Group variants that may run side by side: the same inputs behind the filters, the same stretches."""
+def _alike(predictor: Evaluator, at: Point, variants: Sequence[Variant]) -> list[list[int]]:
+    """Group variants that may run side by side: the same inputs behind the filters, the same stretches.
+
+    Those that move a filter come last: inputs behind the others are those of the point itself, which are known.
+    """
     model = predictor.compiled.model
     own = [model.index(p) for f in model.filters for p in f.parameters]
     groups: dict[tuple[int | None, bytes], list[int]] = {}
+    still = at.theta[own].tobytes()
     for place, v in enumerate(variants):
         groups.setdefault((v.segment, v.point.theta[own].tobytes()), []).append(place)
-    return list(groups.values())
+    return [groups[key] for key in sorted(groups, key=lambda k: k[1] != still)]
 
 
 def _var_columns(predictor: Evaluator, point: Point, noise: Noise) -> Array:
