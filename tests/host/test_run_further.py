@@ -22,6 +22,7 @@ from aeolid.diagnose.run_prior.naming import Name, names_of, statement
 from aeolid.diagnose.run_prior.pair import NOTHING, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
+from aeolid.diagnose.run_prior.steady_lines import grown_line
 from aeolid.record import Channel, Record
 
 STEP, SAMPLES, SPEED = 0.1, 6000, 1.2
@@ -55,6 +56,14 @@ def test_short_loads_as_blades_pass_are_a_shadow_and_a_wave_may_be_sampled_turbu
     assert told(shadowed(1, 0.6, short=True), run) == ["tower_shadow"]
     assert sorted(told(shadowed(1, 0.3), run)) == ["rotational_sampling", "tower_shadow"]
     assert told(shadowed(1, 0.0), run) == []
+
+
+def test_a_load_that_the_simulation_has_and_the_machine_lacks_is_no_shadow_left_out() -> None:
+    """Beside a lag and a rate limit lines that had shrunk were told as a shadow that the simulation lacks."""
+    run = shadowed(2, 0.6, short=True)
+    assert grown_line(pair_of([shadowed(1, 0.3, short=True)], [run], CONTEXT), 3) == pytest.approx(0.5, abs=0.1)
+    assert "tower_shadow" not in told(shadowed(1, 0.0), run)
+    assert grown_line(pair_of([shadowed(1, 0.3)], [shadowed(2, 0.0)], CONTEXT), 3) > 5  # against what noise leaves
 
 
 def gained(recording: Record, run: Record) -> tuple[float, float]:

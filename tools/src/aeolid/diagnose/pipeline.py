@@ -42,6 +42,7 @@ from aeolid.diagnose.validation.beyond import form_beyond
 from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove, seen_before
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
 from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against, hold_leader
+from aeolid.diagnose.validation.told_deviations import with_told_deviations
 
 Array = NDArray[np.float64]
 
@@ -136,18 +137,13 @@ def study(
     runs = _sham(prepared, bank, sham, seed, lambda k: progress("sham runs", 0.7 + 0.3 * k / max(sham, 1)))
     done()
     step("writing", 1.0)
+    held, listed, others = with_told_deviations(prepared, held, (*candidates, *forms, *heard), others)
     return Study(
-        case, seed, findings, prepared, unsealed, bank, _as_held((*candidates, *forms, *heard), held.single),
-        held.single, held.several, others if held.several is not None and held.is_largest else (), held.proof,
+        case, seed, findings, prepared, unsealed, bank, listed, held.single, held.several, others, held.proof,
         declared, top, bands, cells, equations, after_bank, runs, turned, held.completed,
         _shows_elsewhere(prepared, unsealed, held, turned, seed),
         _constants_alone(prepared, unsealed, held, candidates, seed), timing, deadline,
     )  # fmt: skip
-
-
-def _as_held(candidates: Sequence[Candidate], held: Candidate | None) -> tuple[Candidate, ...]:
-    """Return the candidates, the one that was held against the sealed data with the values it has there."""
-    return tuple(held if held is not None and c.key == held.key else c for c in candidates)
 
 
 def _sampling(prepared: Prepared) -> tuple[Finding, ...]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aeolid.diagnose.candidates.candidate import at_bound
 from aeolid.diagnose.hypotheses.catalogue import entry
@@ -15,11 +16,16 @@ from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations
 
+Array = NDArray[np.float64]
 _MOMENT = 7.7 / Z90  # rows that carry one square of a change: deviation of its moment; 7.7 hold it in 90 %
 
 
-def values_of(attachment: Attachment, fit: Fit, model: Equations) -> dict[str, tuple[float, float]]:
+def values_of(
+    attachment: Attachment, fit: Fit, model: Equations, deviations: Array | None = None
+) -> dict[str, tuple[float, float]]:
     """Return the reported values that were free, each with its deviation, by label.
+
+    deviations (k,): of what was free, where they are not those of the fit.
 
     The deviation has two parts: what the data leave open, and a hundredth of the effect for its form. No machine is the
     catalogue's equation to the last digit: a floor that is an outlet above the bottom was told as 0.4044 ± 0.0004 m for
@@ -29,7 +35,7 @@ def values_of(attachment: Attachment, fit: Fit, model: Equations) -> dict[str, t
     for slot in attachment.slots:
         place = _place(slot, fit, model)
         if slot.label and place is not None:
-            told = _value(slot, fit, model), _deviation(slot, place, fit, model)
+            told = _value(slot, fit, model), _deviation(slot, place, fit, model, deviations)
             found[slot.label] = _with_form(slot, *slot.reported(*told))
     return found
 
@@ -120,14 +126,14 @@ def _value(slot: Slot, fit: Fit, model: Equations) -> float:
     return float(fit.point.theta[model.index(slot.name)])
 
 
-def _deviation(slot: Slot, place: int, fit: Fit, model: Equations) -> float:
+def _deviation(slot: Slot, place: int, fit: Fit, model: Equations, deviations: Array | None = None) -> float:
     """Return a value's deviation; of a moment of change by how fast the change is borne out after it.
 
     The likelihood of a moment has no curvature to go by: it falls from its best like a random walk with a drift (Yao
     1987), and the highest of its teeth is sharp (a damping that changed at 36 s, told as 43.3 ± 0.9 s). With a size of
     z deviations, borne out over n rows, 90 % lie within 7.7 n/z² rows (20,000 walks drawn: 7.8).
     """
-    std = float(fit.std[place])
+    std = float((fit.std if deviations is None else deviations)[place])
     if slot.change is None or model.index(slot.change[0]) not in fit.free.theta:
         return std
     name, row_s = slot.change

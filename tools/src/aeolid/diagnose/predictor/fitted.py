@@ -12,6 +12,7 @@ from aeolid.diagnose.predictor.noise import Noise
 from aeolid.diagnose.predictor.point import Free, Point
 
 Array = NDArray[np.float64]
+_NOTHING = 1e12  # variance along a direction that the data say nothing of, in sizes of its parameters
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +54,19 @@ class Fit:
         result: Array = covariance / np.outer(spread, spread)
         return result
 
+    def newton_step(self) -> Array:
+        """Return the Gauss-Newton step (k,) from where the fit stands; none along what the data say nothing of."""
+        downhill = self.jacobian.T @ self.residual + self.prior_jacobian.T @ self.prior_residual
+        size, inverse, vectors = self._directions
+        known = np.where(inverse < _NOTHING, inverse, 0.0)
+        result: Array = vectors @ (known * (vectors.T @ (downhill / size))) / size
+        return result
+
     @cached_property
     def _directions(self) -> tuple[Array, Array, Array]:
         """Return the sizes (k,) that parameters are scaled by, and variances (k,) along directions (k, k) of these."""
         gram = self.jacobian.T @ self.jacobian + self.prior_jacobian.T @ self.prior_jacobian
         size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         values, vectors = np.linalg.eigh(gram / np.outer(size, size))
-        inverse = np.where(values > 1e-12, 1.0 / np.maximum(values, 1e-12), 1e12)
+        inverse = np.where(values > 1 / _NOTHING, 1.0 / np.maximum(values, 1 / _NOTHING), _NOTHING)
         return size, inverse, vectors

@@ -27,6 +27,11 @@ class CandidatesRules:
         1e-3, "share", "part of a change's squares that comes before it: the ramp that stands for the step"
     )
     form_share: float = rule(0.01, "share", "part of an effect's size by which real machines differ from its equation")
+    constant_share: float = rule(
+        0.02,
+        "share",
+        "deviation of a constant that the model does not set free: constants of machines are 1 to 3 % off",
+    )
     driven_deviations: float = rule(
         4.5,
         "deviations",

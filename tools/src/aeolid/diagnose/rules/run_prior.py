@@ -228,6 +228,12 @@ class RunPriorRules:
         "growth at a multiple of the blades' passing, over that at the other multiples, from which it is a mode's",
         RUN_DECISIONS,
     )
+    shadow_growth: float = rule(
+        1.5,
+        "times",
+        "growth of the steady line as blades pass, where it grows most, from which a shadow is looked for",
+        "measured: 3.1 to 4.5 where the runs lack it, 1.0 beside a lag, a rate limit and sampled turbulence",
+    )
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
     )

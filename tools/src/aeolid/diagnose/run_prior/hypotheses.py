@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import operators as op
 from aeolid.diagnose.run_prior.pair import Change, Pair, Side
+from aeolid.diagnose.run_prior.steady_lines import grown_line
 from aeolid.models import input_filters
 
 Array = NDArray[np.float64]
@@ -221,7 +222,9 @@ def _of_rotor(pair: Pair) -> list[Hypothesis]:
 
         return Change(extra=waves)
 
+    grown = grown_line(pair, _PASSING[0])  # less than it was, it is no load that the runs lack
+    short = [("tower_shadow", _PASSING)] if grown > in_force().run_prior.shadow_growth else []
     return [
         Hypothesis(entry, "rotor", (), (), (), (), ((),), partial(harmonic, orders), parts=len(orders))
-        for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", (3,)), ("tower_shadow", _PASSING))
+        for entry, orders in (("mass_imbalance", (1,)), ("rotational_sampling", (3,)), *short)
     ]

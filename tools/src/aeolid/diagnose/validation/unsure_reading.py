@@ -1,0 +1,52 @@
+"""Say how sure a lateness is beside the way a recording was taken, which may be late by as much as a row (S6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+from aeolid.diagnose.baseline.prepare import Prepared
+from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.data.intersample import Sampling
+from aeolid.diagnose.hypotheses.catalogue import entry
+from aeolid.diagnose.hypotheses.parts.base import Attachment
+from aeolid.diagnose.hypotheses.parts.lateness import lateness
+
+_UNREAD = 1 / math.sqrt(3)  # rows: deviation from none of what lies evenly between a row early and a row late
+
+
+def beside_unsure_reading(prepared: Prepared, candidate: Candidate) -> Candidate:
+    """Return a candidate whose delays and lags have deviations that hold what the way of taking rows leaves open.
+
+    Loggers stamp a row where its interval begins or ends, and filter what they sample: together up to a row (a heater
+    behind such a chain: 11.9 +- 0.14 s for a dead time of 8.4 s, in rows of 5 s). What is read off the recording is
+    known already, and so is it where another input, or another output, does not come late.
+    """
+    if not prepared.sampling.is_plain:
+        return candidate
+    row_s = prepared.records[0].sample_time_s
+    values = {
+        a.key: _wider(candidate.values[a.key], row_s)
+        if _may_be_the_reading(a, prepared.sampling, len(prepared.declared.outputs))
+        else candidate.values[a.key]
+        for a in candidate.attachments
+    }
+    return replace(candidate, values=values)
+
+
+def _may_be_the_reading(attachment: Attachment, sampling: Sampling, outputs: int) -> bool:
+    """Tell whether an effect makes all that is compared late alike: all inputs, or the only output."""
+    family = entry(attachment.entry).family
+    if family == "input_lag":
+        return len(attachment.location["inputs"]) >= len(sampling.holds)
+    return family == "sensor_dynamics" and outputs == 1
+
+
+def _wider(told: Mapping[str, tuple[float, float]], row_s: float) -> dict[str, tuple[float, float]]:
+    """Return values with the reading's lateness in the deviation of what says how late an effect is."""
+    late_s = lateness({label: value for label, (value, _) in told.items()})
+    more = dict.fromkeys(("tau_s", "delay_s", "offset_s"), _UNREAD * row_s)
+    if math.isfinite(late_s) and late_s > 0 and "omega_rad_s" in told:
+        more["omega_rad_s"] = told["omega_rad_s"][0] / late_s * _UNREAD * row_s
+    return {label: (value, math.hypot(std, more.get(label, 0.0))) for label, (value, std) in told.items()}
