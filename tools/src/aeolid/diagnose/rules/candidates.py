@@ -58,7 +58,7 @@ class CandidatesRules:
         0.9, "cos²", "overlap from which two hypotheses must both be fitted: the score cannot tell them apart"
     )
     latest_samples: float = rule(
-        0.9, "samples", "what a command may be late by: a lag longer than a sample is fitted best by more"
+        0.95, "samples", "what a command may be late by: a lag longer than a sample is fitted best by more; 0.88 told 0.92"
     )
     offset_beyond_samples: float = rule(
         1.5, "samples", "an offset that is likelier there than within one sample is no habit of a logger"
