@@ -58,7 +58,9 @@ class CandidatesRules:
         0.9, "cos²", "overlap from which two hypotheses must both be fitted: the score cannot tell them apart"
     )
     latest_samples: float = rule(
-        0.95, "samples", "what a command may be late by: a lag longer than a sample is fitted best by more; 0.88 told 0.92"
+        0.95,
+        "samples",
+        "what a command may be late by (0.88 was told as 0.92): a longer lag is fitted best by more",
     )
     offset_beyond_samples: float = rule(
         1.5, "samples", "an offset that is likelier there than within one sample is no habit of a logger"

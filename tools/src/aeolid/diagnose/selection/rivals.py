@@ -65,12 +65,13 @@ def outdone_by(candidates: Sequence[Candidate], named: Candidate) -> Candidate |
     better than dry friction alone, with a force at its range's end; what is missing is friction all the same.
     A form that fits no worse is enough where the name is a sensor's factor that no calibrated sensor has. Nor does one
     whose range ends where it is what would be named: a slider whose spring yields at once is dry friction (a simulated
-    joint's, which gives way a little before it slides, 57 nats ahead of dry friction).
+    joint's, which gives way a little before it slides, 57 nats ahead of dry friction); nor a mode that no input drives,
+    which is the colour of the noise.
     """
     families = {entry(a.entry).family for a in named.attachments}
     ahead = [
         c for c in candidates
-        if c.complete and ((c.at_end and not c.plausible) or (c.unlisted and c.plausible))
+        if c.complete and ((c.at_end and not c.plausible and not c.undriven) or (c.unlisted and c.plausible))
         and (leads(c, named) or stands_for(named, c))
         and not families & {entry(a.entry).family for a in c.attachments} and not _ends_as(c, named)
     ]  # fmt: skip

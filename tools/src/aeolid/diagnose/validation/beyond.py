@@ -19,6 +19,7 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.scoring.waves import waves
+from aeolid.diagnose.selection.colour import rings_undriven
 from aeolid.diagnose.selection.rivals import leads, rivals_of
 from aeolid.diagnose.validation.proof import Proof
 from aeolid.models import expressions as ex
@@ -73,15 +74,10 @@ def ringing(candidates: Sequence[Candidate]) -> list[Candidate]:
     Eddies that a tower sheds, the hum of a pump: the sealed data bear out a narrow band as they do a force (60 to 164
     nats for eddies). A broad one is the colour of a sensor's or a gust's noise, in which nothing need be missing.
     """
-    hypotheses = in_force().hypotheses
     found = []
-    for c in candidates:
-        if len(c.attachments) > 1 or not (c.undriven and c.complete):
-            continue
+    for c in (c for c in candidates if rings_undriven(c)):
         (mode,) = c.attachments
         values = c.values[mode.key]
-        if not values.get("damping", (1.0, 0.0))[0] < hypotheses.narrow_damping or "frequency_hz" not in values:
-            continue
         form = replace(mode, entry=unlisted.ID, key=f"{unlisted.ID} band {mode.key}", statement=_says_band(mode))
         own = {form.key: values}
         found.append(replace(c, attachments=(form,), values=own, plausible=True, reason="", undriven=False))
