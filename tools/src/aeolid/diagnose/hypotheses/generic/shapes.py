@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 _BELOW = (0.15, 0.5, 0.85)  # shares of a signal's samples below the knots of a curve
 _TIMES = 5  # time constants that are scanned
 _BANDS, _WIDTH = 40, 0.07  # frequencies that are scanned for a band, and its damping then: each reaches the next
+_BROADER = 3.0  # times the damping of what rings: how broad a band may turn out, which is then no narrow one
 _WIDE = 100.0  # times the natural size of a coefficient: the end of its range
 
 
@@ -109,12 +110,15 @@ def _creep(place: Place, over: Follows, step: float, span: float) -> Attachment:
 def _band(place: Place, step: float, span: float) -> Attachment:
     """Return a force that nobody recorded and that keeps to a narrow band: eddies, a pump, a passing blade.
 
-    A pair of states turns at w and is kicked by noise: p' = -d p + w q, q' = -w p - d q + noise, d = damping*w.
+    A pair of states turns at w and is kicked by noise: p' = -d p + w q, q' = -w p - d q + noise, d = damping*w. A band
+    that fits best beyond what rings is broad: the colour of the noise (a drift of a sensor was said to be a force
+    around 0.08 Hz, 16 s at a damping of 0.1).
     """
     tag, low, high = f"band_{place.tag}", 4 / span, 0.4 / step
+    narrow = in_force().hypotheses.narrow_damping
     p, q = f"{tag}_p", f"{tag}_q"
     hz = Slot(f"{tag}_hz", "frequency_hz", "Hz", low, low, high, 0.1 * low, local=False)
-    width = Slot(f"{tag}_damping", "damping", "1", _WIDTH, 0.0, in_force().hypotheses.narrow_damping, 0.01, local=False)
+    width = Slot(f"{tag}_damping", "damping", "1", _WIDTH, 0.0, _BROADER * narrow, 0.01, local=False)
 
     def turn(model: Equations) -> Equations:
         w, h = f"({2 * np.pi!r}*{hz.name})", model.sample_time_s
@@ -131,6 +135,7 @@ def _band(place: Place, step: float, span: float) -> Attachment:
         grid=tuple({hz.name: float(f), width.name: _WIDTH} for f in np.geomspace(1.5 * low, high / 1.1, _BANDS)),
         equation=f"{place.label}: ... + p, p' = w*q - damping*w*p, q' = -w*p - damping*w*q + noise",
         statement=lambda v: f"{place.words} in a narrow band around {v['frequency_hz']:.3g} Hz, which nobody recorded",
+        credible=lambda v: f"of damping {v['damping']:.2g}, no narrow band" if v.get("damping", 0.0) >= narrow else "",
     )  # fmt: skip
 
 
