@@ -113,8 +113,13 @@ class Candidate:
 
 
 def at_bound(value: float, slot: Slot) -> bool:
-    """Tell whether a fitted value sits at the end of its range, where it explains nothing or too much."""
+    """Tell whether a fitted value sits at the end of its range, where it explains nothing or too much.
+
+    A range that begins at none has one end; but a mode's frequency is none nowhere: at the lowest that a recording can
+    show (four periods of it) it is a spring or a mass (a bent push was a mode of 0.08 +- 0.07 Hz that saturates).
+    """
     width = slot.high - slot.low
     if not np.isfinite(width):
         return False
-    return (value - slot.low < 1e-6 * width and slot.low != slot.null) or slot.high - value < 1e-6 * width
+    begins = slot.low == slot.null and (slot.local or slot.label != "frequency_hz")
+    return (value - slot.low < 1e-6 * width and not begins) or slot.high - value < 1e-6 * width
