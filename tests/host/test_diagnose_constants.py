@@ -12,12 +12,13 @@ from small_cases import SWING_STEP, swinging
 
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.race import fit_rows
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
-from aeolid.diagnose.validation.unsure_constants import beside_unsure_constants
+from aeolid.diagnose.validation.unsure_constants import beside_unsure_constants, declared_beside_constants
 from aeolid.diagnose.validation.unsure_reading import beside_unsure_reading
 
 MASS = 'm = { value = 1.0, unit = "kg" }'
@@ -94,3 +95,22 @@ def lone(attachment: Attachment, told: dict[str, tuple[float, float]]) -> Candid
     """Return a candidate of one effect of which nothing is asked but its values."""
     blank: Any = None
     return Candidate((attachment,), blank, blank, 0.0, 0.0, 1, blank, blank, {attachment.key: told}, True, "")
+
+
+def test_a_declared_value_is_not_sure_beside_a_constant_that_is_not(tmp_path: Path) -> None:
+    """The swing's stiffness over its mass is what a recording knows: with the mass to 2 %, so is the stiffness.
+
+    Forces tell the mass here, too, far better than to 2 %; without the push none does.
+    """
+    share = in_force().candidates.constant_share
+    folder = swinging(tmp_path)
+    model = (folder / "model.toml").read_text()
+    (folder / "model.toml").write_text(model.replace("(push - c*v - k*q)/m", "push - (c*v + k*q)/m"))
+    stage = prepare(load_case(folder)).only(())
+    alone = {m.parameter.name: m for m in moved_in(stage.declared, stage.extended, stage.fit)}
+    beside = {m.parameter.name: m for m in declared_beside_constants(stage)}
+    for name in ("k", "c"):
+        ratio = beside[name].value / beside[name].parameter.value
+        assert beside[name].value == alone[name].value
+        expected = np.hypot(alone[name].std / beside[name].parameter.value, share * ratio)
+        np.testing.assert_allclose(beside[name].std / beside[name].parameter.value, expected, rtol=0.02)

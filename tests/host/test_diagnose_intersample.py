@@ -16,6 +16,7 @@ from small_cases import SWING, SWING_CHANNELS, write_case
 from aeolid.compiled import njit
 from aeolid.diagnose.baseline.prepare import Prepared, prepare
 from aeolid.diagnose.candidates import settle_sampling
+from aeolid.diagnose.candidates.feedback import feedback_of
 from aeolid.diagnose.candidates.sampling_choice import Choice, choice_of
 from aeolid.diagnose.candidates.settle_sampling import settle
 from aeolid.diagnose.data.case import load_case
@@ -227,7 +228,7 @@ def test_what_errors_tell_of_a_command_is_feedback_where_no_reading_takes_it_awa
     case = load_case(write_case(tmp_path, GEARS, 0.01, channels, rows_of(np.random.default_rng(5))))
     prepared = prepare(case)
     now, choice = settle_sampling._stage(prepared, None), choice_of(case, prepared)
-    told = settle_sampling._leak(now, choice)
+    told = feedback_of(now.predictor, now.point, choice.kinds)
     best = now.tried(Sampling((("command", "band_limited"),), -0.003, 0.0, True))
     assert told > 20  # nats: far beyond chance
     assert least * told <= settle_sampling._feedback(now, choice, best) <= most * told

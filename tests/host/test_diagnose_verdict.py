@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.slight import is_slight, slight_parts
 from aeolid.diagnose.conclusion import declared, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
@@ -147,17 +148,9 @@ def test_wrong_values_are_not_all_where_a_form_leads(
 
 def with_values(*values: tuple[float, float]) -> Any:
     """Return a study whose declared values, 10 each, moved to these with these deviations."""
-    names = [f"k{i}" for i in range(len(values))]
-    model = SimpleNamespace(parameters=tuple(Parameter(n, 10.0, "N/m", free=True) for n in names))
-    fit = SimpleNamespace(
-        free=SimpleNamespace(theta=tuple(range(len(values)))), std=[s for _, s in values],
-        point=SimpleNamespace(theta=[v for v, _ in values]),
-    )  # fmt: skip
-    unsealed = SimpleNamespace(extended=model, fit=fit)
-    return SimpleNamespace(
-        prepared=SimpleNamespace(declared=model), unsealed=unsealed, winner=None, proof=None, candidates=(),
-        declared_proof=None,
-    )  # fmt: skip
+    moved = (Moved(Parameter(f"k{i}", 10.0, "N/m", free=True), v, s) for i, (v, s) in enumerate(values))
+    surest = tuple(sorted(moved, key=lambda m: -m.deviations))
+    return SimpleNamespace(declared_values=surest, winner=None, proof=None, candidates=(), declared_proof=None)
 
 
 @pytest.mark.parametrize(

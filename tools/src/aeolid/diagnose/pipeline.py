@@ -14,6 +14,7 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.baseline.recorded_wind import wind_findings
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
+from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.race import fit_finalists, fit_whispering, is_accepted
 from aeolid.diagnose.candidates.reestimate import baseline_of_all, estimated_on_all
 from aeolid.diagnose.candidates.simulated_share import is_static
@@ -43,6 +44,7 @@ from aeolid.diagnose.validation.proof import Proof, imitate, is_material, prove,
 from aeolid.diagnose.validation.rotation import Rotation, adds_in_turn, is_silent, rotate
 from aeolid.diagnose.validation.sealed import Held, declared_against, hold_against, hold_leader
 from aeolid.diagnose.validation.told_deviations import with_told_deviations
+from aeolid.diagnose.validation.unsure_constants import declared_beside_constants
 
 Array = NDArray[np.float64]
 
@@ -61,7 +63,8 @@ class Alone:
 class Study:
     """Hold everything the verdict is drawn from.
 
-    prepared: the stage of the fit data; unsealed: the bare one of all data but the sealed.
+    prepared: the stage of the fit data; unsealed: the bare one of all data but the sealed; declared_values: what the
+    latter fits, the surest move first.
     """
 
     case: Case
@@ -76,6 +79,7 @@ class Study:
     alternatives: tuple[Alternative, ...]
     proof: Proof | None
     declared_proof: Proof | None
+    declared_values: tuple[Moved, ...]
     ceiling: Ceiling
     bands: list[dict[str, object]]
     cells: dict[str, list[dict[str, Any]]]
@@ -140,8 +144,8 @@ def study(
     held, listed, others = with_told_deviations(prepared, held, (*candidates, *forms, *heard), others)
     return Study(
         case, seed, findings, prepared, unsealed, bank, listed, held.single, held.several, others, held.proof,
-        declared, top, bands, cells, equations, after_bank, runs, turned, held.completed,
-        _shows_elsewhere(prepared, unsealed, held, turned, seed),
+        declared, declared_beside_constants(unsealed), top, bands, cells, equations, after_bank, runs, turned,
+        held.completed, _shows_elsewhere(prepared, unsealed, held, turned, seed),
         _constants_alone(prepared, unsealed, held, candidates, seed), timing, deadline,
     )  # fmt: skip
 

@@ -27,10 +27,10 @@ from aeolid.decompositions import lstsq
 from aeolid.diagnose.baseline.frame import carry_free, carry_point
 from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
+from aeolid.diagnose.candidates.feedback import feedback_of
 from aeolid.diagnose.candidates.sampling_choice import MIDDLE, TINY, Choice, choice_of
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.intersample import ROOM, SLOWEST, Sampling, filters_of, with_sampling
-from aeolid.diagnose.data.segments import Segment
 from aeolid.diagnose.predictor.fitted import Fit
 from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
@@ -41,11 +41,7 @@ from aeolid.models.intersample import FILTER, FILTERED, OFFSET
 
 Array = NDArray[np.float64]
 _QUICK, _THOROUGH, _TOLERANCE = 4, 12, 0.1  # iterations of a trial and of the best one, nats at which they stop
-_PAST = 40  # samples of an input's own past: longer than steps are held
 _LEADERS = 4  # kinds of effects beside which it is looked again
-_KNOWN = 1e-9  # share below which an input's own past foretells all of it: a sequence that no output can add to
-_LEVELS = 5  # samples of a held input's own past
-_ROWS = 20_000  # rows that show feedback
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +158,11 @@ def _feedback(stage: _Stage, choice: Choice, best: Sampling) -> float:
     command of a geared motor: 1,277 nats as held, 65 as it moves; the reading gained 1,106). A controller goes on to
     answer: of seven loops with P and PD controllers all of it was left, and early inputs gained nothing.
     """
-    told = _leak(stage, choice)
+    told = feedback_of(stage.predictor, stage.point, choice.kinds)
     if not told:
         return 0.0
     _, predictor, point = stage.fitted(best, _THOROUGH)
-    left = _leak(replace(stage, predictor=predictor, point=point), choice)
+    left = feedback_of(predictor, point, choice.kinds)
     return left if left < in_force().candidates.feedback_left_share * told else told
 
 
@@ -316,38 +312,3 @@ def _goes_on(stage: _Stage, best: Sampling) -> bool:
     beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
     physics = shift > 0 and not best.free and within > best.gain
     return beyond > best.gain or physics
-
-
-def _leak(stage: _Stage, choice: Choice) -> float:
-    """Return the nats that the innovations of a row tell of its inputs beyond what the inputs' own past does.
-
-    A controller answers them; an input that is then let into the prediction of its own row, or between rows, brings
-    them along. -n/2 ln(1 - share) of what the past leaves of each input is the most that this can gain. An input that
-    is held is asked where it changes. In open loop, where an input read wrongly is in the innovations, what reading it
-    rightly gains is far more: most of it is in the past of a smooth input.
-    """
-    pairs = zip(stage.predictor.segments, stage.predictor.innovations(stage.point), strict=True)
-    long = [(s, e) for s, e in pairs if len(e) > 4 * _PAST]
-    total = 0.0
-    for place, kind in choice.kinds if long else ():
-        own, seen, now = (np.vstack(p)[:_ROWS] for p in zip(*(_pasts(s, e, place, kind) for s, e in long), strict=True))
-        alone, both = (_left(X, now) for X in (own, np.hstack([own, seen])))
-        if len(now) > own.shape[1] + seen.shape[1] and alone > _KNOWN * float(np.sum(now**2)):
-            total += 0.5 * len(now) * float(np.log(alone / max(both, 1e-12 * alone)))
-    return total
-
-
-def _left(X: Array, now: Array) -> float:
-    return float(np.sum((now - X @ lstsq(X, now, rcond=1e-10)) ** 2))
-
-
-def _pasts(segment: Segment, errors: Array, place: int, kind: str) -> tuple[Array, Array, Array]:
-    """Return one and an input's past, the innovations (n, l) and the input (n, 1) of the same row, whole rows only."""
-    u, first = segment.u[:: segment.stride, place : place + 1], _PAST + 1
-    lags = range(1, (_LEVELS if kind == "held" else _PAST) + 1)
-    own = np.hstack([np.ones((len(u) - first, 1)), *(u[first - i : len(u) - i] for i in lags)])
-    seen = errors[first:]
-    rows = np.all(np.isfinite(seen), axis=1)
-    if kind == "held":
-        rows &= u[first:, 0] != u[first - 1 : -1, 0]
-    return own[rows], seen[rows], u[first:][rows]

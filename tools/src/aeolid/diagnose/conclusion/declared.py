@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.candidates.candidate import Candidate
-from aeolid.diagnose.candidates.moved import Moved, moved_in
+from aeolid.diagnose.candidates.moved import Moved
 from aeolid.diagnose.candidates.race import whispering
 from aeolid.diagnose.candidates.simulated_share import is_static
 from aeolid.diagnose.hypotheses.catalogue import entry
@@ -22,7 +22,7 @@ from aeolid.diagnose.validation.rotation import is_silent
 
 def moved(study: Study) -> list[Moved]:
     """Return the re-fitted declared values, the surest move first; at least one."""
-    return moved_in(study.prepared.declared, study.unsealed.extended, study.unsealed.fit)
+    return list(study.declared_values)
 
 
 def contradicted(study: Study) -> bool:
