@@ -190,6 +190,8 @@ def test_beside_coloured_noise_only_what_is_there_still_gains(
     assert leads(found[mode], found[LAG]) and found[LAG].fit_gain > 0
     assert survives_colour(prepared, found[LAG], list(found.values())) is real
     assert survives_colour(prepared, found[LAG], [found[LAG]])
+    values = {mode: found[mode].values[mode] | {"damping": (0.3, 0.1)}}
+    assert survives_colour(prepared, found[LAG], [replace(found[mode], values=values)])  # the colour of noise
 
 
 def test_a_fit_ends_at_one_optimum_wherever_it_starts(tmp_path: Path) -> None:

@@ -41,6 +41,7 @@ def candidate(
         "parameters": 1,
         "moved": (),
         "low_ends": [],
+        "undriven": False,
     }
     return SimpleNamespace(
         fit_density=parts["fit"], select_difference=parts["select"], fit_gain=fit_gain,
@@ -201,6 +202,14 @@ def test_a_drive_that_shows_no_more_than_a_lag_is_one(damping: Any, ahead: float
     lag = drive("actuator_lag", 60.0)
     drives = [drive("actuator_second_order", 60.0 + ahead, parameters=2), lag]
     assert leading(drives).attachments[0].entry == first
+
+
+def test_the_colour_of_noise_outdoes_nobody() -> None:
+    """A mode that no input drives, broad to the end of its range, stood 74 nats ahead of a drive train's loss."""
+    broad = candidate(140.0, 45.0, at_end=True)
+    assert outdone_by([broad], WINNER) is broad
+    broad.undriven = True
+    assert outdone_by([broad], WINNER) is None
 
 
 def test_leading_takes_ten_nats_and_some_on_the_selection_data() -> None:

@@ -64,7 +64,7 @@ class Study:
     """Hold everything the verdict is drawn from.
 
     prepared: the stage of the fit data; unsealed: the bare one of all data but the sealed; declared_values: what the
-    latter fits, the surest move first.
+    latter fits, with deviations that hold what constants leave open, the surest move first.
     """
 
     case: Case
