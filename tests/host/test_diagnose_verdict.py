@@ -49,7 +49,7 @@ def decided(
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
             declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0),
-            site=SimpleNamespace(row_step=0.1),
+            site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
         case=SimpleNamespace(records=()),
     )  # fmt: skip
@@ -194,6 +194,26 @@ def test_a_value_that_a_constant_beside_it_makes_right_is_not_wrong(monkeypatch:
     assert declared.on_values(with_values((9.0, 0.1))) == "parameter"
     assert declared.on_values(with_values((9.0, 0.1), beside=0.5)) == "immaterial"
     assert declared.on_values(with_values((9.0, 0.1), (8.0, 0.1), beside=0.5)) == "parameter"
+
+
+@pytest.mark.parametrize(
+    ("entry", "label", "value", "run", "reading"),
+    [
+        ("data_time_offset", "offset_s", -0.012, True, True),  # 0.6 rows of 0.02 s early
+        ("data_time_offset", "offset_s", -0.012, False, False),  # a model of equations is read so with its baseline
+        ("actuator_lag", "tau_s", 0.04, True, False),
+        ("sensor_lag", "tau_s", 0.012, True, False),  # of one channel
+    ],
+)
+def test_rows_of_a_run_and_of_a_recording_are_each_other_s_up_to_a_row_and_a_third(
+    entry: str, label: str, value: float, run: bool, reading: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(declared, "late_ahead", lambda *_: None)
+    attachment = SimpleNamespace(entry=entry, key=entry)
+    named = SimpleNamespace(attachments=(attachment,), values={entry: {label: (value, 0.001)}})
+    stage = SimpleNamespace(surrogate="a run" if run else None, site=SimpleNamespace(row_step=0.02))
+    study: Any = SimpleNamespace(prepared=stage, winner=named, second=None, candidates=())
+    assert (declared.habit_ahead(study) is named) is reading
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.deadline import Deadline
-from aeolid.diagnose.hypotheses.parts.lateness import lateness
+from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.declaring import quoted
 from aeolid.diagnose.run_prior.answering import told_apart
@@ -38,7 +38,6 @@ from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
 
 Progress = Callable[[str, float], None]
-_LATE = ("data_time_offset", "transport_delay", "actuator_lag")  # what the instants of rows may be, too
 _FAULTS = ("data_time_offset", "sensor_sign")  # of what was found, what is the recording's fault and not the model's
 
 
@@ -158,7 +157,7 @@ def is_habit(names: Sequence[Sequence[Name]], step: float) -> bool:
     A held command acts half a row after its stamp, a filter against aliases takes another half, clocks differ.
     """
     told = [name for group in names for name in group]
-    late = [lateness({k: v for k, (v, _) in name.told.items()}) for name in told if name.entry in _LATE]
+    late = [lateness({k: v for k, (v, _) in name.told.items()}) for name in told if name.entry in LATE]
     return len(late) == len(told) > 0 and max(late) <= in_force().run_prior.habit_samples * step
 
 

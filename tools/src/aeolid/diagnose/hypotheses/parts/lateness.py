@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 
 from aeolid.diagnose.rules import in_force
 
+LATE = ("data_time_offset", "transport_delay", "actuator_lag")  # what the instants of rows may be, too
+
 
 def lateness(values: Mapping[str, float]) -> float:
     """Return the delay in s, at low frequencies, of a lag, a dead time, an offset of clocks or a second-order filter.
