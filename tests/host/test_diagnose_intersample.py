@@ -110,6 +110,34 @@ def test_where_an_input_that_moves_would_be_too_late_a_held_one_is_asked(monkeyp
     assert settle_sampling._likelier(stage, Choice(("push",), True, False)) == held
 
 
+@pytest.mark.parametrize(("alone", "read"), [(95.0, True), (80.0, False)])
+def test_a_filter_as_slow_as_it_may_be_is_physics_unless_a_lateness_does_as_well(
+    alone: float, read: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Play and a drive's range round what is late: the filter ran to its end, and dead time and lag had the name."""
+    slow = Sampling((("push", "filtered"),), -0.37 * STEP, STEP, free=True, gain=100.0)
+    late = Sampling((("push", "zoh"),), 0.66 * STEP, 0.0, free=True, gain=alone)
+    monkeypatch.setattr(
+        settle_sampling, "_best", lambda stage, choice: None if not choice.late else slow if choice.filtered else late
+    )
+    stage = SimpleNamespace(
+        predictor=SimpleNamespace(segments=[SimpleNamespace(y=np.zeros((1000, 2)))]), step=STEP,
+        sampling=replace(late, offset_s=0.0, free=False, gain=0.0),
+    )  # fmt: skip
+    assert settle_sampling._likelier(stage, Choice((), False, False)) == (late if read else None)
+
+
+def test_a_mix_that_may_not_be_late_is_not_tried_where_moving_inputs_may() -> None:
+    """Pitch and torque of a turbine, 0.8 rows late: with the torque held 4 nats more, which may not be late."""
+    both = Sampling((("pitch", "foh"), ("torque", "foh")), 0.08, 0.0, free=True, gain=449.0)
+
+    def tried(sampling: Sampling, iterations: int = 4) -> Sampling:
+        return replace(sampling, gain=453.0 if ("torque", "zoh") in sampling.holds else 449.0 if sampling.free else 0.0)
+
+    stage: Any = SimpleNamespace(step=0.1, tried=tried)
+    assert settle_sampling._finished(stage, Choice(("pitch", "torque"), True, False), both).holds == both.holds
+
+
 def test_outputs_behind_an_anti_alias_filter_are_read_so(tmp_path: Path) -> None:
     """A Butterworth filter with its corner at 0.8 of the Nyquist frequency, read 0.2 samples early."""
     values, delay = rows("fresh", -0.2, corner=0.4), 2**0.5 / (2 * np.pi * 0.4)

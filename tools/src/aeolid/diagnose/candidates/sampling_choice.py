@@ -19,7 +19,7 @@ class Choice:
     """Say what may be chosen: which inputs may move, any offset or (commands) early ones, whole samples only or not.
 
     kinds: place and look of each input that may be fed back. late, early: whether held commands may come late, and any
-    input early.
+    input early; filtered: whether late ones may be rounded, too.
     """
 
     moving: tuple[str, ...]
@@ -28,6 +28,7 @@ class Choice:
     kinds: tuple[tuple[int, str], ...] = ()
     late: bool = True
     early: bool = True
+    filtered: bool = True
 
     def trials(self, now: Sampling, step: float) -> list[Sampling]:
         """Return the samplings to fit briefly, those as read now left out."""
@@ -40,7 +41,7 @@ class Choice:
 
     def _filtered(self, now: Sampling, step: float) -> list[Sampling]:
         """Return held inputs behind a filter of the outputs, where all are held."""
-        if not self.late or any(h not in (HOLDS[0], FILTERED) for _, h in now.holds):
+        if not (self.late and self.filtered) or any(h not in (HOLDS[0], FILTERED) for _, h in now.holds):
             return []
         holds = tuple((n, FILTERED) for n, _ in now.holds)
         return [replace(now, holds=holds, offset_s=0.0, filter_s=MIDDLE * step, free=True)]

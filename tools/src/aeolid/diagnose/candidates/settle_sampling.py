@@ -134,11 +134,18 @@ def _likelier(stage: _Stage, choice: Choice) -> Sampling | None:
     """Return the best of what may be chosen where it is clearly likelier than as the stage reads its inputs.
 
     Where the best has a command that comes later than it may, that is physics, and the question is how inputs move
-    between rows alone. One that moves and is late by a sample is like a held one late by half of one.
+    between rows alone. One that moves and is late by a sample is like a held one late by half of one. A filter as slow
+    as it may be is physics, too, but not what a lateness alone does nearly as well: what it adds may be a play, or a
+    drive's range (two linear models, 0.7 rows late, had a dead time and a lag instead of these).
     """
     best = _best(stage, choice)
     if best is not None and not best.is_held and _goes_on(stage, best):
         best = _best(stage, choice := replace(choice, moving=()))
+    if best is not None and _is_slowest(stage, best):
+        choice = replace(choice, filtered=False)
+        plainer = _best(stage, choice)
+        share = in_force().candidates.late_share
+        best = plainer if plainer is not None and plainer.gain > share * best.gain else best
     if best is not None and _is_too_late(stage, choice, best):
         choice = replace(choice, any_offset=False, late=False, early=False)
         best = _best(stage, choice)
@@ -302,7 +309,7 @@ def _goes_on(stage: _Stage, best: Sampling) -> bool:
     shift = best.late_s / stage.step
     if abs(shift) >= 1.0 and best.free and shift > ROOM - TINY:
         return True
-    if best.is_filtered and best.filter_s > (1.0 - TINY) * SLOWEST * stage.step:
+    if _is_slowest(stage, best):
         return True
     if abs(shift) < 1.0:
         return False
@@ -312,3 +319,8 @@ def _goes_on(stage: _Stage, best: Sampling) -> bool:
     beyond, within = (stage.tried(t, _THOROUGH).gain for t in trials)
     physics = shift > 0 and not best.free and within > best.gain
     return beyond > best.gain or physics
+
+
+def _is_slowest(stage: _Stage, best: Sampling) -> bool:
+    """Tell whether the outputs' filter is as slow as it may be."""
+    return best.is_filtered and best.filter_s > (1.0 - TINY) * SLOWEST * stage.step

@@ -62,6 +62,12 @@ class CandidatesRules:
         "samples",
         "what a command may be late by (0.88 was told as 0.92): a longer lag is fitted best by more",
     )
+    late_share: float = rule(
+        0.9,
+        "share",
+        "part of a filter's gain that a lateness alone must have where the filter is as slow as it may be",
+        "measured: 0.94 and 0.98 of two chains of converters beside a play and a range",
+    )
     offset_beyond_samples: float = rule(
         1.5, "samples", "an offset that is likelier there than within one sample is no habit of a logger"
     )
