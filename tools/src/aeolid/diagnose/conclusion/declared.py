@@ -15,7 +15,7 @@ from aeolid.diagnose.hypotheses.parts.base import location
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.pipeline import Study
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.selection.rivals import late_ahead
+from aeolid.diagnose.selection.rivals import late_ahead, rivals_of
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.proof import Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
@@ -52,22 +52,26 @@ def are_slight(study: Study) -> bool:
 def habit_ahead(study: Study) -> Candidate | None:
     """Return the part of a row by which a channel is late that explains far more than what would be named.
 
-    Or what would be named itself, where that is a lateness that the rows of a simulator's run and of a recording have
-    of each other: a run holds what a logger filters (0.6 rows early, 120 sealed nats, were a clock).
+    Or what would be named itself, or what is not told from it, where that is a lateness that the rows of a simulator's
+    run and of a recording have of each other: a run holds what a logger filters (0.6 rows early, 120 sealed nats, were
+    a clock; 1.2 rows late a drive of second order).
     """
     named = study.second or study.winner
     if named is None:
         return None
-    return named if _is_reading(study, named) else late_ahead(study.candidates, named, study.prepared.site.row_step)
+    row_s = study.prepared.site.row_step
+    if study.prepared.surrogate is not None:
+        told: list[Candidate] = [named, *(rivals_of(study.candidates, named) if len(named.attachments) == 1 else ())]
+        if (reading := next((c for c in told if _is_reading(c, row_s)), None)) is not None:
+            return reading
+    return late_ahead(study.candidates, named, row_s)
 
 
-def _is_reading(study: Study, named: Candidate) -> bool:
-    """Tell whether all that would be named is late by no more than rows of a run and of a recording are."""
-    if study.prepared.surrogate is None:
-        return False
-    most = in_force().run_prior.habit_samples * study.prepared.site.row_step
-    told = [{n: v for n, (v, _) in named.values[a.key].items()} for a in named.attachments if a.entry in LATE]
-    return len(told) == len(named.attachments) and all(lateness(values) <= most for values in told)
+def _is_reading(candidate: Candidate, row_s: float) -> bool:
+    """Tell whether all that a candidate says is late by no more than rows of a run and of a recording are."""
+    most, own = in_force().run_prior.habit_samples * row_s, candidate.attachments
+    told = [{n: v for n, (v, _) in candidate.values[a.key].items()} for a in own if a.entry in LATE]
+    return len(told) == len(own) and all(lateness(values) <= most for values in told)
 
 
 def also_speaking(study: Study) -> list[Candidate]:
