@@ -193,7 +193,7 @@ def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
 
     found = [
         Hypothesis("sensor_lag", place, ("tau_s",), ("s",), (1e-3 * block,), (pair.past * block / 2,),
-                   tuple((k * block,) for k in LAGS), partial(on, op.first_order)),
+                   tuple((k * block,) for k in LAGS), partial(on, op.first_order_of_past)),
         Hypothesis("sensor_scale", place, ("factor",), ("1",), (0.02,), (50.0,),
                    ((0.7,), (0.85,), (0.93,), (1.08,), (1.18,), (1.4,)), partial(timeless, np.multiply)),
         Hypothesis("sensor_sign", place, (), (), (), (), ((),), lambda values: Change(outputs={j: lambda x, s: -x})),

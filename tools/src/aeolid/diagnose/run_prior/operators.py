@@ -1,13 +1,15 @@
 """Operators on single channels (N,) at the recording's own sample time: what actuators, sensors and loggers do.
 
-Filters take the signal as linear between its samples, so that a lag told is the lag of the continuous element and not
-of a held command. Every operator starts at rest at the first sample and is causal but for a negative delay.
+Filters of inputs take the signal between its samples as the cubic spline through them, so that a lag told is the lag
+of the continuous element and not of a held command. A filter of outputs takes lines: a spline knows the next sample,
+and windows would hold a part of what they are to foretell. Every operator starts at rest at the first sample.
 """
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.ndimage import shift
 from scipy.signal import lfilter
@@ -15,6 +17,7 @@ from scipy.signal import lfilter
 from aeolid.compiled import njit
 
 Array = NDArray[np.float64]
+_CUBIC = 4  # coefficients of a piece
 
 
 def first_order(x: Array, tau: float, step: float) -> Array:
@@ -22,6 +25,18 @@ def first_order(x: Array, tau: float, step: float) -> Array:
     if tau <= 1e-9 * step:
         return x
     return _filtered(x, np.array([[-1.0 / tau]]), np.array([1.0 / tau]), np.array([1.0]), step)
+
+
+def first_order_of_past(x: Array, tau: float, step: float) -> Array:
+    """Return the response of 1/(1 + tau s) for lines between samples: of no later sample, tau in s."""
+    if tau <= 1e-9 * step:
+        return x
+    a, ratio = np.exp(-step / tau), step / tau
+    g1 = 1.0 - (1.0 - a) / ratio
+    drive = np.zeros(len(x))
+    drive[1:] = (1.0 - a - g1) * (x[:-1] - x[0]) + g1 * (x[1:] - x[0])
+    out: Array = x[0] + lfilter([1.0], [1.0, -a], drive)
+    return out
 
 
 def second_order(x: Array, omega: float, damping: float, step: float) -> Array:
@@ -51,16 +66,20 @@ def delayed(x: Array, delay: float, step: float) -> Array:
 
 
 def _filtered(x: Array, A: Array, b: Array, c: Array, step: float) -> Array:
-    """Return c of ẋ = A x + b u for u linear between samples (first-order hold), at rest before the first sample."""
+    """Return c of ẋ = A x + b u for the cubic spline u through the samples, at rest before the first sample.
+
+    Exact: u and its derivatives are further states of a matrix whose exponential is the step. At least two samples.
+    """
     n = len(A)
-    M = np.zeros((n + 2, n + 2))
-    M[:n, :n], M[:n, n], M[n, n + 1] = A * step, b * step, 1.0
+    M = np.zeros((n + _CUBIC, n + _CUBIC))
+    M[:n, :n], M[:n, n] = A * step, b * step
+    M[np.arange(n, n + _CUBIC - 1), np.arange(n + 1, n + _CUBIC)] = 1.0
     E = expm(M)
-    F, g0, g1 = np.ascontiguousarray(E[:n, :n]), E[:n, n] - E[:n, n + 1], E[:n, n + 1]
-    # x_{k+1} = F x_k + g0 u_k + g1 u_{k+1}
-    u = x - x[0]
+    F = np.ascontiguousarray(E[:n, :n])
+    pieces = CubicSpline(np.arange(len(x)), x - x[0]).c[::-1]  # of 1, s, s², s³, 0 ≤ s < 1, in each interval
+    derivatives = pieces * np.array([1.0, 1.0, 2.0, 6.0])[:, None]
     drive = np.zeros((len(x), n))
-    drive[1:] = np.outer(u[:-1], g0) + np.outer(u[1:], g1)
+    drive[1:] = derivatives.T @ E[:n, n:].T
     follows = _run(F, drive) @ c if n > 1 else lfilter([1.0], [1.0, -F[0, 0]], drive[:, 0]) * c[0]
     out: Array = x[0] + follows
     return out
