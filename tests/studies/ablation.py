@@ -85,19 +85,20 @@ def of_challenge(folder: str) -> Iterator[Stored]:
 
 
 def of_pairs(folder: str, part: str) -> Iterator[Stored]:
-    """Yield the answers to the pairs of a part, of the product's version that was asked last."""
+    """Yield the answers to the pairs of a part, each of the product's version that was asked last for it."""
     root = Path(folder)
-    newest = max((root / "answers").glob("*/"), key=lambda p: p.stat().st_mtime, default=None)
+    versions = sorted((root / "answers").glob("*/"), key=lambda p: p.stat().st_mtime, reverse=True)
 
     def judged(case: Path, answer: Facts, diagnosis: Facts) -> tuple[bool, bool]:
         truth = json.loads(pairs.truth_file(case).read_text(encoding="utf-8"))
         row = judging.judge(case.name, truth, {**answer, "diagnosis": diagnosis})
         return row["outcome"] in (("nothing",) if truth["effect"] == "null" else GOOD), row["outcome"] == "sure"
 
-    for case in pairs.cases_of(root, part) if newest else ():
-        file = newest / f"{case.name}.json"
-        answer = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
-        if answer.get("margins") is not None:
+    for case in pairs.cases_of(root, part):
+        files = (folder / f"{case.name}.json" for folder in versions)
+        answers = (json.loads(file.read_text(encoding="utf-8")) for file in files if file.is_file())
+        answer = next((a for a in answers if a.get("margins") is not None), None)
+        if answer is not None:
             yield Stored(f"pairs {root.name}", case, answer["margins"], answer["diagnosis"],
                          lambda d, c=case, a=answer: judged(c, a, d))  # fmt: skip
 

@@ -36,7 +36,6 @@ from aeolid.diagnose.scoring.scores import Bank, score_bank
 from aeolid.diagnose.selection.beside_constants import settled_beside_constants
 from aeolid.diagnose.selection.exchange import Alternative, exchanged
 from aeolid.diagnose.selection.first_effect import find_first, first_effect
-from aeolid.diagnose.selection.plain_noise import looked_at_plainly
 from aeolid.diagnose.selection.rivals import outdone_by
 from aeolid.diagnose.selection.several import further_effects, what_is_left
 from aeolid.diagnose.validation.beyond import form_beyond
@@ -120,7 +119,7 @@ def study(
     done = step("forensics", 0.0)
     findings = examine(case.records, case.baseline) if findings is None else findings
     done()
-    first = looked_at_plainly(find_first(case, seed, step, deadline), seed)
+    first = find_first(case, seed, step, deadline)
     prepared, bank, winner, candidates = first.prepared, first.bank, first.winner, first.candidates
     findings += (*wind_findings(case.records, prepared.declared), *_sampling(prepared))
     done = step("second effect", 0.5)

@@ -17,15 +17,6 @@ class RunModesRules:
         "damping above which a mode is a transient that a shorter window holds as well",
         RUN_DECISIONS,
     )
-    multiple_from: float = rule(
-        0.5, "revolutions", "order of the rotor from which a frequency may be its multiple", RUN_DECISIONS
-    )
-    multiple_distance: float = rule(
-        0.04,
-        "revolutions",
-        "distance from a whole order of the rotor within which a frequency is its multiple; more at high orders",
-        RUN_DECISIONS,
-    )
     sharp_damping: float = rule(0.1, "damping ratio", "most damping of a mode that is compared", RUN_DECISIONS)
     sharp_spread: float = rule(
         0.01, "share", "most deviation of the frequency, relative, of a mode that is compared", RUN_DECISIONS

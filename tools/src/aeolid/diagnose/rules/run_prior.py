@@ -116,9 +116,6 @@ class RunPriorRules:
     worse_share: float = rule(
         0.5, "share", "part of the largest growth of errors from which an output is named beside it", RUN_DECISIONS
     )
-    aero_rival_share: float = rule(
-        0.6, "share", "part of the gain of a factor on pitch from which a slow wake is not told from it", RUN_DECISIONS
-    )
     still_distance: float = rule(
         0.02, "share", "what a frequency may differ by where a mode is only damped otherwise", RUN_DECISIONS
     )
@@ -127,13 +124,6 @@ class RunPriorRules:
         "log",
         "growth of the power once a revolution of one load beyond that of another from which it tells the imbalance",
         "measured: tower sideways 4.0 beyond the blades with a heavy blade, 5 below them with a turned one",
-    )
-    lateral_ratio: float = rule(
-        1.5,
-        "times",
-        "growth of the errors of the tower's sideways motion over that of the blades' from which an imbalance is of "
-        "the mass",
-        RUN_DECISIONS,
     )
     region_distance: float = rule(
         1.0,
@@ -176,20 +166,11 @@ class RunPriorRules:
         "shift of a tilt moment, of its level, from which the wind's profile differs and no wake",
         "measured: 0.10 to 0.12 where the wake's dynamics are missing on three turbines, 0.94 with twice the shear",
     )
-    turned_share: float = rule(
-        0.15,
-        "share",
-        "what a yaw moment's share must differ from the thrust's by for the inflow to be turned",
-        RUN_DECISIONS,
-    )
     bent_ratio: float = rule(
         2.0,
         "times",
         "growth of the errors of a collective flap moment from which the blade itself moves otherwise",
         RUN_DECISIONS,
-    )
-    bent_lead: float = rule(
-        0.99, "share", "part of the largest growth of errors that a collective flap moment must have", RUN_DECISIONS
     )
     thrust_ratio_slack: float = rule(
         0.15, "times", "what the ratio of the shifts of thrust and wind may be off", RUN_DECISIONS
@@ -291,9 +272,6 @@ class RunPriorRules:
     )
     quick_deviations: float = rule(
         2.5, "deviations", "deviations by which quick answers must be stronger, where slow ones are late", RUN_DECISIONS
-    )
-    strong_gain: float = rule(
-        0.06, "log", "gain of all answers to the pitch angle from which the wake has its own time", RUN_DECISIONS
     )
     strong_apart: float = rule(
         0.6, "share", "part of that gain up to which the outputs may differ in it: a wake acts on all", RUN_DECISIONS

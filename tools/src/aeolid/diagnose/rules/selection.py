@@ -16,14 +16,8 @@ class SelectionRules:
         "nats",
         "gain on training and validation data beside a narrow band of noise, beyond what its parameters must gain",
     )
-    trifle_share: float = rule(
-        0.1, "share", "part of the leader's gain below which a better fit of the baseline is not taken up"
-    )
     half_limit_share: float = rule(
         0.5, "share", "part of the score's limit from which kin of what leads, and forms that complete it, are fitted"
-    )
-    plain_noise_share: float = rule(
-        0.5, "share", "part of the squared simulation error on the validation data that an effect must take"
     )
     vuong_z: float = rule(2.0, "deviations", "Vuong's z below which two models are not told apart")
     told_apart_nats: float = rule(

@@ -19,9 +19,6 @@ class ValidationRules:
     )
     visible_spread_share: float = rule(0.002, "share", "least such improvement, of the output's own spread")
     fewest_folds: int = rule(3, "count", "folds without which none is left out in turn")
-    undecided_nats: float = rule(
-        0.0, "nats", "upper end of the gain's interval on the sealed data above which it does not refute"
-    )
     agreeing_share: float = rule(
         2 / 3,
         "share",

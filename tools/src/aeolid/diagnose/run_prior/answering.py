@@ -139,7 +139,7 @@ def is_late(s: Seen, share: float = 1.0) -> bool:
 def is_strong(s: Seen) -> bool:
     """Tell whether the rotor answers more strongly, and not late."""
     rules = in_force().run_prior
-    sure = s.gain > max(rules.strong_gain, rules.strong_deviations * s.gain_std)
+    sure = s.gain > rules.strong_deviations * s.gain_std
     alike = s.apart < max(rules.strong_apart * s.gain, rules.late_deviations * s.gain_std)
     return sure and alike and s.quick > 0 and s.late < rules.late_angle and abs(s.swell) < rules.bending_swell
 

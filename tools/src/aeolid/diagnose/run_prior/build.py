@@ -83,21 +83,19 @@ def _names(pair: Pair) -> list[str]:
     return [n for _ in range(pair.stride) for n in pair.inputs] + [*pair.disturbances, *pair.shown]
 
 
-def slowest_mode(pair: Pair, context: Mapping[str, Any]) -> float:
-    """Return the frequency in Hz of the slowest lightly damped mode of either side that is no multiple of the rotor's.
+def slowest_mode(pair: Pair) -> float:
+    """Return the frequency in Hz of the slowest lightly damped mode of either side.
 
     Looked for in windows of 40 blocks with three blocks a period of the outputs' fastest content; never below what
     such a window holds, nor above twice its length's inverse.
     """
-    run_modes = in_force().run_modes
     stride = _coarse(pair)
     reach = _PERIODS / (_COARSE * pair.step * stride)
-    turn = context.get("rated_speed_rad_s")
     rates = [
         m.frequency_hz
         for sides in (pair.runs, pair.recordings)
         for m in _modes(pair, sides, stride)
-        if m.damping < run_modes.transient_damping and m.frequency_hz > reach and not _is_multiple(m.frequency_hz, turn)
+        if m.damping < in_force().run_modes.transient_damping and m.frequency_hz > reach
     ]
     return min([*rates, 2 * reach])
 
@@ -137,15 +135,6 @@ def _coarse(pair: Pair) -> int:
     return max(1, min(int(1 / (pair.step * _PER_PERIOD * fastest)) if fastest > 0 else 1, most))
 
 
-def _is_multiple(frequency_hz: float, turn: float | None) -> bool:
-    run_modes = in_force().run_modes
-    if turn is None:
-        return False
-    order = frequency_hz / (turn / (2 * np.pi))
-    room = run_modes.multiple_distance * max(1.0, order / 3)
-    return order > run_modes.multiple_from and abs(order - round(order)) < room
-
-
 def window_s(pair: Pair, context: Mapping[str, Any]) -> float:
     """Return the length of the windows in s: of a turbine most of a revolution, else what holds the slowest mode.
 
@@ -155,7 +144,7 @@ def window_s(pair: Pair, context: Mapping[str, Any]) -> float:
     speed = context.get("rated_speed_rad_s")
     if speed and context.get("blades"):
         return _REVOLUTION * 2 * np.pi / float(speed)
-    return _PERIODS / slowest_mode(pair, context)
+    return _PERIODS / slowest_mode(pair)
 
 
 def _window(length: float, step: float, shortest: int) -> tuple[int, int]:

@@ -145,10 +145,6 @@ def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Ma
         return [h.entry]
     if not _is_angle(h):
         return ["parameter_error"]
-    slow = max((s.nats for s in explanation.table if s.hypothesis.entry == "dynamic_inflow"), default=0.0)
-    assert found.scored is not None
-    if slow > in_force().run_prior.aero_rival_share * found.scored.nats and found.scored.values[0] > 1:
-        return ["dynamic_inflow", "parameter_error"]
     return ["air_density", "parameter_error"]
 
 
@@ -165,17 +161,13 @@ def _imbalance(explanation: Explanation) -> list[str]:
     """Return which imbalance a load once a revolution is, likeliest first.
 
     A heavy blade pulls the tower sideways and leaves the blades' own loads; one that is pitched otherwise has another
-    mean load, which turns: tilt and yaw moments have it once a revolution. Where outputs do not tell, errors do.
+    mean load, which turns: tilt and yaw moments have it once a revolution.
     """
-    rules, once, moved = in_force().run_prior, explanation.once, explanation.moved
+    once = explanation.once
     sideways = max((v for n, v in once.items() if re.search(_LATERAL, n.lower())), default=None)
     turning = max((v for n, v in once.items() if n.endswith(("_cosine", "_sine"))), default=None)
-    if sideways is not None and turning is not None and abs(sideways - turning) > rules.line_log:
+    if sideways is not None and turning is not None and abs(sideways - turning) > in_force().run_prior.line_log:
         return ["mass_imbalance"] if sideways > turning else ["aero_imbalance"]
-    lateral = max((v for n, v in moved.items() if re.search(_LATERAL, n.lower())), default=0.0)
-    flap = max((v for n, v in moved.items() if n.endswith(("_cosine", "_sine"))), default=0.0)
-    if lateral - 1 > rules.lateral_ratio * max(flap - 1, 0.0) and lateral > 1:
-        return ["mass_imbalance"]
     return ["mass_imbalance", "aero_imbalance"]
 
 

@@ -94,7 +94,6 @@ def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
 
 def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
     """Name why another wind goes with the same angle, torque and speed."""
-    rules = in_force().run_prior
     factor = (1 + wind.share) ** -_CUBE
     std = float(np.hypot(_CUBE * factor * wind.deviation / abs(wind.level), _EXPONENT * (1 - factor)))
     nats, interval = _proof(wind.sealed / wind.sealed_deviation, wind.nats)
@@ -108,14 +107,8 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
         "air_density": f"the air's density is {factor - 1:+.1%} of the simulation's: {same}, and the thrust follows",
         "cp_change": f"the power coefficient is {factor - 1:+.1%} of the simulation's: {same}",
         "sensor_scale": f"{channel} reads {reads:.3g} times the simulation's wind: {same}",
-        "yaw_misalignment": f"the wind comes from aside: {same}, and the yaw moment moved",
     }
-    names = _by_thrust(laws, wind)
-    yaw, thrust = _sure(laws, "yaw", rules.cyclic_shift), laws.get("thrust")
-    if yaw is not None and thrust is not None and abs(yaw.share - thrust.share) > rules.turned_share:
-        names = ("yaw_misalignment", *names)
-        where["yaw_misalignment"], told["yaw_misalignment"] = "rotor", {}
-    return Standing(names, where, told, words, nats, interval, beside=True)
+    return Standing(_by_thrust(laws, wind), where, told, words, nats, interval, beside=True)
 
 
 def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
@@ -160,7 +153,7 @@ def _blade(laws: Mapping[str, Shift], moved: Mapping[str, float]) -> Standing | 
     if thrust is None:
         return None
     channel = f"{thrust.channel}_collective"
-    if moved.get(channel, 0.0) < max(rules.bent_ratio, rules.bent_lead * max(moved.values())):
+    if moved.get(channel, 0.0) < rules.bent_ratio:
         return None
     words = (
         f"the blades bend flapwise otherwise than in the simulation: {channel} stands {thrust.share:+.1%} off, and its"

@@ -169,7 +169,7 @@ def fit_thoroughly(
         if prepared.deadline.skips("the fits once more from a better baseline"):
             break
         better = better_baseline(prepared, list(fitted.values()))
-        if better is None or _is_trifling(better.fit.log_posterior - prepared.fit.log_posterior, list(fitted.values())):
+        if better is None:
             break
         density = select_density(better)
         change, prepared = select_density(prepared) - density, better
@@ -233,12 +233,6 @@ def _identity(attachment: Attachment) -> tuple[str, str]:
 
 def _alike(row: Row, other: Row | None) -> bool:
     return other is not None and overlap(row, other) > in_force().candidates.alike_cos2
-
-
-def _is_trifling(shortfall: float, fitted: list[Candidate]) -> bool:
-    """Tell whether a baseline this much better changes nothing: an effect that survived the control dwarfs it."""
-    rules = in_force().selection
-    return shortfall < rules.trifle_share * max((c.fit_gain for c in fitted if c.survived), default=0.0)
 
 
 def against(candidate: Candidate, prepared: Prepared, change: Array) -> Candidate:

@@ -94,7 +94,7 @@ class Rotation:
 
 def is_silent(interval: tuple[float, float]) -> bool:
     """Tell whether a sealed part neither bears out nor refutes."""
-    return interval[0] <= in_force().evidence.proven_nats and interval[1] > in_force().validation.undecided_nats
+    return interval[0] <= in_force().evidence.proven_nats and interval[1] > 0.0
 
 
 def rotate(
