@@ -22,6 +22,7 @@ from aeolid.record import Record
 
 _CUBE = 3  # of the wind a power goes with: IEC 61400-12-1 normalises wind speeds by the cube root of the density
 _EXPONENT = 0.15  # of a density's change: what Cp and tip speed at a fixed angle make of that
+_Z90 = 1.6449  # deviations at the ends of a normal value's 90 % interval
 _RATIOS = {"air_density": -0.6, "sensor_scale": 0.0, "cp_change": 1.0}  # thrust at an angle over wind at an angle
 
 
@@ -54,8 +55,9 @@ def standing_of(
         return ()
     laws = shifts_of(records, runs, context)
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
-    if wind is not None:
-        return (_power(laws, wind, wind_of(records[0], runs[0])),)
+    power = None if wind is None else _power(laws, wind, wind_of(records[0], runs[0]))
+    if power is not None and power.interval[0] > in_force().evidence.proven_nats:
+        return (power,)
     answer = named(pair, answering, _still(laws))
     found = _answered(answer) if answer is not None else _blade(laws, moved) or _inflow(laws, detected)
     if found is not None:
@@ -87,9 +89,9 @@ def _answered(answer: Answer) -> Standing:
 
 
 def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
-    """Return nats with the interval that a normal z has."""
-    spread = 1.6449 * abs(z)
-    return nats, (nats - spread, nats + spread)
+    """Return nats with their 90 % interval: z is normal, and nats are half of its square, with its sign."""
+    low, middle, high = (0.5 * x * abs(x) for x in (abs(z) - _Z90, abs(z), abs(z) + _Z90))
+    return nats, (nats - (middle - low), nats + (high - middle))
 
 
 def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
