@@ -177,6 +177,12 @@ class RunPriorRules:
         "growth of the errors of a collective flap moment from which the blade itself moves otherwise",
         RUN_DECISIONS,
     )
+    out_of_plane_share: float = rule(
+        0.25,
+        "share",
+        "part by which errors out of the rotor's plane may have grown where a mode in that plane is missing",
+        "measured: 0.02 to 0.22 for shafts, edgewise and sideways modes of three turbines, 0.33 and more for actuators",
+    )
     thrust_ratio_slack: float = rule(
         0.15, "times", "what the ratio of the shifts of thrust and wind may be off", RUN_DECISIONS
     )
