@@ -68,6 +68,7 @@ def _heavy(*sizes: tuple[str, float]) -> tuple[Made, ...]:
 
 
 def _without(mode: str, wind: str, **values: tuple[float, str]) -> tuple[Made, ...]:
+    """Return a mode switched off; values: of the simulator's own linearisation in that wind (campbell_openfast.py)."""
     return (Made(wind, ("--off", mode), values),)
 
 
