@@ -1,0 +1,400 @@
+/* One sample of an array of the fast filter against the equations of its header, written again in double; and what happens
+ * when arrays follow one another: who makes the gain, how long theta waits, what the watch is told. */
+#include "aeolid/fast_rls.h"
+#include "aeolid/rls.h"
+#include "samples.h"
+#include "unity.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { P = 4, M = 3, L = 2, N = P * M, WORDS = AEO_FAST_RLS_WORDS(P, M, 0, L) };
+
+static aeo_fast_rls_t fast;
+static aeo_real_t memory[WORDS], z[N], y[L];
+static uint64_t seed;
+
+void setUp(void)
+{
+    seed = 20261128u;
+    memset(z, 0, sizeof z);
+}
+
+void tearDown(void)
+{
+}
+
+static void start(double lambda)
+{
+    const aeo_fast_rls_config_t config = {.past = P,
+                                          .block = M,
+                                          .outputs = L,
+                                          .forgetting = (aeo_real_t)lambda,
+                                          .regularisation = AEO_REAL(0.5),
+                                          .growth_max = AEO_REAL(1e4)};
+    memset(z, 0, sizeof z);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, memory, WORDS));
+}
+
+/* One sample of channels that a first-order filter colours. */
+static void feed(unsigned samples)
+{
+    for (; samples > 0u; samples--) {
+        aeo_real_t newest[M];
+        fill(newest, M, &seed);
+        for (size_t c = 0; c < M; c++) {
+            newest[c] += AEO_REAL(0.7) * z[N - M + c];
+        }
+        memmove(z, z + M, (N - M) * sizeof *z);
+        memcpy(z + N - M, newest, sizeof newest);
+        fill(y, L, &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
+    }
+}
+
+/* ---- the recursion --------------------------------------------------------------------------------------------------- */
+
+typedef struct {
+    double forward[M][N], backward[M][N], kappa[N], inverse[M][M], energy[M][M], news, apart, size;
+    uint32_t age;
+} array_t;
+
+/* An array as it is, with F^{-1} = S S' multiplied out. */
+static array_t look_at(const aeo_fast_rls_array_t *from)
+{
+    array_t to;
+    double s[M][M] = {{0}};
+    const aeo_real_t *entry = from->factor;
+    memset(&to, 0, sizeof to);
+    for (size_t c = 0; c < M; c++) {
+        for (size_t i = c; i < M; i++) {
+            s[i][c] = (double)*entry++;
+        }
+        for (size_t j = 0; j < N; j++) {
+            to.forward[c][j] = (double)from->forward[c * N + j];
+            to.backward[c][j] = (double)from->backward[c * N + j];
+        }
+    }
+    for (size_t i = 0; i < M; i++) {
+        for (size_t j = 0; j < M; j++) {
+            to.energy[i][j] = (double)from->energy[i * M + j];
+            for (size_t c = 0; c < M; c++) {
+                to.inverse[i][j] += s[i][c] * s[j][c];
+            }
+        }
+    }
+    for (size_t j = 0; j < N; j++) {
+        to.kappa[j] = (double)from->gain[j];
+    }
+    to.news = (double)from->scalar[0];
+    to.apart = (double)from->scalar[1];
+    to.size = (double)from->scalar[2];
+    to.age = from->age;
+    return to;
+}
+
+static double dot(const double *a, const double *b, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        sum += a[i] * b[i];
+    }
+    return sum;
+}
+
+/* The equations of fast_rls.h; window holds [x_k; w_k] = [w_{k-1}; v_k]. */
+static void step_in_double(array_t *at, const double *window, double lambda, double c)
+{
+    double e[M], f[M], r[M], apart[M], both[N + M], square = lambda * at->news;
+    const double gamma_before = 1.0 / at->news;
+    at->age++;
+    for (size_t i = 0; i < M; i++) {
+        e[i] = window[N + i] - dot(at->forward[i], window, N);
+    }
+    for (size_t i = 0; i < M; i++) {
+        f[i] = dot(at->inverse[i], e, M);
+        square += f[i] * e[i];
+    }
+    memcpy(both, at->kappa, sizeof at->kappa);
+    for (size_t i = 0; i < M; i++) {
+        both[N + i] = f[i] / lambda;
+        for (size_t j = 0; j < M; j++) { /* (lambda F + gamma e e')^{-1} */
+            at->inverse[i][j] = (at->inverse[i][j] - f[i] * f[j] / square) / lambda;
+        }
+        for (size_t j = 0; j < N; j++) {
+            both[j] -= at->forward[i][j] * f[i] / lambda;
+            at->forward[i][j] += e[i] * gamma_before * at->kappa[j];
+        }
+    }
+    for (size_t i = 0; i < M; i++) {
+        const int unseen = at->age <= P + 1u && i + at->age * M < N + M;
+        const double raw = window[i] - dot(at->backward[i], window + M, N);
+        apart[i] = unseen ? 0.0 : raw - lambda * dot(at->energy[i], both, M);
+        r[i] = unseen ? 0.0 : raw + c * apart[i];
+    }
+    for (size_t j = 0; j < N; j++) {
+        at->kappa[j] = both[M + j];
+        for (size_t i = 0; i < M; i++) {
+            at->kappa[j] += at->backward[i][j] * both[i];
+        }
+    }
+    at->news = 1.0 + fmax(dot(at->kappa, window + M, N), 0.0);
+    double disagreement = 0.0, size = 0.0;
+    for (size_t i = 0; i < M; i++) {
+        for (size_t j = 0; j < M; j++) {
+            at->energy[i][j] = lambda * at->energy[i][j] + r[i] * r[j] / at->news;
+        }
+        disagreement += apart[i] * apart[i] / (at->news * at->energy[i][i]);
+        size += r[i] * r[i] / (at->news * at->energy[i][i]);
+        for (size_t j = 0; j < N; j++) {
+            at->backward[i][j] += r[i] * at->kappa[j] / at->news;
+        }
+    }
+    at->apart += (disagreement - at->apart) / 64.0;
+    at->size += (size - at->size) / 64.0;
+}
+
+/* `count` numbers differ by less than a small part of the largest of them. */
+static void near(const double *expected, const double *found, size_t count, double part)
+{
+    double largest = 0.0, worst = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        largest = fmax(largest, fabs(expected[i]));
+        worst = fmax(worst, fabs(expected[i] - found[i]));
+    }
+    TEST_ASSERT_TRUE(worst <= part * largest + 1e-30);
+}
+
+/* Each sample starts from the array as the filter has it, so rounding does not add up. -ffast-math takes roots by estimate. */
+static void each_sample_follows_the_equations(void)
+{
+    static const double lambdas[] = {1.0, 0.99, 0.9};
+    for (unsigned run = 0; run < 3u; run++) {
+        setUp();
+        start(lambdas[run]);
+        for (unsigned k = 0; k < 400u; k++) {
+            double window[N + M];
+            const uint32_t renewed = fast.count.renewed, active = fast.active;
+            const uint32_t follows = fast.array[active ^ 1u].age;
+            array_t expected = look_at(&fast.array[active]), second = look_at(&fast.array[active ^ 1u]);
+            feed(1);
+            for (size_t j = 0; j < N + M; j++) {
+                window[j] = (double)fast.window[j];
+            }
+            if (fast.count.renewed != renewed) {
+                continue;
+            }
+            step_in_double(&expected, window, (double)fast.config.forgetting, (double)fast.feedback);
+            array_t found = look_at(&fast.array[active]);
+            const double part = 1000.0 * (double)AEO_REAL_EPSILON;
+            for (unsigned array = 0; array < (follows > 0u ? 2u : 1u); array++) {
+                if (array == 1u) {
+                    expected = second;
+                    step_in_double(&expected, window, (double)fast.config.forgetting, (double)fast.feedback);
+                    found = look_at(&fast.array[active ^ 1u]);
+                }
+                near(expected.forward[0], found.forward[0], M * N, part);
+                near(expected.backward[0], found.backward[0], M * N, part);
+                near(expected.kappa, found.kappa, N, part);
+                near(expected.inverse[0], found.inverse[0], M * M, part);
+                near(expected.energy[0], found.energy[0], M * M, part);
+                near(&expected.news, &found.news, 1, part);
+                near(&expected.size, &found.size, 1, part);
+                /* a difference of errors that are alike: its own rounding is all there is of it after the start */
+                TEST_ASSERT_TRUE(fabs(expected.apart - found.apart) <= 1e-3 * expected.apart + part * expected.size / 64.0);
+                TEST_ASSERT_EQUAL_UINT32(expected.age, found.age);
+            }
+        }
+    }
+    TEST_ASSERT_TRUE(fast.count.renewed > 0u); /* lambda = 0.9: the second array was seen, too */
+}
+
+/* What a sample adds to the mean when the two errors disagree, because E is no longer that of the errors. */
+static void disagreement_is_a_mean_over_64_samples(void)
+{
+    start(0.99);
+    feed(300);
+    for (size_t i = 0; i < M * M; i++) {
+        fast.array[0].energy[i] *= AEO_REAL(1.02);
+    }
+    const double before = (double)fast.array[0].scalar[1];
+    array_t expected = look_at(&fast.array[0]);
+    double window[N + M];
+    feed(1);
+    for (size_t j = 0; j < N + M; j++) {
+        window[j] = (double)fast.window[j];
+    }
+    step_in_double(&expected, window, 0.99, (double)fast.feedback);
+    TEST_ASSERT_TRUE(expected.apart > 4.0 * before);
+    TEST_ASSERT_TRUE(fabs(expected.apart - (double)fast.array[0].scalar[1]) < 0.02 * expected.apart);
+}
+
+/* ---- blocks of every size ---------------------------------------------------------------------------------------------- */
+
+/* The kernels take rows and columns by twos, fours and eights, and what is left one by one. With lambda = 1, theta is that
+ * of rls.h from the same prior, which with rho everywhere needs one past block. */
+static void blocks_of_every_size_agree_with_rls(void)
+{
+    enum { MOST = 21, OUTPUTS = 5 };
+    static aeo_real_t own[AEO_FAST_RLS_WORDS(1, MOST, 0, OUTPUTS)], other[AEO_RLS_WORDS(MOST, OUTPUTS)];
+    for (size_t m = 1; m <= MOST; m++) {
+        const aeo_fast_rls_config_t config = {.past = 1,
+                                              .block = (uint16_t)m,
+                                              .outputs = (uint16_t)(1u + m % OUTPUTS),
+                                              .forgetting = AEO_REAL(1),
+                                              .regularisation = AEO_REAL(1),
+                                              .growth_max = AEO_REAL(100)};
+        const aeo_rls_config_t plain = {config.block,  config.outputs, AEO_REAL(1),
+                                        AEO_REAL(1), AEO_REAL(0), AEO_REAL(100)};
+        aeo_rls_t rls;
+        aeo_real_t block[MOST], told[OUTPUTS];
+        double expected[MOST * OUTPUTS];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, own, sizeof own / sizeof *own));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &plain, other, sizeof other / sizeof *other));
+        memset(block, 0, sizeof block);
+        for (unsigned k = 0; k < 200u; k++) {
+            for (size_t i = 0; i < config.outputs; i++) {
+                told[i] = block[i % m] - block[(3u * i) % m] / AEO_REAL(2) + (aeo_real_t)(0.1 * draw(&seed));
+            }
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, block, told));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, block, told));
+            fill(block, m, &seed);
+        }
+        for (size_t i = 0; i < m * config.outputs; i++) {
+            expected[i] = (double)aeo_rls_theta(&rls)[i];
+        }
+        TEST_ASSERT_TRUE(relative_distance(aeo_fast_rls_theta(&fast), expected, m * config.outputs) <
+                         (sizeof(aeo_real_t) == 4 ? 1e-3 : 1e-9));
+    }
+}
+
+/* ---- succession -------------------------------------------------------------------------------------------------------- */
+
+static uint32_t smaller(uint32_t a, uint32_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Theta waits for half of the age of the array that is gone, at most `wait`, from the break on. The watch then counts the
+ * newest block alone, all that the new array has absorbed. */
+static void after_a_break_theta_waits_for_half_of_what_was_seen(void)
+{
+    for (unsigned age = 1; age < 60u; age++) {
+        setUp();
+        start(0.99);
+        TEST_ASSERT_TRUE(fast.wait < 25u);
+        feed(age);
+        fill(z, N, &seed); /* no shift of what was before */
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+        const uint32_t wait = smaller(fast.wait, age / 2u);
+        TEST_ASSERT_EQUAL_UINT32(wait > 0u ? wait - 1u : 0u, fast.hold); /* this sample is the first of them */
+        TEST_ASSERT_EQUAL_UINT32(1, fast.array[0].age);
+        double power = 0.0;
+        for (size_t c = N - M; c < N; c++) {
+            power += (double)z[c] * (double)z[c];
+        }
+        const double held = (double)fast.watched[0];
+        near(&power, &held, 1, 1e-5);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.watch.age);
+    }
+}
+
+/* An array that is lost gives way to its follower once that is older than a quarter of what makes it warm; else both start
+ * afresh, theta waits at least until the window has passed once, and the watch holds nothing. */
+static void a_lost_array_is_followed_or_both_start_afresh(void)
+{
+    for (unsigned age = 1; age < 80u; age += 1u + age / 8u) { /* without a follower */
+        setUp();
+        start(0.99);
+        feed(age);
+        fast.array[0].forward[3] = AEO_REAL(-1e15);
+        feed(1);
+        TEST_ASSERT_EQUAL_UINT32(1, fast.count.reinitialised);
+        const uint32_t wait = smaller(fast.wait, (age + 1u) / 2u);
+        TEST_ASSERT_EQUAL_UINT32(wait > P + 1u ? wait : P + 1u, fast.hold);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.array[0].age);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.array[1].age);
+        TEST_ASSERT_TRUE(fast.watched[0] <= AEO_REAL(0) && fast.watched[1] <= AEO_REAL(0));
+        TEST_ASSERT_EQUAL_UINT32(0, fast.watch.age);
+        TEST_ASSERT_TRUE(fast.regularisation > AEO_REAL(7.99) && fast.regularisation < AEO_REAL(8.01));
+        const uint32_t held = fast.count.held, holds = fast.hold;
+        feed(holds + 5u); /* and then it learns */
+        TEST_ASSERT_EQUAL_UINT32(held + holds, fast.count.held);
+    }
+    for (unsigned more = 0; more < 2u; more++) {
+        setUp();
+        start(0.99);
+        feed(200);
+        fast.array[0].scalar[1] = fast.array[0].scalar[2] * AEO_REAL(0.02); /* late: a follower begins */
+        if (sizeof(aeo_real_t) == 8) {
+            fast.array[0].scalar[1] = fast.array[0].scalar[2] * AEO_REAL(1e-5);
+        }
+        feed(fast.warm / 4u + more);
+        TEST_ASSERT_EQUAL_UINT32(fast.warm / 4u + more, fast.array[1].age);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.active);
+        fast.array[0].forward[3] = AEO_REAL(-1e15);
+        feed(1);
+        TEST_ASSERT_EQUAL_UINT32(1, fast.count.reinitialised);
+        TEST_ASSERT_EQUAL_UINT32(more, fast.active);
+        TEST_ASSERT_EQUAL_UINT32(more * (fast.warm / 4u + 2u), fast.array[1].age);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.array[0].age);
+        TEST_ASSERT_EQUAL_UINT32(more == 0u, fast.hold > 0u);
+    }
+}
+
+/* rho rises by 16 for each array lost, to 65536 times what was set, and no further. */
+static void regularisation_rises_and_stays(void)
+{
+    start(0.99);
+    double expected = 0.5;
+    for (unsigned lost = 0; lost < 8u; lost++) {
+        feed(20);
+        fast.array[0].forward[3] = AEO_REAL(-1e15);
+        feed(1);
+        expected = expected < 0.5 * 65536.0 ? expected * 16.0 : expected;
+        const double found = (double)fast.regularisation;
+        near(&expected, &found, 1, 1e-6);
+    }
+    aeo_fast_rls_reset(&fast);
+    TEST_ASSERT_TRUE(fast.regularisation > AEO_REAL(0.499) && fast.regularisation < AEO_REAL(0.501));
+}
+
+/* ---- the window -------------------------------------------------------------------------------------------------------- */
+
+/* Without disturbances an entry continues the window when it is within two rounding errors of what it was. */
+static void the_window_knows_its_entries_to_two_roundings(void)
+{
+    static const unsigned places[] = {0, M, N - M - 1};
+    for (unsigned i = 0; i < 3u; i++) {
+        for (unsigned off = 0; off < 4u; off++) {
+            start(1.0);
+            feed(20);
+            for (size_t j = 0; j < N; j++) {
+                z[j] = AEO_REAL(1);
+            }
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+            TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+            for (unsigned k = 0; k < 6u; k++) { /* the window is full of ones */
+                TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+            }
+            z[places[i]] += (aeo_real_t)off * AEO_REAL_EPSILON;
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+            TEST_ASSERT_EQUAL_UINT32(off > 2u ? 2 : 1, fast.count.restarted);
+        }
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(each_sample_follows_the_equations);
+    RUN_TEST(disagreement_is_a_mean_over_64_samples);
+    RUN_TEST(blocks_of_every_size_agree_with_rls);
+    RUN_TEST(after_a_break_theta_waits_for_half_of_what_was_seen);
+    RUN_TEST(a_lost_array_is_followed_or_both_start_afresh);
+    RUN_TEST(regularisation_rises_and_stays);
+    RUN_TEST(the_window_knows_its_entries_to_two_roundings);
+    return UNITY_END();
+}
