@@ -323,6 +323,13 @@ static void streams_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
     many[3].scale = (aeo_real_t)FLT_MAX;
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+    static const aeo_real_t periods[] = {AEO_REAL(2e-5), AEO_REAL(1000)};
+    for (int up = 0; up < 2; up++) {
+        config.sample_time_s = periods[up];
+        TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+        config.sample_time_s = next_to(periods[up], up);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+    }
 }
 
 /* After a reset no flag of the filter that ran before is told. */
@@ -384,35 +391,121 @@ static void els_remembers_one_miss_at_most(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_restore(&filter.els, saved, LENGTH));
 }
 
-/* What a lattice may hold: 1/2 is the least alpha, and errors end at 1e10, innovation and residual among them. */
-static void saved_lattices_end_where_their_proof_does(void)
+/* A schedule has behind it at most what lies between its start and its end. */
+static void els_lacks_at_most_what_its_schedule_has(void)
 {
-    enum { LENGTH = AEO_LATTICE_SAVED_WORDS(4, 3, 0, 2) };
+    enum { LENGTH = AEO_ELS_SAVED_WORDS(6, 1) };
     static aeo_real_t saved[LENGTH];
-    static const double held[2] = {0.5, 1e10}, wrong[2] = {0.4999, 1.001e10};
-    for (unsigned place = 0; place < 5; place++) {
-        describe_all();
-        TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
-        aeo_real_t *const words_held[5] = {filter.lattice.alpha, filter.lattice.innovation, filter.lattice.residual + 1,
-                                           filter.lattice.error, filter.lattice.error + 11};
-        const unsigned kind = place == 0u ? 0u : 1u;
-        *words_held[place] = (aeo_real_t)held[kind];
-        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
-        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
-        *words_held[place] = (aeo_real_t)wrong[kind];
-        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
-        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
+    describe_all();
+    els_config.forgetting = AEO_REAL(0.75);
+    els_config.forgetting_start = AEO_REAL(0.625);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_els(&els_config));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_save(&filter.els, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_restore(&filter.els, saved, LENGTH)); /* at its start */
+    static const aeo_real_t wrong[] = {AEO_REAL(0.1250001), AEO_REAL(0.25), AEO_REAL(1), AEO_REAL(-1e-6)};
+    for (unsigned i = 0; i < 4u; i++) {
+        saved[AEO_ELS_SAVED_HEAD - 1u] = wrong[i];
+        aeo_saved_seal(saved, LENGTH);
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_els_restore(&filter.els, saved, LENGTH));
     }
 }
 
-/* Innovations end at 1e12, factors at 1e6, energies at 1e33, predictors at 1e30, and the window, for disturbances, a tenth
- * above what a scaled number may be. */
+/* The last value that a saved lattice may have at a place, and one that it may not have. */
+static void judge_lattice_at(aeo_real_t *place, double held, double wrong)
+{
+    enum { LENGTH = AEO_LATTICE_SAVED_WORDS(4, 3, 2, 2) };
+    static aeo_real_t saved[LENGTH];
+    const aeo_real_t before = *place;
+    *place = (aeo_real_t)held;
+    TEST_ASSERT_TRUE(aeo_lattice_invariants_hold(&filter.lattice));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
+    *place = (aeo_real_t)wrong;
+    TEST_ASSERT_FALSE(aeo_lattice_invariants_hold(&filter.lattice));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&filter.lattice, saved, LENGTH));
+    TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_lattice_restore(&filter.lattice, saved, LENGTH));
+    *place = before;
+}
+
+/* What a lattice may hold, at the first and the last word of each array: 1/2 is the least alpha, steps are at most 2,
+ * errors end at 1e10, innovation and residual among them, weights at 1.1e26, gains at 1e23 and, over alpha, at 3e5. */
+static void saved_lattices_end_where_their_proof_does(void)
+{
+    enum { PAST = 4, BLOCK = 3, NOW = 2, OUT = 2 };
+    aeo_lattice_t *const self = &filter.lattice;
+    describe_all();
+    lattice_config.present = NOW;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    const struct {
+        aeo_real_t *first;
+        size_t count;
+        double held, wrong;
+    } arrays[] = {{self->alpha, PAST, 0.5, 0.4999},
+                  {self->alpha, PAST, 3e35, 3.01e35},
+                  {self->step, PAST, 2, 2.001},
+                  {self->step, PAST, 0, -0.001},
+                  {self->window, PAST * BLOCK, 1e6, 1.001e6},
+                  {self->window, PAST * BLOCK, -1e6, -1.001e6},
+                  {self->error, PAST * BLOCK, 1e10, 1.001e10},
+                  {self->innovation, OUT, -1e10, -1.001e10},
+                  {self->residual, OUT, 1e10, 1.001e10},
+                  {self->gain, PAST * BLOCK, 1e23, 1.001e23},
+                  {self->present_weight, NOW * OUT, 1.1e26, 1.11e26},
+                  {self->target_weight, PAST * BLOCK * (OUT + NOW), -1.1e26, -1.11e26},
+                  {self->forward_weight, (PAST - 1) * BLOCK * BLOCK, 1.1e26, 1.11e26},
+                  {self->backward_weight, (PAST - 1) * BLOCK * BLOCK, 1.1e26, 1.11e26}};
+    for (unsigned i = 0; i < sizeof arrays / sizeof *arrays; i++) {
+        judge_lattice_at(arrays[i].first, arrays[i].held, arrays[i].wrong);
+        judge_lattice_at(arrays[i].first + arrays[i].count - 1u, arrays[i].held, arrays[i].wrong);
+    }
+    for (size_t j = 0; j < PAST; j++) {
+        self->step[j] = AEO_REAL(2);
+        judge_lattice_at(self->gain + j * BLOCK, 1.5e5, 1.501e5);
+        judge_lattice_at(self->gain + j * BLOCK + BLOCK - 1u, -1.5e5, -1.501e5);
+        self->step[j] = AEO_REAL(0);
+    }
+    /* variances end at four times growth_max / rho = 100, each triangle's first and last */
+    for (size_t t = 0; t < 2u * PAST - 1u; t++) {
+        judge_lattice_at(self->factor + t * AEO_LATTICE_TRIANGLE(BLOCK), 400, 400.1);
+        judge_lattice_at(self->factor + (t + 1u) * AEO_LATTICE_TRIANGLE(BLOCK) - 1u, 400, 400.1);
+        judge_lattice_at(self->factor + (t + 1u) * AEO_LATTICE_TRIANGLE(BLOCK) - 1u, 1e-30, 0);
+    }
+    judge_lattice_at(self->present_factor, 400, 400.1);
+    judge_lattice_at(self->present_factor + AEO_LATTICE_TRIANGLE(NOW) - 1u, 1e-30, -1);
+}
+
+static void numbers_of_saved_lattices_end_where_they_can(void)
+{
+    enum { LENGTH = AEO_LATTICE_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH];
+    aeo_lattice_t *const self = &filter.lattice;
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    const struct {
+        uint32_t *number, most;
+    } ends[] = {{&self->orders, 4}, {&self->head, 3},  {&self->scan, 7 * 3 - 1},
+                {&self->begun, 1},  {&self->quiet, 1}, {&self->learning, 65535}};
+    for (unsigned i = 0; i < sizeof ends / sizeof *ends; i++) {
+        const uint32_t before = *ends[i].number;
+        for (uint32_t more = 0; more < 2u; more++) {
+            *ends[i].number = ends[i].most + more;
+            TEST_ASSERT_EQUAL_INT(more == 0u, aeo_lattice_invariants_hold(self));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(self, saved, LENGTH));
+            TEST_ASSERT_EQUAL_INT(more == 0u ? AEO_OK : AEO_E_DAMAGED, aeo_lattice_restore(self, saved, LENGTH));
+        }
+        *ends[i].number = before;
+    }
+}
+
+/* Innovations end at 1e12, factors at 1e6, energies at 1e33, predictors at 1e30, the gain at 2e12 / gamma, 1 / gamma at 2e20,
+ * the mean squares too, and the window, for disturbances, a tenth above what a scaled number may be. */
 static void saved_windows_end_where_their_proof_does(void)
 {
     enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
     static aeo_real_t saved[LENGTH];
-    enum { PLACES = 10, M_BLOCK = 3, TRIANGLE = M_BLOCK * (M_BLOCK + 1) / 2, WEIGHTS = M_BLOCK * 4 * M_BLOCK };
-    static const double held[PLACES] = {1e12, -1e12, 1.1e6, 1.1e6, 1e6, -1e6, 1e33, -1e33, 1e30, -1e30};
+    enum { PLACES = 26, M_BLOCK = 3, N_ALL = 4 * M_BLOCK, TRIANGLE = M_BLOCK * (M_BLOCK + 1) / 2, WEIGHTS = M_BLOCK * N_ALL };
+    static const double held[PLACES] = {1e12, -1e12, 1.1e6, 1.1e6, 1e6,  -1e6,  1e33, -1e33, 1e30, -1e30, 2e12, -2e12, 2e20,
+                                        1,    2e20,  2e20,  1e-30, 1e-30, 1e-30, 1e30, 1e30, 1e6,   1e33, 1e33,  0,    0};
     for (unsigned place = 0; place < PLACES; place++) {
         describe_all();
         TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
@@ -420,13 +513,84 @@ static void saved_windows_end_where_their_proof_does(void)
         aeo_real_t *const words_held[PLACES] = {
             filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window, filter.fast.window + 14,
             one->factor + 1,        two->factor + TRIANGLE - 2, one->energy,        two->energy + 8,
-            one->forward,           two->backward + WEIGHTS - 1};
+            one->forward,           two->backward + WEIGHTS - 1, one->gain,         two->gain + N_ALL - 1,
+            one->scalar,            two->scalar,                 one->scalar + 1,   two->scalar + 2,
+            one->factor,            two->factor + M_BLOCK,       two->factor + TRIANGLE - 1, two->forward,
+            one->forward + WEIGHTS - 1, one->factor + TRIANGLE - 1, one->energy + 8, two->energy,
+            one->scalar + 1,        two->scalar + 2};
+        const double wrong = place == 13u ? 0.999 : place >= 24u ? -1e-20 : place >= 16u && place < 19u ? 0.0 : 1.001 * held[place];
         *words_held[place] = (aeo_real_t)held[place];
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&filter.fast));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
-        *words_held[place] = (aeo_real_t)(1.001 * held[place]);
+        *words_held[place] = (aeo_real_t)wrong;
+        TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(&filter.fast));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));
         TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(&filter.fast, saved, LENGTH));
+    }
+}
+
+static void numbers_of_saved_windows_end_where_they_can(void)
+{
+    enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
+    static aeo_real_t saved[LENGTH];
+    aeo_fast_rls_t *const self = &filter.fast;
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    const struct {
+        uint32_t *number, held, wrong;
+    } ends[] = {{&self->filled, 5, 6}, {&self->active, 1, 2}, {&self->random, 1, 0}};
+    for (unsigned i = 0; i < sizeof ends / sizeof *ends; i++) {
+        const uint32_t before = *ends[i].number;
+        *ends[i].number = ends[i].held;
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(self));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(self, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_restore(self, saved, LENGTH));
+        *ends[i].number = ends[i].wrong;
+        TEST_ASSERT_FALSE(aeo_fast_rls_invariants_hold(self));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(self, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_fast_rls_restore(self, saved, LENGTH));
+        *ends[i].number = before;
+    }
+}
+
+/* A factor of rls: variances up to four times growth_max / rho = 100, a diagonal above 0, zeros elsewhere; theta, innovation
+ * and residual within what rls_state.h proves. */
+static void saved_factors_end_where_their_proof_does(void)
+{
+    enum { ORDER = 4, OUT = 2, LENGTH = AEO_RLS_SAVED_WORDS(ORDER, OUT), PAD = 4, STRIP = AEO_RLS_STRIP };
+    static aeo_real_t saved[LENGTH];
+    aeo_rls_t *const self = &filter.rls;
+    describe_all();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_rls(&rls_config));
+    const struct {
+        aeo_real_t *word;
+        double held, wrong;
+    } ends[] = {{self->factor + PAD, 20, 20.01},
+                {self->factor + PAD, 1e-30, 0},
+                {self->factor + PAD + (ORDER - 1) * (STRIP + 1), 20, 20.01},
+                {self->factor + PAD + (ORDER - 1) * (STRIP + 1), 1e-30, -1},
+                {self->factor, 0, 1e-9},
+                {self->factor + PAD + STRIP, 0, -1e-9},
+                {self->theta, 1e29, 1.001e29},
+                {self->theta + ORDER * OUT - 1, -1e29, -1.001e29},
+                {self->innovation, 1e12, 1.001e12},
+                {self->residual + OUT - 1, -1e12, -1.001e12}};
+    for (unsigned i = 0; i < sizeof ends / sizeof *ends; i++) {
+        const aeo_real_t before = *ends[i].word;
+        *ends[i].word = (aeo_real_t)ends[i].held;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(self, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_restore(self, saved, LENGTH));
+        *ends[i].word = (aeo_real_t)ends[i].wrong;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(self, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_rls_restore(self, saved, LENGTH));
+        *ends[i].word = before;
+    }
+    for (uint32_t row = ORDER - 1; row <= ORDER; row++) {
+        self->scan_row = row;
+        TEST_ASSERT_EQUAL_INT(row < ORDER, aeo_rls_invariants_hold(self));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_save(self, saved, LENGTH));
+        TEST_ASSERT_EQUAL_INT(row < ORDER ? AEO_OK : AEO_E_DAMAGED, aeo_rls_restore(self, saved, LENGTH));
     }
 }
 
@@ -474,7 +638,11 @@ int main(void)
     RUN_TEST(a_reset_stream_has_no_flags);
     RUN_TEST(a_seal_counts_an_even_number_of_channels);
     RUN_TEST(els_remembers_one_miss_at_most);
+    RUN_TEST(els_lacks_at_most_what_its_schedule_has);
     RUN_TEST(saved_lattices_end_where_their_proof_does);
+    RUN_TEST(numbers_of_saved_lattices_end_where_they_can);
+    RUN_TEST(numbers_of_saved_windows_end_where_they_can);
+    RUN_TEST(saved_factors_end_where_their_proof_does);
     RUN_TEST(saved_windows_end_where_their_proof_does);
     RUN_TEST(masks_end_where_the_inputs_do);
     RUN_TEST(saved_numbers_of_fast_rls_come_back);

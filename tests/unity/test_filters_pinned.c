@@ -105,6 +105,90 @@ static void bounded_variances_are_those_of_a_full_covariance(void)
     TEST_ASSERT_EQUAL_UINT32(AEO_RLS_BOUNDED, aeo_rls_health(&rls));
 }
 
+/* A sample of little news is absorbed with weight 1 and nothing is forgotten. */
+static void quiet_samples_are_absorbed_without_forgetting(void)
+{
+    static aeo_real_t memory[AEO_RLS_WORDS(ORDER, 1)];
+    const aeo_rls_config_t config = {ORDER, 1, AEO_REAL(0.875), AEO_REAL(0.5), AEO_REAL(1), AEO_REAL(1e5)};
+    dense_t dense = {.lambda = 0.875};
+    aeo_rls_t rls;
+    aeo_real_t z[ORDER];
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, sizeof memory / sizeof *memory));
+    for (size_t i = 0; i < ORDER; i++) {
+        dense.p[i][i] = 2.0;
+    }
+    for (unsigned k = 0; k < 300u; k++) {
+        fill(z, ORDER, &seed);
+        const aeo_real_t y = AEO_REAL(0.5) * z[0] - z[3] + (aeo_real_t)draw(&seed);
+        const uint32_t withheld = rls.count.withheld, released = rls.count.released;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, z, &y));
+        const int quiet = rls.count.withheld > withheld;
+        double news = 0.0, error = (double)y;
+        for (size_t i = 0; i < ORDER; i++) {
+            error -= dense.theta[i] * (double)z[i];
+            for (size_t j = 0; j < ORDER; j++) {
+                news += (double)z[i] * dense.p[i][j] * (double)z[j];
+            }
+        }
+        TEST_ASSERT_TRUE(fabs(news - 1.25) < 1e-4 || quiet == (news < 1.25)); /* (1 - lambda) n */
+        const double weight = quiet ? 1.0 : dense.lambda;
+        absorb_densely(&dense, z, (double)y, weight);
+        for (size_t i = 0; i < ORDER * ORDER && rls.count.released > released; i++) { /* the watch has let P start anew */
+            dense.p[i / ORDER][i % ORDER] = i / ORDER == i % ORDER ? 2.0 : 0.0;
+        }
+        const double scale = (double)AEO_REAL_EPSILON * 1e5;
+        TEST_ASSERT_TRUE(fabs((double)aeo_rls_innovation(&rls)[0] - error) < scale);
+        TEST_ASSERT_TRUE(fabs((double)aeo_rls_residual(&rls)[0] - error * weight / (weight + news)) < scale);
+        for (size_t i = 0; i < ORDER; i++) {
+            const double variance = (double)aeo_strips_norm2(rls.factor, ORDER, i);
+            TEST_ASSERT_TRUE(fabs(variance - dense.p[i][i]) < scale * (1.0 + dense.p[i][i]));
+            TEST_ASSERT_TRUE(fabs((double)aeo_rls_theta(&rls)[i] - dense.theta[i]) < scale);
+        }
+    }
+    TEST_ASSERT_TRUE(rls.count.withheld > 10u && rls.count.withheld < 290u);
+}
+
+/* What is followed moves no weight, so its residual is its innovation; what is absorbed leaves lambda / (lambda + z'Pz). */
+static void what_a_lattice_follows_leaves_its_innovation(void)
+{
+    unsigned followed = 0;
+    start_lattice(0.95, 0.6, 1e4);
+    for (unsigned k = 0; k < 400u; k++) {
+        const uint32_t withheld = lattice.count.withheld;
+        feed_lattice(k % 100u < 50u ? 1.0 : 0.02, 0.1);
+        const int quiet = lattice.count.withheld > withheld;
+        for (unsigned i = 0; i < L; i++) {
+            const double e = (double)aeo_lattice_innovation(&lattice)[i], rest = (double)aeo_lattice_residual(&lattice)[i];
+            const double left = quiet ? 1.0 : 0.95 / (double)lattice.news;
+            if (!lattice.following || quiet) {
+                TEST_ASSERT_TRUE(fabs(rest - e * left) <= 1e-5 * fabs(e));
+            }
+        }
+        followed += quiet != 0;
+    }
+    TEST_ASSERT_TRUE(followed > 50u && followed < 350u);
+}
+
+/* With z = 0 and lambda = 1/2 a variance doubles to the bit: at growth_max / rho it stays, beyond it is quartered. */
+static void variances_at_the_bound_are_left_alone(void)
+{
+    static aeo_real_t memory[AEO_LATTICE_WORDS(1, 1, 0, 1)], nothing[1];
+    const aeo_lattice_config_t config = {.past = 1,
+                                         .block = 1,
+                                         .outputs = 1,
+                                         .forgetting = AEO_REAL(0.5),
+                                         .regularisation = AEO_REAL(1),
+                                         .growth_max = AEO_REAL(8)};
+    static const double expected[] = {2, 4, 8, 4, 8, 4};
+    aeo_lattice_t one;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_init(&one, &config, memory, sizeof memory / sizeof *memory));
+    for (unsigned k = 0; k < 6u; k++) {
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&one, nothing, nothing));
+        TEST_ASSERT_TRUE(fabs((double)one.factor[0] - expected[k]) < 1e-5);
+        TEST_ASSERT_EQUAL_UINT32(k < 3u ? 0u : (k - 1u) / 2u, one.count.bounded);
+    }
+}
+
 /* How many variances are checked a sample: all of them before lambda^-k passes 2. */
 static void all_variances_are_checked_before_any_doubles(void)
 {
@@ -425,6 +509,9 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(bounded_variances_are_those_of_a_full_covariance);
+    RUN_TEST(quiet_samples_are_absorbed_without_forgetting);
+    RUN_TEST(what_a_lattice_follows_leaves_its_innovation);
+    RUN_TEST(variances_at_the_bound_are_left_alone);
     RUN_TEST(all_variances_are_checked_before_any_doubles);
     RUN_TEST(a_fall_back_clears_the_columns_of_e_alone);
     RUN_TEST(a_restore_begins_a_read_out_anew);

@@ -71,6 +71,30 @@ static void a_copy_goes_on_alike(void)
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &twin, sizeof twin);
 }
 
+/* A new one holds its prior, lambda for each alpha, and zeros; so does one that was reset. */
+static void a_fresh_lattice_holds_its_prior_alone(void)
+{
+    static aeo_real_t fresh[SAVED], again[SAVED];
+    for (unsigned t = 0; t < 2u; t++) {
+        start_lattice(0.875, 0.05, 1000);
+        for (unsigned k = 0; k < 60u && t == 1u; k++) {
+            feed_lattice(1.0, 0.1);
+        }
+        aeo_lattice_reset(&lattice);
+        memset(&lattice.count, 0, sizeof lattice.count);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, t == 0u ? fresh : again, SAVED));
+        for (size_t j = 0; j < P; j++) {
+            TEST_ASSERT_TRUE(fabs((double)lattice.alpha[j] - 0.875) < 1e-6);
+        }
+        for (const aeo_real_t *word = lattice.present_weight; word < lattice.forward; word++) {
+            const int is_alpha = word >= lattice.alpha && word < lattice.step;
+            const int is_level = word >= lattice.watched + 2 && word < lattice.watched + 2 + L;
+            TEST_ASSERT_TRUE(is_alpha || is_level || fabs((double)*word) < 1e-30);
+        }
+    }
+    TEST_ASSERT_EQUAL_MEMORY(fresh, again, sizeof fresh);
+}
+
 static void refused_reads_leave_theta(void)
 {
     aeo_real_t theta[L * N];
@@ -291,6 +315,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(slices_and_copies_read_one_sample);
     RUN_TEST(a_copy_goes_on_alike);
+    RUN_TEST(a_fresh_lattice_holds_its_prior_alone);
     RUN_TEST(refused_reads_leave_theta);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(runaway_of_blocks_that_no_target_shows_is_noticed);

@@ -210,6 +210,27 @@ static void a_step_that_fits_the_cap_is_not_cut(void)
     }
 }
 
+/* Nine tenths of a step's frames may be health and description: 0.5 and 8.5 of ten, which are exact, and no more. */
+static void nine_tenths_of_the_frames_are_allowed(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 0;
+    config.sample_every = 0;
+    config.burst = 10;
+    config.health_every = 2;
+    aeo_channel_t own[CHANNELS];
+    memset(own, 0, sizeof own);
+    for (unsigned i = 0; i < CHANNELS; i++) {
+        own[i].scale = AEO_REAL(1);
+    }
+    config.channels = own; /* 7 + 2 * 5 frames without texts */
+    TEST_ASSERT_EQUAL_UINT32(17, aeo_budget_count_description(&config));
+    config.describe_every = 2;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_init(&stream, &config, &port, words, N));
+    config.health_every = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_BUDGET, aeo_stream_init(&stream, &config, &port, words, N));
+}
+
 /* Texts too long to be sent whole count as what is sent of them. */
 static void a_description_is_counted_as_it_is_sent(void)
 {
@@ -310,6 +331,7 @@ int main(void)
     RUN_TEST(a_snapshot_leaves_in_time);
     RUN_TEST(steps_are_those_of_the_formula);
     RUN_TEST(a_step_that_fits_the_cap_is_not_cut);
+    RUN_TEST(nine_tenths_of_the_frames_are_allowed);
     RUN_TEST(a_description_is_counted_as_it_is_sent);
     RUN_TEST(a_period_that_does_not_fit_is_refused);
     RUN_TEST(health_has_its_turn_and_no_more);

@@ -40,6 +40,69 @@ static void description_is_repeated_and_hashed(void)
     TEST_ASSERT_EQUAL_UINT32(first, crc);
 }
 
+/* Texts arrive character by character up to the longest that is sent, cut there, in the order of tags, parts, channels. */
+static void texts_arrive_up_to_their_longest(void)
+{
+    static const char text[] = "0123456789abcdefghijklmnopqrstuvwxyz ABC";
+    for (unsigned length = 0; length < sizeof text; length++) {
+        aeo_channel_t own[CHANNELS];
+        aeo_stream_config_t config = make_config();
+        char name[CHANNELS][64] = {{0}}, unit[CHANNELS][64] = {{0}};
+        uint32_t last = 0;
+        memcpy(own, channels, sizeof own);
+        own[1].name = own[CHANNELS - 1].name = own[0].unit = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
+        config.channels = own;
+        set_up_bus();
+        start_stream(&config);
+        step_until_idle();
+        for (unsigned i = 0; i < fake.kept; i++) {
+            const aeo_message_t m = message_at(i);
+            const uint32_t part = m.index >> 8, channel = m.index & 255u;
+            const uint32_t order = ((uint32_t)m.tag << 16) + (m.tag < AEO_ITEM_OFFSET ? 0u : m.index) + 1u;
+            TEST_ASSERT_EQUAL_INT(AEO_KIND_DESCRIPTION, m.kind);
+            TEST_ASSERT_TRUE(order > last);
+            last = order;
+            for (unsigned c = 0; c < 4u && m.tag >= AEO_ITEM_NAME; c++) {
+                char *const to = m.tag == AEO_ITEM_NAME ? name[channel] : unit[channel];
+                TEST_ASSERT_TRUE(channel < CHANNELS && 4u * part + c < 63u);
+                to[4u * part + c] = (char)(m.value[0] >> (8u * c) & 255u);
+            }
+        }
+        for (unsigned c = 0; c < CHANNELS; c++) {
+            char expected[64] = {0};
+            (void)strncpy(expected, own[c].name != NULL ? own[c].name : "", 32);
+            TEST_ASSERT_EQUAL_STRING(expected, name[c]);
+            memset(expected, 0, sizeof expected);
+            (void)strncpy(expected, own[c].unit != NULL ? own[c].unit : "", 16);
+            TEST_ASSERT_EQUAL_STRING(expected, unit[c]);
+        }
+        TEST_ASSERT_EQUAL_UINT32(fake.kept, stream.counters.sent); /* and then nothing is due */
+        TEST_ASSERT_EQUAL_INT(0, aeo_stream_pending(&stream));
+    }
+}
+
+/* The sample index first, then one counter after the other, an index before each. */
+static void health_takes_turns_from_the_index_on(void)
+{
+    const aeo_stream_config_t config = make_config();
+    const uint32_t counters[3] = {7, 8, 9};
+    unsigned found = 0;
+    start_stream(&config);
+    describe_first();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_health(&stream, 0, counters, 3));
+    for (unsigned k = 0; k < 400u; k++) {
+        (void)aeo_stream_step(&stream);
+    }
+    for (unsigned i = 0; i < fake.kept; i++) {
+        if (is_health(i)) {
+            const unsigned turn = found++ / 2u % 8u; /* five counters of the stream, three of the filter */
+            const unsigned counter = turn < 5u ? turn + 1u : turn - 5u + AEO_HEALTH_FILTER;
+            TEST_ASSERT_EQUAL_UINT8(found % 2u == 1u ? AEO_HEALTH_INDEX : counter, message_at(i).tag);
+        }
+    }
+    TEST_ASSERT_TRUE(found > 34u); /* all of them twice */
+}
+
 static void health_tells_index_and_counters(void)
 {
     const aeo_stream_config_t config = make_config();
@@ -116,6 +179,8 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(description_is_repeated_and_hashed);
+    RUN_TEST(texts_arrive_up_to_their_longest);
+    RUN_TEST(health_takes_turns_from_the_index_on);
     RUN_TEST(health_tells_index_and_counters);
     RUN_TEST(farewell_says_stopped);
     RUN_TEST(reset_is_fresh);

@@ -168,6 +168,53 @@ static void order_is_a_spread_permutation(void)
     }
 }
 
+/* Whether positions up to 15 apart lie N / 40 parameters apart, and the stride that is chosen for it, written again. */
+static int is_spread(uint32_t count, uint32_t stride)
+{
+    for (uint64_t apart = 1; apart < 16u; apart++) {
+        const uint64_t at = apart * stride % count, other = count - at;
+        if (40u * (at < other ? at : other) < count) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+static uint32_t find_stride(uint32_t count)
+{
+    const int64_t centre = ((int64_t)count * 618 + 500) / 1000;
+    uint32_t coprime = 0;
+    for (int64_t shift = 0; shift <= 16; shift++) { /* nearest first, the larger one before the smaller */
+        for (int sign = 1; sign >= -1; sign -= 2) {
+            const int64_t stride = centre + sign * shift;
+            int64_t a = count, b = stride;
+            if (stride < 1 || (stride >= count && count > 1u)) {
+                continue;
+            }
+            while (b != 0) {
+                const int64_t rest = a % b;
+                a = b;
+                b = rest;
+            }
+            if (a == 1 && is_spread(count, (uint32_t)stride)) {
+                return (uint32_t)stride;
+            }
+            coprime = a == 1 && coprime == 0u ? (uint32_t)stride : coprime;
+        }
+    }
+    return coprime > 0u ? coprime : 1u;
+}
+
+static void every_stride_is_the_nearest_that_spreads(void)
+{
+    for (uint32_t count = 1; count <= 65536u; count += count < 8192u ? 1u : 61u) {
+        aeo_spread_t spread;
+        aeo_spread_choose(&spread, count, 10);
+        TEST_ASSERT_EQUAL_UINT32(find_stride(count), spread.stride);
+        TEST_ASSERT_TRUE(count < 16u || is_spread(count, spread.stride));
+    }
+}
+
 /* Any one lost block is the exclusive or of a repair frame and the other members of its set, at every size. */
 static void repair_restores_a_lost_block(void)
 {
@@ -213,6 +260,7 @@ int main(void)
     RUN_TEST(theta_arrives_on_can_fd);
     RUN_TEST(frames_are_as_many_as_the_formula_says);
     RUN_TEST(order_is_a_spread_permutation);
+    RUN_TEST(every_stride_is_the_nearest_that_spreads);
     RUN_TEST(repair_restores_a_lost_block);
     return UNITY_END();
 }

@@ -124,6 +124,61 @@ static void the_guard_is_its_rule(void)
     }
 }
 
+/* What the guard of els is shown: the innovation, and the residual without the terms in e, of at most tenfold the output and
+ * its scale. Now and then a fault throws theta far off. */
+static void els_shows_the_guard_what_is_left_without_e(void)
+{
+    enum { ORDER = 9, OUT = 2, PAST = 1, BLOCK = 8 };
+    static aeo_real_t memory[AEO_ELS_WORDS(ORDER, OUT)];
+    const aeo_els_config_t config = {.regressors = ORDER,
+                                     .outputs = OUT,
+                                     .past = PAST,
+                                     .present = 1,
+                                     .varx_samples = 20,
+                                     .forgetting = AEO_REAL(1),
+                                     .forgetting_start = AEO_REAL(1),
+                                     .regularisation = AEO_REAL(1),
+                                     .growth_max = AEO_REAL(100),
+                                     .guard_ratio = AEO_REAL(100)};
+    aeo_els_t els;
+    levels_t at[OUT] = {{0, 0, 0, 0}};
+    unsigned cut = 0, large = 0;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &config, memory, sizeof memory / sizeof *memory));
+    for (unsigned k = 1; k < 600u; k++) {
+        aeo_real_t z[ORDER], y[OUT];
+        fill(z, ORDER, &seed);
+        for (unsigned i = 0; i < OUT; i++) {
+            y[i] = (aeo_real_t)((k % 3u == 0u ? 4.0 : 0.5) * draw(&seed));
+        }
+        if (k > 20u && k % 25u == 0u) {
+            els.rls.theta[1] = els.rls.theta[ORDER + 2] = (aeo_real_t)(k % 50u == 0u ? 60.0 : -60.0);
+            els.rls.theta[BLOCK - 1] = els.rls.theta[ORDER + BLOCK - 2] = AEO_REAL(5);
+        }
+        const uint32_t fell_back = els.count.fell_back, since = els.since;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_update(&els, z, y));
+        if (els.count.fell_back > fell_back) {
+            memset(at, 0, sizeof at);
+            continue;
+        }
+        for (unsigned i = 0; i < OUT; i++) {
+            const double most = 10.0 * fmax(1.0, fabs((double)y[i]));
+            double rest = (double)aeo_els_residual(&els)[i];
+            for (unsigned j = BLOCK - OUT; j < BLOCK; j++) {
+                rest += (double)els.rls.theta[i * ORDER + j] * (double)z[j];
+            }
+            cut += fabs(rest) > most;
+            large += fabs(rest) > 10.0 && fabs((double)y[i]) > 1.0;
+            rest = fmax(-most, fmin(most, rest));
+            (void)guard_in_double(&at[i], (double)aeo_els_innovation(&els)[i], rest, since + 1u, els.wait, 100.0);
+            near(at[i].power, els.levels[4u * i]);
+            near(at[i].rest, els.levels[4u * i + 1u]);
+            near(at[i].varx, els.levels[4u * i + 2u]);
+            near(at[i].share, els.levels[4u * i + 3u]);
+        }
+    }
+    TEST_ASSERT_TRUE(cut > 10u && large > 5u);
+}
+
 /* Levels are powers: none below 0, none above what two amplitudes of a million have. */
 static void levels_that_no_guard_has_are_noticed(void)
 {
@@ -271,6 +326,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(arrays_live_as_long_as_was_measured);
     RUN_TEST(the_guard_is_its_rule);
+    RUN_TEST(els_shows_the_guard_what_is_left_without_e);
     RUN_TEST(levels_that_no_guard_has_are_noticed);
     RUN_TEST(a_given_start_forgets_the_fall_backs);
     RUN_TEST(the_watch_is_its_rule);
