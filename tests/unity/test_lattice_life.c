@@ -81,7 +81,8 @@ static void a_fresh_lattice_holds_its_prior_alone(void)
             feed_lattice(1.0, 0.1);
         }
         aeo_lattice_reset(&lattice);
-        memset(&lattice.count, 0, sizeof lattice.count);
+        memset(&lattice.count, 0, sizeof lattice.count); /* these and the flags stay */
+        aeo_lattice_clear_health(&lattice);
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, t == 0u ? fresh : again, SAVED));
         for (size_t j = 0; j < P; j++) {
             TEST_ASSERT_TRUE(fabs((double)lattice.alpha[j] - 0.875) < 1e-6);
