@@ -251,6 +251,11 @@ static void windows_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 33, 1));
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 2, 1, 340)); /* 3 340 + 2 = 1022, and room for 2 present inputs */
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 2, 1, 341));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 0, 1, 1024)); /* the largest of all */
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 0, 1, 1025));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(0, 1, 1, 1, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 1, 0, 1));
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 1, 1, 0));
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 32, 32, 15)); /* 64 15 + 32 = 992 */
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 32, 32, 16));
 }

@@ -245,6 +245,56 @@ static void a_restored_estimator_goes_on(void)
     }
 }
 
+/* After a reset, window and filter are as new: bit for bit what one gives that was never used. Counters stay. */
+static void a_reset_estimator_is_a_new_one(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(first_set(m));
+        const size_t n = aeo_estimator_regressors(&config);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&other, method[m], &config, twin, WORDS));
+        for (unsigned k = 0; k < 2u * COUNT; k++) {
+            take_one(k);
+            const aeo_status_t status = aeo_estimator_take(&one, now_u, now_y, (uint64_t)k * PERIOD);
+            if (k == COUNT) {
+                const uint32_t samples = aeo_estimator_count(&one, AEO_COUNT_SAMPLES);
+                const uint32_t updates = aeo_estimator_count(&one, AEO_COUNT_UPDATES);
+                aeo_estimator_reset(&one);
+                TEST_ASSERT_EQUAL_UINT32(samples, aeo_estimator_count(&one, AEO_COUNT_SAMPLES));
+                TEST_ASSERT_EQUAL_UINT32(updates, aeo_estimator_count(&one, AEO_COUNT_UPDATES));
+            } else if (k > COUNT) {
+                TEST_ASSERT_EQUAL_INT(status, aeo_estimator_take(&other, now_u, now_y, (uint64_t)k * PERIOD));
+                TEST_ASSERT_EQUAL_MEMORY(aeo_estimator_innovation(&one), aeo_estimator_innovation(&other),
+                                         L * sizeof *memory);
+            }
+        }
+        TEST_ASSERT_EQUAL_MEMORY(aeo_estimator_theta(&one), aeo_estimator_theta(&other), n * L * sizeof *memory);
+    }
+}
+
+/* While a window fills there are no residuals: behind a gap those of before it must not stand in for them. */
+static void behind_a_gap_no_old_residual_is_fed_back(void)
+{
+    for (unsigned m = 0; m < METHODS; m++) {
+        const aeo_estimator_config_t config = describe(AEO_VARMAX);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, WORDS));
+        for (unsigned k = 0; k < 200u; k++) {
+            take_one(k);
+            const uint64_t now = (uint64_t)(k < 190u ? k : k + 5u) * PERIOD;
+            const aeo_status_t status = aeo_estimator_take(&one, now_u, now_y, now);
+            const aeo_real_t *const fed = one.regressor.block + R + L;
+            for (unsigned i = 0; i < L; i++) {
+                if (status == AEO_OK) {
+                    TEST_ASSERT_EQUAL_MEMORY(one.calls.feedback(&one) + i, fed + i, sizeof *fed);
+                } else {
+                    TEST_ASSERT_TRUE(fed[i] >= AEO_REAL(0) && fed[i] <= AEO_REAL(0));
+                }
+            }
+        }
+        TEST_ASSERT_EQUAL_UINT32(1, aeo_estimator_count(&one, AEO_COUNT_GAPS));
+    }
+}
+
 /* Any word changed, of the window's part or of the filter's: refused, and both stay as they were. */
 static void a_damaged_array_changes_nothing(void)
 {
@@ -514,6 +564,8 @@ int main(void)
     RUN_TEST(a_refused_description_leaves_every_byte);
     RUN_TEST(a_channel_is_described_once);
     RUN_TEST(a_restored_estimator_goes_on);
+    RUN_TEST(a_reset_estimator_is_a_new_one);
+    RUN_TEST(behind_a_gap_no_old_residual_is_fed_back);
     RUN_TEST(a_damaged_array_changes_nothing);
     RUN_TEST(what_is_announced_is_what_runs);
     RUN_TEST(send_brings_all_of_a_sample);

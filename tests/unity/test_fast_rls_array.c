@@ -361,6 +361,84 @@ static void regularisation_rises_and_stays(void)
     TEST_ASSERT_TRUE(fast.regularisation > AEO_REAL(0.499) && fast.regularisation < AEO_REAL(0.501));
 }
 
+/* Arrays that hold too much start afresh with the rho that was set, and theta waits as after a break. */
+static void a_release_starts_from_the_rho_that_was_set(void)
+{
+    start(0.99);
+    feed(1000);
+    TEST_ASSERT_EQUAL_UINT32(0, fast.count.released);
+    fast.regularisation = AEO_REAL(8);
+    for (unsigned k = 0; k < 2000u && fast.count.released == 0u; k++) {
+        fast.watched[0] = AEO_REAL(1e12); /* as a fault leaves it */
+        const uint32_t age = fast.array[fast.active].age;
+        feed(1);
+        if (fast.count.released > 0u) {
+            const uint32_t wait = smaller(fast.wait, age / 2u);
+            TEST_ASSERT_TRUE(wait > P);
+            TEST_ASSERT_EQUAL_UINT32(wait - 1u, fast.hold);
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.released);
+    TEST_ASSERT_EQUAL_UINT32(AEO_FAST_RLS_RELEASED, aeo_fast_rls_health(&fast));
+    TEST_ASSERT_TRUE(fast.regularisation > AEO_REAL(0.499) && fast.regularisation < AEO_REAL(0.501));
+    TEST_ASSERT_EQUAL_UINT32(1, fast.array[0].age);
+}
+
+/* ---- the disturbance --------------------------------------------------------------------------------------------------- */
+
+/* Marsaglia's xorshift with 13, 17 and 5 (2003); bit 16 of its state is the sign. */
+static uint32_t draw_next(uint32_t x)
+{
+    uint64_t wide = x;
+    wide = (wide ^ wide << 13) & 0xFFFFFFFFu;
+    wide = wide ^ wide >> 17;
+    return (uint32_t)((wide ^ wide << 5) & 0xFFFFFFFFu);
+}
+
+/* Channels at rest meet the bound: each is disturbed by +-((1 - lambda) rho / growth_max)^(1/2), sign after sign. */
+static void disturbances_are_those_of_the_header(void)
+{
+    const aeo_fast_rls_config_t config = {.past = P,
+                                          .block = M,
+                                          .outputs = L,
+                                          .forgetting = AEO_REAL(0.9375),
+                                          .regularisation = AEO_REAL(0.5),
+                                          .growth_max = AEO_REAL(8)};
+    const double size = sqrt(0.0625 * 0.5 / 8.0);
+    uint32_t state = 1;
+    unsigned signs[2] = {0, 0};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, memory, WORDS));
+    memset(y, 0, sizeof y);
+    for (unsigned k = 0; k < 500u; k++) {
+        int over[M];
+        double variance[M];
+        for (size_t c = 0; c < M; c++) { /* of the array as it stands before the sample */
+            const array_t before = look_at(&fast.array[fast.active]);
+            variance[c] = before.inverse[c][c];
+            over[c] = variance[c] > 16.0;
+        }
+        const uint32_t bounded = fast.count.bounded;
+        uint32_t expected = 0;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        for (size_t c = 0; c < M; c++) {
+            double added = 0.0;
+            if (fabs(variance[c] - 16.0) < 1e-3) { /* rounding decides */
+                over[c] = fabs((double)fast.window[N + c]) > size / 2.0;
+            }
+            if (over[c]) {
+                state = draw_next(state);
+                added = (state >> 16 & 1u) != 0u ? size : -size;
+                signs[state >> 16 & 1u]++;
+                expected++;
+            }
+            TEST_ASSERT_TRUE(fabs((double)fast.window[N + c] - added) < 1e-5 * size);
+        }
+        TEST_ASSERT_EQUAL_UINT32(bounded + expected, fast.count.bounded);
+        TEST_ASSERT_EQUAL_HEX32(state, fast.random);
+    }
+    TEST_ASSERT_TRUE(signs[0] > 20u && signs[1] > 20u);
+}
+
 /* ---- the window -------------------------------------------------------------------------------------------------------- */
 
 /* Without disturbances an entry continues the window when it is within two rounding errors of what it was. */
@@ -395,6 +473,8 @@ int main(void)
     RUN_TEST(after_a_break_theta_waits_for_half_of_what_was_seen);
     RUN_TEST(a_lost_array_is_followed_or_both_start_afresh);
     RUN_TEST(regularisation_rises_and_stays);
+    RUN_TEST(a_release_starts_from_the_rho_that_was_set);
+    RUN_TEST(disturbances_are_those_of_the_header);
     RUN_TEST(the_window_knows_its_entries_to_two_roundings);
     return UNITY_END();
 }

@@ -71,6 +71,52 @@ static void a_copy_goes_on_alike(void)
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &twin, sizeof twin);
 }
 
+/* A whole read-out does not go on where slices stopped. */
+static void a_whole_read_begins_at_the_beginning(void)
+{
+    aeo_real_t whole[L * N], again[L * N];
+    start_lattice(0.99, 0, 1e6);
+    for (int k = 0; k < 200; k++) {
+        feed_lattice(1.0, 0.1);
+    }
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, whole, L * N));
+    for (int slices = 1; slices < P; slices++) {
+        for (int j = 0; j < slices; j++) {
+            TEST_ASSERT_EQUAL_INT(AEO_FILLING, aeo_lattice_read_next(&lattice, again, L * N));
+        }
+        memset(again, 0, sizeof again);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_read(&lattice, again, L * N));
+        TEST_ASSERT_EQUAL_MEMORY(whole, again, sizeof whole);
+    }
+}
+
+/* After a first window within a record, 4 n absorbed samples are learnt from and then thrown away: P is what it was at the
+ * start, weights stay. After a start from rest nothing is. */
+static void a_start_within_a_record_is_thrown_away_once(void)
+{
+    for (unsigned rest = 0; rest < 2u; rest++) {
+        start_lattice(0.99, 0, 1e6);
+        const aeo_real_t prior = lattice.factor[0];
+        if (rest == 0u) {
+            fill(lattice_z, P * M, &lattice_seed);
+        }
+        for (unsigned k = 1; k < 12u * N; k++) {
+            aeo_real_t weights[(P - 1) * M * M];
+            memcpy(weights, lattice.forward_weight, sizeof weights);
+            feed_lattice(1.0, 0.1);
+            const int thrown = rest == 0u && k == 4u * N;
+            TEST_ASSERT_EQUAL_INT(thrown, fabs((double)(lattice.factor[0] - prior)) < 1e-9 * (double)prior);
+            TEST_ASSERT_EQUAL_UINT32(rest == 0u && k < 4u * N ? 4u * N - k : 0u, lattice.learning);
+            TEST_ASSERT_TRUE(k < 20u || memcmp(weights, lattice.forward_weight, sizeof weights) != 0);
+            double size = 0.0;
+            for (size_t j = 0; j < (P - 1) * M * M; j++) {
+                size += fabs((double)lattice.forward_weight[j]);
+            }
+            TEST_ASSERT_TRUE(!thrown || size > 0.0);
+        }
+    }
+}
+
 /* A new one holds its prior, lambda for each alpha, and zeros; so does one that was reset. */
 static void a_fresh_lattice_holds_its_prior_alone(void)
 {
@@ -84,6 +130,9 @@ static void a_fresh_lattice_holds_its_prior_alone(void)
         memset(&lattice.count, 0, sizeof lattice.count); /* these and the flags stay */
         aeo_lattice_clear_health(&lattice);
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_save(&lattice, t == 0u ? fresh : again, SAVED));
+        TEST_ASSERT_EQUAL_UINT32(P, lattice.orders);
+        TEST_ASSERT_EQUAL_UINT32(0, lattice.learning | lattice.head | lattice.scan | lattice.begun | lattice.quiet);
+        TEST_ASSERT_EQUAL_UINT32(0, lattice.read_order);
         for (size_t j = 0; j < P; j++) {
             TEST_ASSERT_TRUE(fabs((double)lattice.alpha[j] - 0.875) < 1e-6);
         }
@@ -317,6 +366,8 @@ int main(void)
     RUN_TEST(slices_and_copies_read_one_sample);
     RUN_TEST(a_copy_goes_on_alike);
     RUN_TEST(a_fresh_lattice_holds_its_prior_alone);
+    RUN_TEST(a_whole_read_begins_at_the_beginning);
+    RUN_TEST(a_start_within_a_record_is_thrown_away_once);
     RUN_TEST(refused_reads_leave_theta);
     RUN_TEST(runaway_starts_afresh);
     RUN_TEST(runaway_of_blocks_that_no_target_shows_is_noticed);

@@ -210,6 +210,18 @@ static void a_step_that_fits_the_cap_is_not_cut(void)
     }
 }
 
+/* Microseconds are counted to the nearest one. */
+static void periods_are_rounded_to_whole_microseconds(void)
+{
+    aeo_stream_config_t config = make_config();
+    for (unsigned k = 20; k < 20000u; k += 1u + k / 7u) {
+        for (int part = -4; part <= 4; part++) {
+            config.sample_time_s = (aeo_real_t)(1e-6 * ((double)k + 0.1 * part));
+            TEST_ASSERT_EQUAL_UINT32(k, aeo_budget_period_us(&config));
+        }
+    }
+}
+
 /* Nine tenths of a step's frames may be health and description: 0.5 and 8.5 of ten, which are exact, and no more. */
 static void nine_tenths_of_the_frames_are_allowed(void)
 {
@@ -331,6 +343,7 @@ int main(void)
     RUN_TEST(a_snapshot_leaves_in_time);
     RUN_TEST(steps_are_those_of_the_formula);
     RUN_TEST(a_step_that_fits_the_cap_is_not_cut);
+    RUN_TEST(periods_are_rounded_to_whole_microseconds);
     RUN_TEST(nine_tenths_of_the_frames_are_allowed);
     RUN_TEST(a_description_is_counted_as_it_is_sent);
     RUN_TEST(a_period_that_does_not_fit_is_refused);

@@ -109,6 +109,30 @@ static void theta_arrives_on_can_fd(void)
     theta_arrives(1);
 }
 
+/* Snapshots count from 1 to 255 and on from 0, in every frame of theirs: a host tells two of them apart. */
+static void snapshots_are_numbered_one_by_one(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.past = 0;
+    config.parameters = 2;
+    config.repair_percent = 0;
+    start_stream(&config);
+    describe_first();
+    for (uint32_t k = 1; k < 520u; k++) {
+        const uint32_t expected[2] = {aeo_float_bits(theta[0]), aeo_float_bits(theta[1])};
+        fake.kept = 0;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, k, theta));
+        step_until_idle();
+        TEST_ASSERT_EQUAL_UINT8(k & 255u, stream.number);
+        for (unsigned i = 0; i < fake.kept; i++) {
+            const aeo_message_t m = message_at(i);
+            const int is_its = m.kind == AEO_KIND_BEGIN || m.kind == AEO_KIND_PARAMETER || m.kind == AEO_KIND_END;
+            TEST_ASSERT_TRUE(!is_its || m.tag == (k & 255u));
+        }
+        assert_snapshot(expected, 2, k);
+    }
+}
+
 /* Sizes around the edges of blocks and groups, with and without repair frames, and descriptions in between, whose turn
  * comes while repairs are prepared: the number of frames is the formula's. */
 static void frames_are_as_many_as_the_formula_says(void)
@@ -260,6 +284,7 @@ int main(void)
     RUN_TEST(theta_arrives_on_can_fd);
     RUN_TEST(frames_are_as_many_as_the_formula_says);
     RUN_TEST(order_is_a_spread_permutation);
+    RUN_TEST(snapshots_are_numbered_one_by_one);
     RUN_TEST(every_stride_is_the_nearest_that_spreads);
     RUN_TEST(repair_restores_a_lost_block);
     return UNITY_END();

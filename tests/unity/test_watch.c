@@ -277,6 +277,30 @@ static void what_a_watch_cannot_be_is_noticed(void)
         words[i] = i < 2u ? AEO_REAL(-1) : AEO_REAL(2e6);
         TEST_ASSERT_FALSE(aeo_watch_holds(&rls.watch, words, L));
     }
+    for (size_t i = 0; i < 2u; i++) { /* powers end at 1e38 */
+        memcpy(words, rls.watched, sizeof words);
+        words[i] = AEO_REAL(1e38);
+        TEST_ASSERT_TRUE(aeo_watch_holds(&rls.watch, words, L));
+        words[i] = AEO_REAL(1.001e38);
+        TEST_ASSERT_FALSE(aeo_watch_holds(&rls.watch, words, L));
+    }
+    static const struct {
+        aeo_watch_t held;
+        unsigned place;
+    } ends[] = {{{1u << 26, 2u << 26, 1u << 26, 2, 1}, 0}, /* age, moved, withheld, blocks, suspected */
+                {{7, 14, 7, 0, 0}, 1},
+                {{7, 0, 7, 0, 0}, 2},
+                {{7, 0, 0, 2, 0}, 3},
+                {{7, 0, 0, 0, 1}, 4}};
+    for (unsigned i = 0; i < 5u; i++) {
+        uint32_t numbers[5];
+        aeo_watch_t watch = ends[i].held;
+        TEST_ASSERT_TRUE(aeo_watch_holds(&watch, rls.watched, L));
+        memcpy(numbers, &watch, sizeof watch);
+        numbers[ends[i].place]++;
+        memcpy(&watch, numbers, sizeof watch);
+        TEST_ASSERT_FALSE(aeo_watch_holds(&watch, rls.watched, L));
+    }
     for (unsigned i = 0; i < 5u; i++) {
         uint32_t numbers[5] = {0, 0, 0, 0, 0};
         aeo_watch_t watch;
