@@ -189,8 +189,8 @@ aeo_status_t aeo_rls_save(const aeo_rls_t *self, aeo_real_t *saved, size_t lengt
  * filter. On failure self is unchanged. */
 aeo_status_t aeo_rls_restore(aeo_rls_t *self, const aeo_real_t *saved, size_t length);
 
-/* Return 1 when every number is finite, the factor's diagonal is above 0, every variance is at most four times its
- * bound and the sizes agree, else 0; O(n^2), for tests and debugging. A null pointer answers 0. */
+/* Return 1 when every number but scratch is finite, the factor's diagonal is above 0, every variance is at most four times
+ * its bound and the sizes agree, else 0; O(n^2), for tests and debugging. A null pointer answers 0. */
 int aeo_rls_invariants_hold(const aeo_rls_t *self);
 
 #ifdef __cplusplus

@@ -301,6 +301,56 @@ static void after_a_break_theta_waits_for_half_of_what_was_seen(void)
     }
 }
 
+/* Behind a break the arrays are those of a new filter that sees the same samples, bit for bit; theta rests, and while it does
+ * the residual is the innovation. */
+static void behind_a_break_the_arrays_are_new(void)
+{
+    static aeo_real_t own[WORDS];
+    const size_t array = AEO_FAST_RLS_ARRAY_WORDS(P, M, 0);
+    aeo_fast_rls_t fresh;
+    start(0.99);
+    feed(300);
+    fill(z, N, &seed);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fresh, &fast.config, own, WORDS));
+    for (unsigned k = 0; k < 100u; k++) {
+        const uint32_t held = fast.count.held;
+        if (k == 0u) {
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+            TEST_ASSERT_EQUAL_UINT32(1, fast.count.restarted);
+        } else {
+            feed(1);
+        }
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fresh, z, y));
+        TEST_ASSERT_EQUAL_MEMORY(fresh.array[0].forward, fast.array[0].forward, array * sizeof *z);
+        TEST_ASSERT_EQUAL_MEMORY(fresh.array[1].forward, fast.array[1].forward, array * sizeof *z);
+        TEST_ASSERT_EQUAL_MEMORY(fresh.window, fast.window, (N + M) * sizeof *z);
+        TEST_ASSERT_EQUAL_UINT32(fresh.filled, fast.filled);
+        const int same = memcmp(aeo_fast_rls_innovation(&fast), aeo_fast_rls_residual(&fast), sizeof y) == 0;
+        TEST_ASSERT_EQUAL_INT(fast.count.held > held, same);
+    }
+    TEST_ASSERT_TRUE(fast.count.held > 5u);
+}
+
+/* Theta that no scaled data have is dropped as a whole when arrays start afresh, and what they may have is kept. */
+static void theta_beyond_all_scaled_data_is_dropped(void)
+{
+    for (unsigned i = 0; i < 4u; i++) {
+        start(0.99);
+        feed(300);
+        aeo_real_t kept[N * L];
+        fast.theta[i * (N * L - 1u) / 3u] = i % 2u == 0u ? AEO_REAL(100) : AEO_REAL(-100);
+        memcpy(kept, fast.theta, sizeof kept);
+        fill(z, N, &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_EQUAL_MEMORY(kept, fast.theta, sizeof kept);
+        fast.theta[i * (N * L - 1u) / 3u] *= AEO_REAL(1.001);
+        fill(z, N, &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        memset(kept, 0, sizeof kept);
+        TEST_ASSERT_EQUAL_MEMORY(kept, fast.theta, sizeof kept);
+    }
+}
+
 /* An array that is lost gives way to its follower once that is older than a quarter of what makes it warm; else both start
  * afresh, theta waits at least until the window has passed once, and the watch holds nothing. */
 static void a_lost_array_is_followed_or_both_start_afresh(void)
@@ -471,6 +521,8 @@ int main(void)
     RUN_TEST(disagreement_is_a_mean_over_64_samples);
     RUN_TEST(blocks_of_every_size_agree_with_rls);
     RUN_TEST(after_a_break_theta_waits_for_half_of_what_was_seen);
+    RUN_TEST(behind_a_break_the_arrays_are_new);
+    RUN_TEST(theta_beyond_all_scaled_data_is_dropped);
     RUN_TEST(a_lost_array_is_followed_or_both_start_afresh);
     RUN_TEST(regularisation_rises_and_stays);
     RUN_TEST(a_release_starts_from_the_rho_that_was_set);

@@ -169,6 +169,24 @@ static void what_a_lattice_follows_leaves_its_innovation(void)
     TEST_ASSERT_TRUE(followed > 50u && followed < 350u);
 }
 
+/* The gate is off at 0: z = 0 brings no news, and P is forgotten all the same. */
+static void without_a_gate_nothing_is_withheld(void)
+{
+    static aeo_real_t memory[AEO_RLS_WORDS(3, 1)];
+    static const aeo_real_t nothing[3];
+    const aeo_rls_config_t config = {3, 1, AEO_REAL(0.5), AEO_REAL(1), AEO_REAL(0), AEO_REAL(1e5)};
+    aeo_rls_t rls;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &config, memory, sizeof memory / sizeof *memory));
+    for (unsigned k = 1; k < 10u; k++) {
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, nothing, nothing));
+        for (size_t i = 0; i < 3u; i++) {
+            TEST_ASSERT_TRUE(fabs((double)aeo_strips_norm2(rls.factor, 3, i) / pow(2.0, k) - 1.0) < 1e-4);
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, rls.count.withheld);
+    TEST_ASSERT_EQUAL_HEX32(0, aeo_rls_health(&rls));
+}
+
 /* With z = 0 and lambda = 1/2 a variance doubles to the bit: at growth_max / rho it stays, beyond it is quartered. */
 static void variances_at_the_bound_are_left_alone(void)
 {
@@ -511,6 +529,7 @@ int main(void)
     RUN_TEST(bounded_variances_are_those_of_a_full_covariance);
     RUN_TEST(quiet_samples_are_absorbed_without_forgetting);
     RUN_TEST(what_a_lattice_follows_leaves_its_innovation);
+    RUN_TEST(without_a_gate_nothing_is_withheld);
     RUN_TEST(variances_at_the_bound_are_left_alone);
     RUN_TEST(all_variances_are_checked_before_any_doubles);
     RUN_TEST(a_fall_back_clears_the_columns_of_e_alone);

@@ -71,6 +71,27 @@ static void a_copy_goes_on_alike(void)
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &twin, sizeof twin);
 }
 
+/* A window is new when any of its older entries is not the one kept, and then what is kept is all of it. */
+static void each_older_entry_tells_a_new_window(void)
+{
+    for (size_t j = 0; j < (P - 1) * M; j++) {
+        start_lattice(0.99, 0, 1e6);
+        for (unsigned k = 0; k < 30u; k++) {
+            feed_lattice(1.0, 0.1);
+        }
+        TEST_ASSERT_EQUAL_UINT32(0, lattice.count.restarted);
+        draw_lattice_sample(1.0, 0.1);
+        lattice_z[j] += AEO_REAL(0.5);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_lattice_update(&lattice, lattice_z, lattice_y));
+        TEST_ASSERT_EQUAL_UINT32(1, lattice.count.restarted);
+        TEST_ASSERT_EQUAL_MEMORY(lattice_z, lattice.window, P * M * sizeof *lattice_z);
+        for (unsigned k = 0; k < 10u; k++) {
+            feed_lattice(1.0, 0.1);
+        }
+        TEST_ASSERT_EQUAL_UINT32(1, lattice.count.restarted);
+    }
+}
+
 /* A whole read-out does not go on where slices stopped. */
 static void a_whole_read_begins_at_the_beginning(void)
 {
@@ -180,9 +201,12 @@ static void runaway_starts_afresh(void)
         feed_lattice(1.0, 0.01);
         TEST_ASSERT_EQUAL_UINT32(AEO_LATTICE_REINITIALISED, aeo_lattice_health(&lattice));
         TEST_ASSERT_EQUAL_UINT32(1, lattice.count.reinitialised);
+        TEST_ASSERT_EQUAL_UINT32(4u * N - 1u, lattice.learning); /* it began within a record */
+        TEST_ASSERT_EQUAL_MEMORY(lattice_z, lattice.window, P * M * sizeof *lattice_z);
         for (int k = 0; k < 2000; k++) {
             feed_lattice(1.0, 0.01);
         }
+        TEST_ASSERT_EQUAL_UINT32(0, lattice.count.restarted);
         TEST_ASSERT_TRUE(distance_from_lattice_model() < 0.01);
     }
 }
@@ -366,6 +390,7 @@ int main(void)
     RUN_TEST(slices_and_copies_read_one_sample);
     RUN_TEST(a_copy_goes_on_alike);
     RUN_TEST(a_fresh_lattice_holds_its_prior_alone);
+    RUN_TEST(each_older_entry_tells_a_new_window);
     RUN_TEST(a_whole_read_begins_at_the_beginning);
     RUN_TEST(a_start_within_a_record_is_thrown_away_once);
     RUN_TEST(refused_reads_leave_theta);

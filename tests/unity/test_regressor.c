@@ -319,6 +319,67 @@ static void bad_settings_are_refused(void)
     TEST_ASSERT_EQUAL_MEMORY(&before, &regressor, sizeof before);
 }
 
+/* A range with one end at 0 is a range; both at 0 are none. */
+static void a_range_may_begin_or_end_at_zero(void)
+{
+    static aeo_real_t own[64];
+    aeo_channel_t table[1] = {{.scale = AEO_REAL(1)}};
+    const aeo_regressor_config_t config = {.outputs = 1, .past = 1, .period_us = 10, .channels = table};
+    static const double ends[4][2] = {{0, 5}, {-5, 0}, {0, 0}, {-5, 5}};
+    static const double values[4] = {-6, -4, 4, 6};
+    for (unsigned i = 0; i < 4u; i++) {
+        table[0].minimum = (aeo_real_t)ends[i][0];
+        table[0].maximum = (aeo_real_t)ends[i][1];
+        for (unsigned j = 0; j < 4u; j++) {
+            const aeo_real_t now = (aeo_real_t)values[j];
+            const int inside = i == 2u || (values[j] >= ends[i][0] && values[j] <= ends[i][1]);
+            aeo_regressor_t one;
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&one, &config, own, 64));
+            TEST_ASSERT_EQUAL_INT(inside ? AEO_FILLING : AEO_E_RANGE, aeo_regressor_push(&one, NULL, &now, 10));
+        }
+    }
+}
+
+/* What no window can be: each number one beyond its end. */
+static void windows_that_cannot_be_are_noticed(void)
+{
+    static aeo_real_t own[256];
+    const aeo_regressor_config_t config = {
+        .inputs = 2, .outputs = 1, .past = 3, .model_set = AEO_VARMAX, .feedthrough = 2, .period_us = 10};
+    aeo_regressor_t good, bad;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&good, &config, own, 256));
+    good.filled = 3;
+    good.pending = 1;
+    TEST_ASSERT_TRUE(aeo_regressor_invariants_hold(&good));
+    for (unsigned i = 0; i < 11u; i++) {
+        bad = good;
+        bad.filled = (uint16_t)(bad.filled + (i == 0u));
+        bad.pending = (uint8_t)(bad.pending + (i == 1u));
+        bad.period_us = i == 2u ? 0u : bad.period_us;
+        bad.model_set = (uint8_t)(bad.model_set + (i == 3u));
+        bad.block_length = (uint16_t)(bad.block_length + (i == 4u));
+        bad.length = (uint16_t)(bad.length + (i == 5u));
+        bad.feedthrough |= i == 6u ? 1u : 0u;
+        const aeo_real_t kept[4] = {own[0], own[good.length - 1u], good.block[0], good.block[3]};
+        own[0] = i == 7u ? AEO_REAL(1.001e6) : own[0];
+        own[good.length - 1u] = i == 8u ? AEO_REAL(-1.001e6) : own[good.length - 1u];
+        good.block[0] = i == 9u ? AEO_REAL(1.001e6) : good.block[0];
+        good.block[3] = i == 10u ? AEO_REAL(-1.001e6) : good.block[3];
+        TEST_ASSERT_FALSE(aeo_regressor_invariants_hold(&bad));
+        own[0] = kept[0];
+        own[good.length - 1u] = kept[1];
+        good.block[0] = kept[2];
+        good.block[3] = kept[3];
+    }
+    for (size_t i = 0; i < 12u; i++) { /* four tables of three channels */
+        const aeo_real_t kept = good.offset[i];
+        good.offset[i] = make_not_finite((int)(i % 4u));
+        TEST_ASSERT_FALSE(aeo_regressor_invariants_hold(&good));
+        good.offset[i] = kept;
+    }
+    TEST_ASSERT_TRUE(aeo_regressor_invariants_hold(&good));
+}
+
 static void innovation_is_judged(void)
 {
     aeo_regressor_config_t config = make_config(1, 2, 2);
@@ -358,6 +419,8 @@ int main(void)
     RUN_TEST(reset_is_fresh);
     RUN_TEST(words_short_are_refused);
     RUN_TEST(bad_settings_are_refused);
+    RUN_TEST(a_range_may_begin_or_end_at_zero);
+    RUN_TEST(windows_that_cannot_be_are_noticed);
     RUN_TEST(innovation_is_judged);
     return UNITY_END();
 }

@@ -48,7 +48,7 @@ static void texts_arrive_up_to_their_longest(void)
         aeo_channel_t own[CHANNELS];
         aeo_stream_config_t config = make_config();
         char name[CHANNELS][64] = {{0}}, unit[CHANNELS][64] = {{0}};
-        uint32_t last = 0;
+        uint32_t last = 0, crc = UINT32_C(0xFFFFFFFF);
         memcpy(own, channels, sizeof own);
         own[1].name = own[CHANNELS - 1].name = own[0].unit = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
         config.channels = own;
@@ -62,6 +62,10 @@ static void texts_arrive_up_to_their_longest(void)
             TEST_ASSERT_EQUAL_INT(AEO_KIND_DESCRIPTION, m.kind);
             TEST_ASSERT_TRUE(order > last);
             last = order;
+            if (i > 0u) { /* the first carries the hash of all that follow */
+                crc = aeo_frame_crc32(crc, (uint32_t)m.tag | ((uint32_t)m.index << 16));
+                crc = aeo_frame_crc32(crc, m.value[0]);
+            }
             for (unsigned c = 0; c < 4u && m.tag >= AEO_ITEM_NAME; c++) {
                 char *const to = m.tag == AEO_ITEM_NAME ? name[channel] : unit[channel];
                 TEST_ASSERT_TRUE(channel < CHANNELS && 4u * part + c < 63u);
@@ -76,6 +80,7 @@ static void texts_arrive_up_to_their_longest(void)
             (void)strncpy(expected, own[c].unit != NULL ? own[c].unit : "", 16);
             TEST_ASSERT_EQUAL_STRING(expected, unit[c]);
         }
+        TEST_ASSERT_EQUAL_HEX32(~crc, message_at(0).value[0]);
         TEST_ASSERT_EQUAL_UINT32(fake.kept, stream.counters.sent); /* and then nothing is due */
         TEST_ASSERT_EQUAL_INT(0, aeo_stream_pending(&stream));
     }
