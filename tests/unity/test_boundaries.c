@@ -143,6 +143,11 @@ static void variances_end_at_ten_to_the_ten(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_rls(&rls_config));
     rls_config.regularisation = AEO_REAL(0.99999e-4);
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
+    rls_config.growth_max = AEO_REAL(9765625) / AEO_REAL(1024); /* 1e10 to the bit */
+    rls_config.regularisation = AEO_REAL(1) / AEO_REAL(1048576);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_rls(&rls_config));
+    rls_config.growth_max = next_to(rls_config.growth_max, 1);
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_rls(&rls_config));
 }
 
 /* lambda^p >= 1/1000 and lambda^(p-1) >= 1e-6, by halves: exact. */
@@ -184,8 +189,31 @@ static void sizes_end_where_the_headers_say(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
     fast_config.block = AEO_FAST_RLS_BLOCK_MAX + 1;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.past = AEO_FAST_RLS_REGRESSORS_MAX;
+    fast_config.block = 1;
+    fast_config.forgetting = AEO_REAL(1);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    fast_config.past = AEO_FAST_RLS_REGRESSORS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.past = AEO_FAST_RLS_REGRESSORS_MAX; /* with a present input one too many */
+    fast_config.feedthrough = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    lattice_config.past = AEO_LATTICE_REGRESSORS_MAX;
+    lattice_config.block = 1;
+    lattice_config.forgetting = AEO_REAL(1);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    lattice_config.present = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
+    lattice_config.present = 0;
+    lattice_config.past = AEO_LATTICE_REGRESSORS_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
     lattice_config.past = 1;
     lattice_config.block = AEO_LATTICE_BLOCK_MAX;
+    lattice_config.present = AEO_LATTICE_BLOCK_MAX;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
+    lattice_config.present = AEO_LATTICE_BLOCK_MAX + 1;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
+    lattice_config.present = 0;
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_lattice(&lattice_config));
     lattice_config.block = AEO_LATTICE_BLOCK_MAX + 1;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_lattice(&lattice_config));
@@ -272,6 +300,39 @@ static void masks_end_where_the_inputs_do(void)
         if (r < 32u) {
             config.feedthrough = UINT32_C(1) << r;
             TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, &config, memory, WORDS));
+        }
+    }
+}
+
+/* A block waits or not, and the window is filled only where one does, at most with all of its blocks. */
+static void numbers_of_saved_regressors_end_where_they_can(void)
+{
+    enum { LENGTH = AEO_REGRESSOR_SAVED_WORDS(1, 1, 3, 0) };
+    static aeo_real_t saved[LENGTH];
+    const aeo_regressor_config_t config = {.inputs = 1, .outputs = 1, .past = 3, .period_us = 1000};
+    aeo_regressor_t regressor;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &config, memory, WORDS));
+    for (unsigned pending = 0; pending < 3u; pending++) {
+        for (unsigned filled = 0; filled < 7u; filled++) {
+            regressor.pending = (uint8_t)pending;
+            regressor.filled = (uint16_t)filled;
+            const int can_be = pending < 2u && filled <= 3u * pending;
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, saved, LENGTH));
+            TEST_ASSERT_EQUAL_INT(can_be ? AEO_OK : AEO_E_DAMAGED, aeo_regressor_restore(&regressor, saved, LENGTH));
+        }
+    }
+    regressor.pending = 1;
+    regressor.filled = 3;
+    aeo_real_t *const places[] = {regressor.z, regressor.z + 5, regressor.block, regressor.block + 1};
+    for (unsigned i = 0; i < 4u; i++) {
+        for (int sign = -1; sign < 2; sign += 2) {
+            *places[i] = (aeo_real_t)sign * AEO_REAL(1e6);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, saved, LENGTH));
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_restore(&regressor, saved, LENGTH));
+            *places[i] = next_to(*places[i], sign > 0);
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_save(&regressor, saved, LENGTH));
+            TEST_ASSERT_EQUAL_INT(AEO_E_DAMAGED, aeo_regressor_restore(&regressor, saved, LENGTH));
+            *places[i] = AEO_REAL(0);
         }
     }
 }
@@ -638,6 +699,7 @@ int main(void)
     RUN_TEST(sizes_end_where_the_headers_say);
     RUN_TEST(starts_of_els_end_where_the_header_says);
     RUN_TEST(windows_end_where_the_header_says);
+    RUN_TEST(numbers_of_saved_regressors_end_where_they_can);
     RUN_TEST(a_reset_window_is_saved_like_a_new_one);
     RUN_TEST(streams_end_where_the_header_says);
     RUN_TEST(a_reset_stream_has_no_flags);

@@ -125,6 +125,23 @@ static void a_given_varx_is_started_from(void)
     TEST_ASSERT_EQUAL_MEMORY(&before, &els, sizeof els);
 }
 
+/* A start needs blocks to start from: one will do. */
+static void a_start_needs_blocks(void)
+{
+    static const aeo_real_t theta[3];
+    static aeo_real_t own[AEO_ELS_WORDS(3, 1)];
+    aeo_els_config_t config = make_els_config(2);
+    config.regressors = 3;
+    config.outputs = 1;
+    config.varx_samples = 0;
+    config.guard_ratio = AEO_REAL(0);
+    for (uint16_t past = 0; past < 2u; past++) {
+        config.past = past;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &config, own, sizeof own / sizeof *own));
+        TEST_ASSERT_EQUAL_INT(past == 0u ? AEO_E_ARG : AEO_OK, aeo_els_start(&els, theta));
+    }
+}
+
 static void runaway_starts_from_varx(void)
 {
     const aeo_els_config_t config = make_els_config(2);
@@ -294,6 +311,7 @@ int main(void)
     RUN_TEST(a_step_is_push_update_and_feedback);
     RUN_TEST(a_regressor_that_does_not_fit_is_refused);
     RUN_TEST(a_given_varx_is_started_from);
+    RUN_TEST(a_start_needs_blocks);
     RUN_TEST(runaway_starts_from_varx);
     RUN_TEST(save_and_restore_go_on_in_every_phase);
     RUN_TEST(restore_names_what_is_wrong);

@@ -394,6 +394,38 @@ static void a_lost_array_is_followed_or_both_start_afresh(void)
     }
 }
 
+/* In a short memory the follower begins when the first array has lived its life, and takes over once it is warm. */
+static void a_follower_begins_when_a_life_ends(void)
+{
+    start(0.9);
+    TEST_ASSERT_TRUE(fast.life > 20u && fast.life < 1000u);
+    for (unsigned k = 1; k < fast.life + fast.warm; k++) {
+        feed(1);
+        const uint32_t first = k, follower = k >= fast.life ? k - fast.life + 1u : 0u;
+        if (follower >= fast.warm) {
+            TEST_ASSERT_EQUAL_UINT32(1, fast.count.renewed);
+            TEST_ASSERT_EQUAL_UINT32(1, fast.active);
+            TEST_ASSERT_EQUAL_UINT32(0, fast.array[0].age);
+            break;
+        }
+        TEST_ASSERT_EQUAL_UINT32(first, fast.array[0].age);
+        TEST_ASSERT_EQUAL_UINT32(follower, fast.array[1].age);
+        TEST_ASSERT_EQUAL_UINT32(0, fast.count.renewed);
+    }
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.renewed);
+}
+
+/* A theta that ran away is forgotten with all else, and what is told of that sample is what a new filter says: y. */
+static void behind_a_runaway_the_innovation_is_the_output(void)
+{
+    start(0.99);
+    feed(100);
+    fast.theta[3] = AEO_REAL(1e20);
+    feed(1);
+    TEST_ASSERT_EQUAL_UINT32(1, fast.count.reinitialised);
+    TEST_ASSERT_EQUAL_MEMORY(y, aeo_fast_rls_innovation(&fast), sizeof y);
+}
+
 /* rho rises by 16 for each array lost, to 65536 times what was set, and no further. */
 static void regularisation_rises_and_stays(void)
 {
@@ -524,6 +556,8 @@ int main(void)
     RUN_TEST(behind_a_break_the_arrays_are_new);
     RUN_TEST(theta_beyond_all_scaled_data_is_dropped);
     RUN_TEST(a_lost_array_is_followed_or_both_start_afresh);
+    RUN_TEST(a_follower_begins_when_a_life_ends);
+    RUN_TEST(behind_a_runaway_the_innovation_is_the_output);
     RUN_TEST(regularisation_rises_and_stays);
     RUN_TEST(a_release_starts_from_the_rho_that_was_set);
     RUN_TEST(disturbances_are_those_of_the_header);

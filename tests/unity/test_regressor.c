@@ -371,6 +371,11 @@ static void windows_that_cannot_be_are_noticed(void)
         good.block[0] = kept[2];
         good.block[3] = kept[3];
     }
+    bad = good; /* a third model set, whose sizes agree */
+    bad.model_set = 2;
+    bad.block_length = 5;
+    bad.length = 3 * 5 + 1;
+    TEST_ASSERT_FALSE(aeo_regressor_invariants_hold(&bad));
     for (size_t i = 0; i < 12u; i++) { /* four tables of three channels */
         const aeo_real_t kept = good.offset[i];
         good.offset[i] = make_not_finite((int)(i % 4u));

@@ -91,6 +91,7 @@ static void theta_arrives(uint8_t fd)
     }
     TEST_ASSERT_EQUAL_HEX32_ARRAY(odd, expected, 6);
     TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 70000, theta));
+    TEST_ASSERT_EQUAL_UINT32(0, stream.counters.busy);
     memset(theta, 0, sizeof theta); /* the filter goes on: the copy must not move */
     TEST_ASSERT_EQUAL_INT(AEO_E_BUSY, aeo_stream_snapshot(&stream, 70001, theta));
     TEST_ASSERT_EQUAL_UINT32(1, stream.counters.busy);
@@ -236,6 +237,19 @@ static void every_stride_is_the_nearest_that_spreads(void)
         aeo_spread_choose(&spread, count, 10);
         TEST_ASSERT_EQUAL_UINT32(find_stride(count), spread.stride);
         TEST_ASSERT_TRUE(count < 16u || is_spread(count, spread.stride));
+        TEST_ASSERT_EQUAL_UINT32((count + 255u) / 256u, spread.groups);
+        TEST_ASSERT_EQUAL_UINT32(count / 10u + 8u * spread.groups, spread.repairs);
+    }
+}
+
+/* A repair's number has 16 bits: 65535 at most, which 63543 blocks with a repair for each reach. */
+static void repairs_end_at_what_their_number_holds(void)
+{
+    for (uint32_t count = 63500; count < 63600u; count++) {
+        const uint32_t all = count + 8u * ((count + 255u) / 256u);
+        aeo_spread_t spread;
+        aeo_spread_choose(&spread, count, 100);
+        TEST_ASSERT_EQUAL_UINT32(all < 65535u ? all : 65535u, spread.repairs);
     }
 }
 
@@ -286,6 +300,7 @@ int main(void)
     RUN_TEST(order_is_a_spread_permutation);
     RUN_TEST(snapshots_are_numbered_one_by_one);
     RUN_TEST(every_stride_is_the_nearest_that_spreads);
+    RUN_TEST(repairs_end_at_what_their_number_holds);
     RUN_TEST(repair_restores_a_lost_block);
     return UNITY_END();
 }

@@ -179,6 +179,46 @@ static void els_shows_the_guard_what_is_left_without_e(void)
     TEST_ASSERT_TRUE(cut > 10u && large > 5u);
 }
 
+/* Each output's residual is cut at its own limit before it is fed back. */
+static void each_output_has_its_own_limit(void)
+{
+    enum { ORDER = 9, OUT = 3 };
+    static aeo_real_t memory[AEO_ELS_WORDS(ORDER, OUT)];
+    const aeo_els_config_t config = {.regressors = ORDER,
+                                     .outputs = OUT,
+                                     .past = 1,
+                                     .varx_samples = 20,
+                                     .forgetting = AEO_REAL(1),
+                                     .forgetting_start = AEO_REAL(1),
+                                     .regularisation = AEO_REAL(1),
+                                     .growth_max = AEO_REAL(100),
+                                     .guard_ratio = AEO_REAL(100)};
+    aeo_els_t els;
+    unsigned cut[OUT] = {0, 0, 0};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &config, memory, sizeof memory / sizeof *memory));
+    for (unsigned k = 1; k < 1200u; k++) {
+        aeo_real_t z[ORDER], y[OUT];
+        fill(z, ORDER, &seed);
+        for (unsigned i = 0; i < OUT; i++) { /* of three sizes, now and then an outlier of one of them */
+            const double size = pow(10.0, -1.0 * i) * (k > 100u && k % 120u == 40u * i ? 1000.0 : 1.0);
+            y[i] = (aeo_real_t)(size * draw(&seed));
+        }
+        const uint32_t fell_back = els.count.fell_back;
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_update(&els, z, y));
+        if (els.count.fell_back > fell_back || els.since <= els.wait) {
+            continue;
+        }
+        for (unsigned i = 0; i < OUT; i++) {
+            const double limit = (double)aeo_guard_limit(els.levels + i * AEO_GUARD_WORDS);
+            const double rest = (double)aeo_els_residual(&els)[i];
+            near(fmax(-limit, fmin(limit, rest)), aeo_els_feedback(&els)[i]);
+            cut[i] += fabs(rest) > limit;
+        }
+    }
+    TEST_ASSERT_TRUE(cut[0] > 3u && cut[1] > 3u && cut[2] > 3u);
+    TEST_ASSERT_EQUAL_UINT32(cut[0] + cut[1] + cut[2], els.count.limited);
+}
+
 /* Levels are powers: none below 0, none above what two amplitudes of a million have. */
 static void levels_that_no_guard_has_are_noticed(void)
 {
@@ -331,6 +371,7 @@ int main(void)
     RUN_TEST(arrays_live_as_long_as_was_measured);
     RUN_TEST(the_guard_is_its_rule);
     RUN_TEST(els_shows_the_guard_what_is_left_without_e);
+    RUN_TEST(each_output_has_its_own_limit);
     RUN_TEST(levels_that_no_guard_has_are_noticed);
     RUN_TEST(a_given_start_forgets_the_fall_backs);
     RUN_TEST(the_watch_is_its_rule);

@@ -394,6 +394,11 @@ static void law_memory_is_the_formula(void)
             TEST_ASSERT_EQUAL_MEMORY(&untouched, &first, sizeof first);
             make_samples(size);
             start(&first, first_memory, size, 0.9, 1.0);
+            TEST_ASSERT_TRUE(filter->invariants_hold(&first));
+            for (size_t i = 0; i < l; i++) { /* zeros before the first update */
+                TEST_ASSERT_TRUE(fabs((double)filter->innovation(&first)[i]) < 1e-30);
+                TEST_ASSERT_TRUE(fabs((double)filter->residual(&first)[i]) < 1e-30);
+            }
             feed(&first, size, 0, 40);
             TEST_ASSERT_TRUE(filter->invariants_hold(&first));
             TEST_ASSERT_TRUE(aeo_linalg_all_finite(filter->theta(&first), l * count_regressors(size)));
