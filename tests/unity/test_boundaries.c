@@ -189,6 +189,12 @@ static void sizes_end_where_the_headers_say(void)
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
     fast_config.block = AEO_FAST_RLS_BLOCK_MAX + 1;
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.block = 32; /* every bit of the mask has its entry */
+    fast_config.feedthrough = UINT32_C(0x80000000);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
+    fast_config.block = 31;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_fast(&fast_config));
+    fast_config.feedthrough = 0;
     fast_config.past = AEO_FAST_RLS_REGRESSORS_MAX;
     fast_config.block = 1;
     fast_config.forgetting = AEO_REAL(1);
@@ -569,22 +575,50 @@ static void saved_windows_end_where_their_proof_does(void)
 {
     enum { LENGTH = AEO_FAST_RLS_SAVED_WORDS(4, 3, 0, 2) };
     static aeo_real_t saved[LENGTH];
-    enum { PLACES = 26, M_BLOCK = 3, N_ALL = 4 * M_BLOCK, TRIANGLE = M_BLOCK * (M_BLOCK + 1) / 2, WEIGHTS = M_BLOCK * N_ALL };
-    static const double held[PLACES] = {1e12, -1e12, 1.1e6, 1.1e6, 1e6,  -1e6,  1e33, -1e33, 1e30, -1e30, 2e12, -2e12, 2e20,
-                                        1,    2e20,  2e20,  1e-30, 1e-30, 1e-30, 1e30, 1e30, 1e6,   1e33, 1e33,  0,    0};
+    enum {
+        PLACES = 26,
+        M_BLOCK = 3,
+        N_ALL = 4 * M_BLOCK,
+        TRIANGLE = M_BLOCK * (M_BLOCK + 1) / 2,
+        WEIGHTS = M_BLOCK * N_ALL
+    };
+    static const double held[PLACES] = {1e12,  -1e12, 1.1e6, 1.1e6, 1e6,  -1e6, 1e33, -1e33, 1e30,
+                                        -1e30, 2e12,  -2e12, 2e20,  1,    2e20, 2e20, 1e-30, 1e-30,
+                                        1e-30, 1e30,  1e30,  1e6,   1e33, 1e33, 0,    0};
     for (unsigned place = 0; place < PLACES; place++) {
         describe_all();
         TEST_ASSERT_EQUAL_INT(AEO_OK, init_fast(&fast_config));
         const aeo_fast_rls_array_t *const one = &filter.fast.array[0], *const two = &filter.fast.array[1];
-        aeo_real_t *const words_held[PLACES] = {
-            filter.fast.innovation, filter.fast.innovation + 1, filter.fast.window, filter.fast.window + 14,
-            one->factor + 1,        two->factor + TRIANGLE - 2, one->energy,        two->energy + 8,
-            one->forward,           two->backward + WEIGHTS - 1, one->gain,         two->gain + N_ALL - 1,
-            one->scalar,            two->scalar,                 one->scalar + 1,   two->scalar + 2,
-            one->factor,            two->factor + M_BLOCK,       two->factor + TRIANGLE - 1, two->forward,
-            one->forward + WEIGHTS - 1, one->factor + TRIANGLE - 1, one->energy + 8, two->energy,
-            one->scalar + 1,        two->scalar + 2};
-        const double wrong = place == 13u ? 0.999 : place >= 24u ? -1e-20 : place >= 16u && place < 19u ? 0.0 : 1.001 * held[place];
+        aeo_real_t *const words_held[PLACES] = {filter.fast.innovation,
+                                                filter.fast.innovation + 1,
+                                                filter.fast.window,
+                                                filter.fast.window + 14,
+                                                one->factor + 1,
+                                                two->factor + TRIANGLE - 2,
+                                                one->energy,
+                                                two->energy + 8,
+                                                one->forward,
+                                                two->backward + WEIGHTS - 1,
+                                                one->gain,
+                                                two->gain + N_ALL - 1,
+                                                one->scalar,
+                                                two->scalar,
+                                                one->scalar + 1,
+                                                two->scalar + 2,
+                                                one->factor,
+                                                two->factor + M_BLOCK,
+                                                two->factor + TRIANGLE - 1,
+                                                two->forward,
+                                                one->forward + WEIGHTS - 1,
+                                                one->factor + TRIANGLE - 1,
+                                                one->energy + 8,
+                                                two->energy,
+                                                one->scalar + 1,
+                                                two->scalar + 2};
+        const double wrong = place == 13u                  ? 0.999
+                             : place >= 24u                ? -1e-20
+                             : place >= 16u && place < 19u ? 0.0
+                                                           : 1.001 * held[place];
         *words_held[place] = (aeo_real_t)held[place];
         TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&filter.fast));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_save(&filter.fast, saved, LENGTH));

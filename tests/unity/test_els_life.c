@@ -128,7 +128,7 @@ static void a_given_varx_is_started_from(void)
 /* A start needs blocks to start from: one will do. */
 static void a_start_needs_blocks(void)
 {
-    static const aeo_real_t theta[3];
+    static const aeo_real_t theta[3] = {AEO_REAL(1), AEO_REAL(2), AEO_REAL(3)};
     static aeo_real_t own[AEO_ELS_WORDS(3, 1)];
     aeo_els_config_t config = make_els_config(2);
     config.regressors = 3;
@@ -140,6 +140,29 @@ static void a_start_needs_blocks(void)
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &config, own, sizeof own / sizeof *own));
         TEST_ASSERT_EQUAL_INT(past == 0u ? AEO_E_ARG : AEO_OK, aeo_els_start(&els, theta));
     }
+    const aeo_real_t expected[3] = {theta[0], theta[1], AEO_REAL(0)}; /* the column of e begins at 0 */
+    TEST_ASSERT_EQUAL_MEMORY(expected, aeo_els_theta(&els), sizeof expected);
+}
+
+/* Without blocks no entry of z is an e: none is missed. */
+static void without_blocks_no_feedback_is_missed(void)
+{
+    static aeo_real_t own[AEO_ELS_WORDS(3, 1)];
+    aeo_els_config_t config = make_els_config(2);
+    config.regressors = 3;
+    config.outputs = 1;
+    config.past = 0;
+    config.varx_samples = 0;
+    config.guard_ratio = AEO_REAL(0);
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_init(&els, &config, own, sizeof own / sizeof *own));
+    for (unsigned k = 0; k < 50u; k++) {
+        aeo_real_t z[3], y[1];
+        fill(z, 3, &seed);
+        fill(y, 1, &seed);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_update(&els, z, y));
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, els.count.unfed);
+    TEST_ASSERT_EQUAL_HEX32(0, aeo_els_health(&els) & AEO_ELS_UNFED);
 }
 
 static void runaway_starts_from_varx(void)
@@ -312,6 +335,7 @@ int main(void)
     RUN_TEST(a_regressor_that_does_not_fit_is_refused);
     RUN_TEST(a_given_varx_is_started_from);
     RUN_TEST(a_start_needs_blocks);
+    RUN_TEST(without_blocks_no_feedback_is_missed);
     RUN_TEST(runaway_starts_from_varx);
     RUN_TEST(save_and_restore_go_on_in_every_phase);
     RUN_TEST(restore_names_what_is_wrong);

@@ -202,7 +202,8 @@ static void each_sample_follows_the_equations(void)
                 near(&expected.news, &found.news, 1, part);
                 near(&expected.size, &found.size, 1, part);
                 /* a difference of errors that are alike: its own rounding is all there is of it after the start */
-                TEST_ASSERT_TRUE(fabs(expected.apart - found.apart) <= 1e-3 * expected.apart + part * expected.size / 64.0);
+                TEST_ASSERT_TRUE(fabs(expected.apart - found.apart) <=
+                                 1e-3 * expected.apart + part * expected.size / 64.0);
                 TEST_ASSERT_EQUAL_UINT32(expected.age, found.age);
             }
         }
@@ -245,12 +246,16 @@ static void blocks_of_every_size_agree_with_rls(void)
                                               .forgetting = AEO_REAL(1),
                                               .regularisation = AEO_REAL(1),
                                               .growth_max = AEO_REAL(100)};
-        const aeo_rls_config_t plain = {config.block,  config.outputs, AEO_REAL(1),
-                                        AEO_REAL(1), AEO_REAL(0), AEO_REAL(100)};
+        const aeo_rls_config_t plain = {config.block, config.outputs, AEO_REAL(1),
+                                        AEO_REAL(1),  AEO_REAL(0),    AEO_REAL(100)};
         aeo_rls_t rls;
         aeo_real_t block[MOST], told[OUTPUTS];
         double expected[MOST * OUTPUTS];
+        for (size_t i = 0; i < sizeof own / sizeof *own; i++) { /* memory may hold anything before */
+            own[i] = make_not_finite(0);
+        }
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, own, sizeof own / sizeof *own));
+        TEST_ASSERT_TRUE(aeo_fast_rls_invariants_hold(&fast));
         TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &plain, other, sizeof other / sizeof *other));
         memset(block, 0, sizeof block);
         for (unsigned k = 0; k < 200u; k++) {
@@ -266,7 +271,47 @@ static void blocks_of_every_size_agree_with_rls(void)
         }
         TEST_ASSERT_TRUE(relative_distance(aeo_fast_rls_theta(&fast), expected, m * config.outputs) <
                          (sizeof(aeo_real_t) == 4 ? 1e-3 : 1e-9));
+        TEST_ASSERT_EQUAL_UINT32(0, fast.count.reinitialised); /* as what lies behind its memory, read, would make it */
     }
+}
+
+/* A mask has 32 bits, a block up to 96 entries: those above bit 31 are in no mask. */
+static void masks_of_wide_blocks_agree_with_rls(void)
+{
+    enum { WIDE = 35, TAIL = 2, ALL = WIDE + TAIL };
+    static aeo_real_t own[AEO_FAST_RLS_WORDS(1, WIDE, TAIL, 1)], other[AEO_RLS_WORDS(ALL, 1)];
+    static const unsigned marked[2] = {1, 31};
+    const aeo_fast_rls_config_t config = {.past = 1,
+                                          .block = WIDE,
+                                          .outputs = 1,
+                                          .feedthrough = UINT32_C(0x80000002),
+                                          .forgetting = AEO_REAL(1),
+                                          .regularisation = AEO_REAL(1),
+                                          .growth_max = AEO_REAL(100)};
+    const aeo_rls_config_t plain = {ALL, 1, AEO_REAL(1), AEO_REAL(1), AEO_REAL(0), AEO_REAL(100)};
+    aeo_rls_t rls;
+    aeo_real_t window[ALL], block[WIDE], told[1];
+    double expected[ALL];
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&fast, &config, own, sizeof own / sizeof *own));
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_init(&rls, &plain, other, sizeof other / sizeof *other));
+    memset(window, 0, sizeof window);
+    for (unsigned k = 0; k < 400u; k++) {
+        fill(block, WIDE, &seed);
+        for (unsigned i = 0; i < TAIL; i++) {
+            window[WIDE + i] = block[marked[i]];
+        }
+        told[0] =
+            window[0] - window[32] + window[34] / AEO_REAL(2) + window[WIDE + 1] + (aeo_real_t)(0.1 * draw(&seed));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, window, told));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_rls_update(&rls, window, told));
+        memcpy(window, block, sizeof block);
+    }
+    for (size_t i = 0; i < ALL; i++) {
+        expected[i] = (double)aeo_rls_theta(&rls)[i];
+    }
+    TEST_ASSERT_EQUAL_UINT32(0, fast.count.restarted + fast.count.reinitialised);
+    TEST_ASSERT_TRUE(relative_distance(aeo_fast_rls_theta(&fast), expected, ALL) <
+                     (sizeof(aeo_real_t) == 4 ? 1e-3 : 1e-9));
 }
 
 /* ---- succession -------------------------------------------------------------------------------------------------------- */
@@ -552,6 +597,7 @@ int main(void)
     RUN_TEST(each_sample_follows_the_equations);
     RUN_TEST(disagreement_is_a_mean_over_64_samples);
     RUN_TEST(blocks_of_every_size_agree_with_rls);
+    RUN_TEST(masks_of_wide_blocks_agree_with_rls);
     RUN_TEST(after_a_break_theta_waits_for_half_of_what_was_seen);
     RUN_TEST(behind_a_break_the_arrays_are_new);
     RUN_TEST(theta_beyond_all_scaled_data_is_dropped);

@@ -133,7 +133,8 @@ static void quiet_samples_are_absorbed_without_forgetting(void)
         TEST_ASSERT_TRUE(fabs(news - 1.25) < 1e-4 || quiet == (news < 1.25)); /* (1 - lambda) n */
         const double weight = quiet ? 1.0 : dense.lambda;
         absorb_densely(&dense, z, (double)y, weight);
-        for (size_t i = 0; i < ORDER * ORDER && rls.count.released > released; i++) { /* the watch has let P start anew */
+        for (size_t i = 0; i < ORDER * ORDER && rls.count.released > released;
+             i++) { /* the watch has let P start anew */
             dense.p[i / ORDER][i % ORDER] = i / ORDER == i % ORDER ? 2.0 : 0.0;
         }
         const double scale = (double)AEO_REAL_EPSILON * 1e5;
@@ -158,7 +159,8 @@ static void what_a_lattice_follows_leaves_its_innovation(void)
         feed_lattice(k % 100u < 50u ? 1.0 : 0.02, 0.1);
         const int quiet = lattice.count.withheld > withheld;
         for (unsigned i = 0; i < L; i++) {
-            const double e = (double)aeo_lattice_innovation(&lattice)[i], rest = (double)aeo_lattice_residual(&lattice)[i];
+            const double e = (double)aeo_lattice_innovation(&lattice)[i],
+                         rest = (double)aeo_lattice_residual(&lattice)[i];
             const double left = quiet ? 1.0 : 0.95 / (double)lattice.news;
             if (!lattice.following || quiet) {
                 TEST_ASSERT_TRUE(fabs(rest - e * left) <= 1e-5 * fabs(e));

@@ -248,6 +248,31 @@ static void foreign_frames_are_left_alone(void)
     TEST_ASSERT_EQUAL_MEMORY(&untouched, &back, sizeof back);
 }
 
+/* A node beyond the last one is nobody's, though its frame is sound: nodes end at 3, 15 and 253. */
+static void nodes_end_where_the_layout_says(void)
+{
+    static const aeo_address_t last[] = {{0x40, 3, 0}, {0x500, 15, 0}, {AEO_FRAME_BASE_EXTENDED, 253, 1}};
+    for (unsigned i = 0; i < 3u; i++) {
+        const aeo_message_t message = {AEO_KIND_HEALTH, 1, 2, 1, {3}};
+        aeo_address_t address = last[i];
+        aeo_can_frame_t frame;
+        aeo_message_t found;
+        uint8_t node = 0;
+        address.extended |= AEO_ADDRESS_FORCED; /* the base may be another's by the standards */
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&address, &message, &frame));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&address, &frame, &found, &node));
+        TEST_ASSERT_EQUAL_UINT8(last[i].node, node);
+        if (i == 2u) {  /* in the others the next node is the next kind's first */
+            frame.id++; /* the check leaves the node out */
+            TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&address, &frame, &found, &node));
+            frame.id++;
+            TEST_ASSERT_EQUAL_INT(AEO_E_MISMATCH, aeo_frame_unpack(&address, &frame, &found, &node));
+        }
+        address.node++;
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_frame_pack(&address, &message, &frame));
+    }
+}
+
 static void bad_arguments(void)
 {
     const aeo_message_t good = make_message(AEO_KIND_END, 1);
@@ -327,6 +352,7 @@ int main(void)
     RUN_TEST(three_wrong_bits_are_seen);
     RUN_TEST(wrong_bits_of_can_fd_are_seen);
     RUN_TEST(foreign_frames_are_left_alone);
+    RUN_TEST(nodes_end_where_the_layout_says);
     RUN_TEST(bad_arguments);
     RUN_TEST(random_bytes_rarely_pass);
     return UNITY_END();

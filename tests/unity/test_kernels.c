@@ -13,7 +13,8 @@
 enum { MOST = 40, ROWS = 9, GUARD = 4 };
 
 static uint64_t seed;
-static aeo_real_t a[ROWS * MOST + GUARD], b[MOST + GUARD], c[MOST + GUARD], d[ROWS + GUARD], before[ROWS * MOST + GUARD];
+static aeo_real_t a[ROWS * MOST + GUARD], b[MOST + GUARD], c[MOST + GUARD], d[ROWS + GUARD],
+    before[ROWS * MOST + GUARD];
 
 /* What lies behind an array is large, so that one word too many shows. */
 static void fill_guarded(aeo_real_t *x, size_t count, size_t room)

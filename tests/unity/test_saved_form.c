@@ -122,10 +122,9 @@ static void put_rls(const aeo_rls_t *of)
     put((double)of->config.excitation_min);
     put((double)of->config.growth_max);
     put_numbers(&of->health, 1);
-    const uint32_t numbers[] = {of->count.updates,  of->count.rejected,      of->count.withheld,
-                                of->count.bounded,  of->count.reinitialised, of->count.released,
-                                of->scan_row,       of->watch.age,           of->watch.moved,
-                                of->watch.withheld, of->watch.blocks,        of->watch.suspected};
+    const uint32_t numbers[] = {of->count.updates,       of->count.rejected, of->count.withheld, of->count.bounded,
+                                of->count.reinitialised, of->count.released, of->scan_row,       of->watch.age,
+                                of->watch.moved,         of->watch.withheld, of->watch.blocks,   of->watch.suspected};
     put_numbers(numbers, 12);
     put_words(of->factor, AEO_RLS_FACTOR_WORDS(n));
     put_words(of->theta, n * l);
@@ -284,9 +283,10 @@ static void the_lattice_is_written_as_its_header_says(void)
     put((double)lattice.config.growth_max);
     put_numbers(&lattice.health, 1);
     put_numbers(&lattice.count.updates, 7);
-    const uint32_t numbers[] = {lattice.orders,         lattice.learning,    lattice.head,         lattice.scan,
-                                lattice.begun,          lattice.quiet,       lattice.watch.age,    lattice.watch.moved,
-                                lattice.watch.withheld, lattice.watch.blocks, lattice.watch.suspected};
+    const uint32_t numbers[] = {lattice.orders,       lattice.learning,       lattice.head,
+                                lattice.scan,         lattice.begun,          lattice.quiet,
+                                lattice.watch.age,    lattice.watch.moved,    lattice.watch.withheld,
+                                lattice.watch.blocks, lattice.watch.suspected};
     put_numbers(numbers, 11);
     put_words(lattice.factor, AEO_LATTICE_STATE(3, 4, 2, 2));
     put_seal(0);

@@ -50,7 +50,8 @@ static void texts_arrive_up_to_their_longest(void)
         char name[CHANNELS][64] = {{0}}, unit[CHANNELS][64] = {{0}};
         uint32_t last = 0, crc = UINT32_C(0xFFFFFFFF);
         memcpy(own, channels, sizeof own);
-        own[1].name = own[CHANNELS - 1].name = own[0].unit = own[CHANNELS - 1].unit = text + (sizeof text - 1u - length);
+        own[1].name = own[CHANNELS - 1].name = own[0].unit = own[CHANNELS - 1].unit =
+            text + (sizeof text - 1u - length);
         config.channels = own;
         set_up_bus();
         start_stream(&config);
@@ -135,6 +136,43 @@ static void health_tells_index_and_counters(void)
     TEST_ASSERT_EQUAL_UINT(15, indices); /* every second of 30 */
 }
 
+/* What was earned before a reset is not spent after it. */
+static void a_reset_stream_has_no_credit(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 100000;
+    config.burst = 16;
+    start_stream(&config);
+    for (unsigned k = 0; k < 3000u; k++) {
+        (void)aeo_stream_step(&stream);
+    }
+    const unsigned longest = (unsigned)stream.longest_us;
+    TEST_ASSERT_TRUE(stream.credit_us > (int32_t)(8u * longest));
+    aeo_stream_reset(&stream);
+    TEST_ASSERT_EQUAL_INT32(0, stream.credit_us);
+    TEST_ASSERT_EQUAL_INT((int)(stream.period_us / longest < 16u ? stream.period_us / longest : 16u),
+                          aeo_stream_step(&stream));
+}
+
+/* A frame may take a microsecond: steps of twenty send twenty frames, not a burst. */
+static void the_shortest_frames_are_paced_too(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 160000000;
+    config.sample_time_s = AEO_REAL(2e-5);
+    config.burst = 255;
+    config.sample_every = 0;
+    config.repair_percent = 100;
+    start_stream(&config);
+    TEST_ASSERT_EQUAL_INT32(1, stream.frame_us);
+    describe_first();
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_stream_snapshot(&stream, 0, theta));
+    stream.credit_us = 0;
+    for (unsigned k = 0; k < 10u; k++) {
+        TEST_ASSERT_EQUAL_INT(20, aeo_stream_step(&stream));
+    }
+}
+
 static void farewell_says_stopped(void)
 {
     const aeo_stream_config_t config = make_config();
@@ -187,6 +225,8 @@ int main(void)
     RUN_TEST(texts_arrive_up_to_their_longest);
     RUN_TEST(health_takes_turns_from_the_index_on);
     RUN_TEST(health_tells_index_and_counters);
+    RUN_TEST(a_reset_stream_has_no_credit);
+    RUN_TEST(the_shortest_frames_are_paced_too);
     RUN_TEST(farewell_says_stopped);
     RUN_TEST(reset_is_fresh);
     return UNITY_END();

@@ -320,8 +320,10 @@ static void the_watch_is_its_rule(void)
             const unsigned part = (k / 1000u + run / 4u) % 6u;
             const double amplitude = part == 1u ? 1e-4 : part == 2u ? 30.0 : 0.5;
             const int withheld = part == 3u ? 2 : part == 4u ? (int)(k % 3u) : 0;
-            const double rare = run >= 16u && k % (4u + 5u * (run % 13u)) != 0u ? 0.0 : 1.0; /* few steps pass their level */
-            const aeo_real_t y[L] = {(aeo_real_t)(rare * amplitude * draw(&seed)), (aeo_real_t)(rare * 0.1 * draw(&seed))};
+            const double rare =
+                run >= 16u && k % (4u + 5u * (run % 13u)) != 0u ? 0.0 : 1.0; /* few steps pass their level */
+            const aeo_real_t y[L] = {(aeo_real_t)(rare * amplitude * draw(&seed)),
+                                     (aeo_real_t)(rare * 0.1 * draw(&seed))};
             const double power = (double)(aeo_real_t)(part == 5u && k % 1000u < 100u ? 1e6 : amplitude * amplitude);
             const int right = watch_in_double(&at, y, power, lambda, withheld);
             const int told = aeo_watch_take(&self, words, L, y, (aeo_real_t)power, (aeo_real_t)lambda, withheld);
