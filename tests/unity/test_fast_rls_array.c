@@ -280,11 +280,11 @@ static void masks_of_wide_blocks_agree_with_rls(void)
 {
     enum { WIDE = 35, TAIL = 2, ALL = WIDE + TAIL };
     static aeo_real_t own[AEO_FAST_RLS_WORDS(1, WIDE, TAIL, 1)], other[AEO_RLS_WORDS(ALL, 1)];
-    static const unsigned marked[2] = {1, 31};
+    static const unsigned marked[2] = {0, 31};
     const aeo_fast_rls_config_t config = {.past = 1,
                                           .block = WIDE,
                                           .outputs = 1,
-                                          .feedthrough = UINT32_C(0x80000002),
+                                          .feedthrough = UINT32_C(0x80000001),
                                           .forgetting = AEO_REAL(1),
                                           .regularisation = AEO_REAL(1),
                                           .growth_max = AEO_REAL(100)};
