@@ -178,6 +178,30 @@ static void runaway_starts_from_varx(void)
     TEST_ASSERT_EQUAL_UINT32(400, els.wait);
 }
 
+/* A theta that no scaled data have is dropped to the last bit when the guard falls back; what they may have is kept. */
+static void a_fall_back_drops_what_no_data_have(void)
+{
+    const aeo_els_config_t config = make_els_config(2);
+    for (unsigned wild = 0; wild < 2u; wild++) {
+        reset_bench();
+        set_plant(0.5, 1, 0.3);
+        start(&config);
+        run(1000);
+        TEST_ASSERT_EQUAL_UINT32(0, els.count.fell_back);
+        for (unsigned k = 0; k < 500u && els.count.fell_back == 0u; k++) {
+            els.rls.theta[0] = wild != 0u ? AEO_REAL(1e6) : AEO_REAL(60);
+            run(1);
+        }
+        TEST_ASSERT_EQUAL_UINT32(1, els.count.fell_back);
+        const size_t count = (size_t)config.regressors * config.outputs;
+        double size = 0.0;
+        for (size_t i = 0; i < count; i++) {
+            size += fabs((double)els.rls.theta[i]);
+        }
+        TEST_ASSERT_TRUE(wild != 0u ? size < 1e-45 : size > 1.0);
+    }
+}
+
 static void save_and_restore_go_on_in_every_phase(void)
 {
     static aeo_real_t other_memory[WORDS];
@@ -337,6 +361,7 @@ int main(void)
     RUN_TEST(a_start_needs_blocks);
     RUN_TEST(without_blocks_no_feedback_is_missed);
     RUN_TEST(runaway_starts_from_varx);
+    RUN_TEST(a_fall_back_drops_what_no_data_have);
     RUN_TEST(save_and_restore_go_on_in_every_phase);
     RUN_TEST(restore_names_what_is_wrong);
     RUN_TEST(settings_out_of_range_are_refused);

@@ -148,9 +148,16 @@ static void words_are_those_of_the_macros(void)
                 TEST_ASSERT_EQUAL_size_t(expected[m], aeo_estimator_words(method[m], &config));
                 TEST_ASSERT_EQUAL_INT(AEO_E_MEMORY,
                                       aeo_estimator_init(&one, method[m], &config, memory, expected[m] - 1u));
-                memory[expected[m]] = AEO_REAL(7);
-                TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, memory, expected[m]));
-                TEST_ASSERT_TRUE(memory[expected[m]] >= AEO_REAL(7)); /* the word behind is nobody's */
+                aeo_real_t *const own = memory + WORDS / 2;
+                TEST_ASSERT_TRUE(expected[m] < WORDS / 2);
+                memset(memory, 0x55, sizeof memory);
+                TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_estimator_init(&one, method[m], &config, own, expected[m]));
+                (void)aeo_estimator_theta(&one);
+                for (size_t i = 0; i < sizeof memory; i++) { /* what lies before and behind is nobody's */
+                    const size_t word = i / sizeof *memory;
+                    const int is_its = word >= WORDS / 2 && word < WORDS / 2 + expected[m];
+                    TEST_ASSERT_TRUE(is_its || ((const unsigned char *)memory)[i] == 0x55u);
+                }
                 TEST_ASSERT_EQUAL_size_t(kept[m], aeo_estimator_saved_words(&one));
             }
         }

@@ -591,6 +591,23 @@ static void the_window_knows_its_entries_to_two_roundings(void)
     }
 }
 
+/* With forgetting, an entry may differ by two disturbances, one each way, and no more. */
+static void the_window_knows_its_entries_to_two_disturbances(void)
+{
+    for (unsigned tenths = 18; tenths < 30u; tenths += 2u) {
+        start(0.9);
+        memset(z, 0, sizeof z);
+        memset(y, 0, sizeof y);
+        for (unsigned k = 0; k < 10u; k++) {
+            TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        }
+        TEST_ASSERT_EQUAL_UINT32(0, fast.count.restarted + fast.count.bounded);
+        z[0] = fast.disturbance * (aeo_real_t)tenths / AEO_REAL(10) + (tenths == 20u ? AEO_REAL(-1e-9) : AEO_REAL(0));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_update(&fast, z, y));
+        TEST_ASSERT_EQUAL_UINT32(tenths > 20u, fast.count.restarted);
+    }
+}
+
 int main(void)
 {
     UNITY_BEGIN();
@@ -608,5 +625,6 @@ int main(void)
     RUN_TEST(a_release_starts_from_the_rho_that_was_set);
     RUN_TEST(disturbances_are_those_of_the_header);
     RUN_TEST(the_window_knows_its_entries_to_two_roundings);
+    RUN_TEST(the_window_knows_its_entries_to_two_disturbances);
     return UNITY_END();
 }

@@ -2,6 +2,7 @@
 #include "budget.h"
 #include "fake_bus.h"
 #include "samples.h"
+#include "stream_send.h"
 #include "unity.h"
 
 #include <math.h>
@@ -260,6 +261,19 @@ static void a_step_that_fits_the_cap_is_not_cut(void)
     }
 }
 
+/* A frame's time is rounded up, also where it is a whole number and a little more: 160 bits, and 53333333 of them a second. */
+static void times_of_frames_are_rounded_up(void)
+{
+    aeo_stream_config_t config = make_config();
+    static const uint32_t rates[] = {1000, 53333333, 159999999, 160000000, 160000001, 80000000, 79999999, 7, 125000};
+    for (unsigned i = 0; i < sizeof rates / sizeof *rates; i++) {
+        config.bits_per_s = rates[i];
+        TEST_ASSERT_EQUAL_UINT32((uint32_t)cost_us(&config, 8), aeo_stream_cost_us(&config, 8));
+    }
+    config.bits_per_s = 0;
+    TEST_ASSERT_EQUAL_UINT32(0, aeo_stream_cost_us(&config, 8));
+}
+
 /* Microseconds are counted to the nearest one. */
 static void periods_are_rounded_to_whole_microseconds(void)
 {
@@ -394,6 +408,7 @@ int main(void)
     RUN_TEST(steps_are_those_of_the_formula);
     RUN_TEST(steps_of_any_channels_are_those_of_the_formula);
     RUN_TEST(a_step_that_fits_the_cap_is_not_cut);
+    RUN_TEST(times_of_frames_are_rounded_up);
     RUN_TEST(periods_are_rounded_to_whole_microseconds);
     RUN_TEST(nine_tenths_of_the_frames_are_allowed);
     RUN_TEST(a_description_is_counted_as_it_is_sent);

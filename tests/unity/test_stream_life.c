@@ -50,6 +50,7 @@ static void texts_arrive_up_to_their_longest(void)
         char name[CHANNELS][64] = {{0}}, unit[CHANNELS][64] = {{0}};
         uint32_t last = 0, crc = UINT32_C(0xFFFFFFFF);
         memcpy(own, channels, sizeof own);
+        own[0].offset = AEO_REAL(-3.5);
         own[1].name = own[CHANNELS - 1].name = own[0].unit = own[CHANNELS - 1].unit =
             text + (sizeof text - 1u - length);
         config.channels = own;
@@ -72,6 +73,13 @@ static void texts_arrive_up_to_their_longest(void)
                 TEST_ASSERT_TRUE(channel < CHANNELS && 4u * part + c < 63u);
                 to[4u * part + c] = (char)(m.value[0] >> (8u * c) & 255u);
             }
+        }
+        for (unsigned i = 7; i < 7u + 2u * CHANNELS; i++) { /* every offset, then every scale */
+            const aeo_message_t m = message_at(i);
+            const unsigned c = (i - 7u) % CHANNELS;
+            TEST_ASSERT_EQUAL_UINT8(i < 7u + CHANNELS ? AEO_ITEM_OFFSET : AEO_ITEM_SCALE, m.tag);
+            TEST_ASSERT_EQUAL_UINT16(c, m.index);
+            TEST_ASSERT_EQUAL_HEX32(aeo_float_bits(i < 7u + CHANNELS ? own[c].offset : own[c].scale), m.value[0]);
         }
         for (unsigned c = 0; c < CHANNELS; c++) {
             char expected[64] = {0};

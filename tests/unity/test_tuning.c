@@ -363,6 +363,8 @@ static void levels_that_no_watch_has_are_noticed(void)
             TEST_ASSERT_TRUE(aeo_watch_holds(&self, words, L));
             words[2u + i] = (aeo_real_t)bad[j];
             TEST_ASSERT_FALSE(aeo_watch_holds(&self, words, L));
+            words[2u + i] = AEO_REAL(1e-12) / AEO_REAL(4); /* no step leads there: the floor is left by less */
+            TEST_ASSERT_FALSE(aeo_watch_holds(&self, words, L));
         }
     }
 }
