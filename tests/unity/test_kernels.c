@@ -241,6 +241,7 @@ static void triangles_of_every_order_absorb_a_measurement(void)
         for (size_t i = 0; i < n; i++) {
             for (size_t j = 0; j <= i; j++) {
                 near(i == j ? 0.5 : 0.0, (aeo_real_t)full(s, n, i, j), 0.0);
+                TEST_ASSERT_TRUE(i == j || fabs(full(s, n, i, j)) < 1e-38);
             }
         }
         untouched(s, words, TRIANGLE + GUARD);
