@@ -4,6 +4,7 @@
 #include "aeolid/lattice.h"
 #include "aeolid/rls.h"
 #include "fake_bus.h"
+#include "samples.h"
 #include "saved.h"
 #include "unity.h"
 
@@ -287,6 +288,11 @@ static void windows_end_where_the_header_says(void)
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 2, 1, 341));
     TEST_ASSERT_EQUAL_INT(AEO_OK, init_window(1, 1, 0, 1, 1024)); /* the largest of all */
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 0, 1, 1025));
+    aeo_regressor_t regressor;
+    aeo_regressor_config_t moving = {.outputs = 1, .past = 512, .model_set = AEO_VARMAX, .period_us = 1};
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_regressor_init(&regressor, &moving, memory, WORDS)); /* 2 512 with the e */
+    moving.past = 513;
+    TEST_ASSERT_EQUAL_INT(AEO_E_ARG, aeo_regressor_init(&regressor, &moving, memory, WORDS));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(0, 1, 1, 1, 1));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 1, 0, 1));
     TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_window(1, 1, 1, 1, 0));
@@ -400,6 +406,25 @@ static void streams_end_where_the_header_says(void)
         config.sample_time_s = periods[up];
         TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
         config.sample_time_s = next_to(periods[up], up);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+    }
+}
+
+/* Each channel is judged, the first and the last of all, its offset and its scale. */
+static void every_channel_of_a_stream_is_judged(void)
+{
+    aeo_channel_t own[CHANNELS];
+    aeo_stream_config_t config = make_config();
+    config.channels = own;
+    for (unsigned i = 0; i < CHANNELS; i++) {
+        memcpy(own, channels, sizeof own);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, init_stream(&config));
+        own[i].offset = make_not_finite((int)(i % 4u));
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+        own[i].offset = AEO_REAL(0);
+        own[i].scale = AEO_REAL(0);
+        TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
+        own[i].scale = make_not_finite(2);
         TEST_ASSERT_EQUAL_INT(AEO_E_ARG, init_stream(&config));
     }
 }
@@ -736,6 +761,7 @@ int main(void)
     RUN_TEST(numbers_of_saved_regressors_end_where_they_can);
     RUN_TEST(a_reset_window_is_saved_like_a_new_one);
     RUN_TEST(streams_end_where_the_header_says);
+    RUN_TEST(every_channel_of_a_stream_is_judged);
     RUN_TEST(a_reset_stream_has_no_flags);
     RUN_TEST(a_seal_counts_an_even_number_of_channels);
     RUN_TEST(els_remembers_one_miss_at_most);

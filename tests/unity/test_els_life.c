@@ -144,6 +144,41 @@ static void a_start_needs_blocks(void)
     TEST_ASSERT_EQUAL_MEMORY(expected, aeo_els_theta(&els), sizeof expected);
 }
 
+/* The first sample behind a start may hold no e: that is one miss, and no two running. */
+static void one_miss_behind_a_start_is_no_complaint(void)
+{
+    const aeo_els_config_t config = make_els_config(2);
+    set_plant(0.5, 1, 0.3);
+    start(&config);
+    TEST_ASSERT_EQUAL_UINT32(0, els.missed);
+    run(1000);
+    els.missed = 1;
+    TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_els_start(&els, aeo_els_theta(&els)));
+    TEST_ASSERT_EQUAL_UINT32(0, els.missed);
+    els.missed = 1;
+    aeo_els_reset(&els);
+    TEST_ASSERT_EQUAL_UINT32(0, els.missed);
+}
+
+/* A run of sixteen waits was sound: the next start is as long as the first. One sample less, and it is twice the last. */
+static void a_run_of_sixteen_waits_was_sound(void)
+{
+    const aeo_els_config_t config = make_els_config(2);
+    for (uint32_t less = 0; less < 2u; less++) {
+        reset_bench();
+        set_plant(0.5, 1, 0.3);
+        start(&config);
+        run(1000);
+        els.backoff = 2;
+        els.wait = config.varx_samples << 2;
+        els.since = 17u * els.wait - 1u - less;
+        els.rls.theta[1] = AEO_REAL(1e20); /* as a flipped bit would */
+        run(1);
+        TEST_ASSERT_EQUAL_UINT32(1, els.count.fell_back);
+        TEST_ASSERT_EQUAL_UINT32(less == 0u ? 0u : 3u, els.backoff);
+    }
+}
+
 /* Without blocks no entry of z is an e: none is missed. */
 static void without_blocks_no_feedback_is_missed(void)
 {
@@ -359,6 +394,8 @@ int main(void)
     RUN_TEST(a_regressor_that_does_not_fit_is_refused);
     RUN_TEST(a_given_varx_is_started_from);
     RUN_TEST(a_start_needs_blocks);
+    RUN_TEST(one_miss_behind_a_start_is_no_complaint);
+    RUN_TEST(a_run_of_sixteen_waits_was_sound);
     RUN_TEST(without_blocks_no_feedback_is_missed);
     RUN_TEST(runaway_starts_from_varx);
     RUN_TEST(a_fall_back_drops_what_no_data_have);

@@ -249,6 +249,28 @@ static void foreign_frames_are_left_alone(void)
 }
 
 /* A node beyond the last one is nobody's, though its frame is sound: nodes end at 3, 15 and 253. */
+/* Values that a frame does not have are left as they were. */
+static void unpacking_writes_no_further_value(void)
+{
+    for (unsigned count = 1; count <= AEO_FRAME_VALUES_MAX; count++) {
+        struct {
+            aeo_message_t message;
+            uint32_t behind;
+        } found;
+        aeo_message_t sent = make_message(AEO_KIND_SAMPLE_FD, (uint8_t)count);
+        aeo_can_frame_t frame;
+        uint8_t node;
+        sent.count = (uint8_t)count;
+        memset(&found, 0x5A, sizeof found);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_pack(&extended, &sent, &frame));
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_frame_unpack(&extended, &frame, &found.message, &node));
+        for (unsigned i = count; i < AEO_FRAME_VALUES_MAX; i++) {
+            TEST_ASSERT_EQUAL_HEX32(0x5A5A5A5Au, found.message.value[i]);
+        }
+        TEST_ASSERT_EQUAL_HEX32(0x5A5A5A5Au, found.behind);
+    }
+}
+
 static void nodes_end_where_the_layout_says(void)
 {
     static const aeo_address_t last[] = {{0x40, 3, 0}, {0x500, 15, 0}, {AEO_FRAME_BASE_EXTENDED, 253, 1}};
@@ -352,6 +374,7 @@ int main(void)
     RUN_TEST(three_wrong_bits_are_seen);
     RUN_TEST(wrong_bits_of_can_fd_are_seen);
     RUN_TEST(foreign_frames_are_left_alone);
+    RUN_TEST(unpacking_writes_no_further_value);
     RUN_TEST(nodes_end_where_the_layout_says);
     RUN_TEST(bad_arguments);
     RUN_TEST(random_bytes_rarely_pass);

@@ -240,6 +240,7 @@ static void the_estimator_refuses_nulls(void)
     REFUSED(aeo_estimator_restore(NULL, out, WORDS));
     REFUSED(aeo_estimator_restore(&estimator, NULL, WORDS));
     aeo_estimator_reset(NULL);
+    TEST_ASSERT_EQUAL_size_t(0, aeo_estimator_regressors(NULL));
     TEST_ASSERT_NULL(aeo_estimator_theta(NULL));
 }
 

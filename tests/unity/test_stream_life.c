@@ -162,6 +162,21 @@ static void a_reset_stream_has_no_credit(void)
                           aeo_stream_step(&stream));
 }
 
+/* A clock that stood still for a quarter of an hour and more is no debt: a burst may leave, as after any silence. */
+static void a_long_silence_earns_a_burst(void)
+{
+    aeo_stream_config_t config = make_config();
+    config.bits_per_s = 100000;
+    config.burst = 4;
+    port.time_us = read_clock;
+    start_stream(&config);
+    stream.credit_us = 0;
+    fake.now_us += 1000000001u;
+    TEST_ASSERT_EQUAL_INT(4, aeo_stream_step(&stream));
+    fake.now_us += 10u;
+    TEST_ASSERT_EQUAL_INT(0, aeo_stream_step(&stream));
+}
+
 /* A frame may take a microsecond: steps of twenty send twenty frames, not a burst. */
 static void the_shortest_frames_are_paced_too(void)
 {
@@ -234,6 +249,7 @@ int main(void)
     RUN_TEST(health_takes_turns_from_the_index_on);
     RUN_TEST(health_tells_index_and_counters);
     RUN_TEST(a_reset_stream_has_no_credit);
+    RUN_TEST(a_long_silence_earns_a_burst);
     RUN_TEST(the_shortest_frames_are_paced_too);
     RUN_TEST(farewell_says_stopped);
     RUN_TEST(reset_is_fresh);

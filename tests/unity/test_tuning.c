@@ -59,6 +59,26 @@ static void arrays_live_as_long_as_was_measured(void)
     }
 }
 
+/* Where nothing is forgotten an array is warm after fifty samples a regressor, and lives on. */
+static void without_forgetting_arrays_warm_up_for_fifty_samples_each(void)
+{
+    static aeo_real_t memory[4000];
+    aeo_fast_rls_t filter;
+    for (uint16_t past = 1; past < 8u; past++) {
+        const aeo_fast_rls_config_t config = {.past = past,
+                                              .block = 3,
+                                              .outputs = 1,
+                                              .forgetting = AEO_REAL(1),
+                                              .regularisation = AEO_REAL(1),
+                                              .growth_max = AEO_REAL(100)};
+        memset(&filter, 0x55, sizeof filter);
+        TEST_ASSERT_EQUAL_INT(AEO_OK, aeo_fast_rls_init(&filter, &config, memory, 4000));
+        TEST_ASSERT_EQUAL_UINT32(50u * 3u * past, filter.warm);
+        TEST_ASSERT_EQUAL_UINT32(4u * 3u * past, filter.wait);
+        TEST_ASSERT_EQUAL_HEX32(UINT32_MAX, filter.life);
+    }
+}
+
 /* ---- els: the guard ------------------------------------------------------------------------------------------------ */
 
 typedef struct {
@@ -373,6 +393,7 @@ int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(arrays_live_as_long_as_was_measured);
+    RUN_TEST(without_forgetting_arrays_warm_up_for_fifty_samples_each);
     RUN_TEST(the_guard_is_its_rule);
     RUN_TEST(els_shows_the_guard_what_is_left_without_e);
     RUN_TEST(each_output_has_its_own_limit);
