@@ -195,9 +195,10 @@ def grown(moved: Mapping[str, float]) -> Standing | None:
     names = sorted(_IN_PLANE, key=lambda e: e != kinds[most])
     said = (
         f"{most} is foretold {np.sqrt(inside[most]):.2g} times worse than it need be, and what moves out of the rotor's"
-        " plane as well as ever: in that plane a mode is missing or another"
+        " plane as well as ever: "
     )
-    words_of = {k.entry: f"{said}, {k.words}" for k in KINDS if k.entry in names}
+    modes = {k.entry: f"{k.words} is missing or another" for k in KINDS if k.entry in names}
+    words_of = {e: modes[e] if k else said + modes[e] for k, e in enumerate(names)}
     return Standing(tuple(names), dict.fromkeys(names, f"output:{most}"), {}, words_of, own=True)
 
 
