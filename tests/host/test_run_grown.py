@@ -36,7 +36,6 @@ def test_other_blades_spoil_all_that_moves_out_of_the_plane(moved: dict[str, flo
     [
         (of(2.39, 1.06, 1.32, 1.04, 1.06, 1.03), "drivetrain_torsion"),
         (of(2.24, 1.31, 3.43, 1.54, 1.34, 1.17), "tower_side_side"),
-        ({"generator_speed": 1.99, "tower_acc_fore_aft": 1.04}, "drivetrain_torsion"),
         ({"edge_moment_sine": 2.0, "generator_speed": 1.4, "flap_moment_sine": 1.1}, "blade_edge"),
     ],
 )
@@ -55,6 +54,7 @@ def test_a_mode_in_the_plane_spoils_what_moves_there_alone(moved: dict[str, floa
         of(1.09, 1.07, 1.44, 1.11, 1.66, 1.19),  # a tower's shadow
         of(1.0, 1.0, 1.0, 1.0, 1.0, 1.0),
         {"generator_speed": 2.5},  # nothing out of the plane was recorded
+        {"rotor_speed": 1.78, "tower_acc_fore_aft": 1.19},  # a late pitch drive again: no blades tell
         {"platform_pitch": 3.0, "tower_acc_fore_aft": 1.0},
     ],
 )

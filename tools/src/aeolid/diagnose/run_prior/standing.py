@@ -173,12 +173,13 @@ def grown(moved: Mapping[str, float]) -> Standing | None:
 
     moved: growth of the errors by output. Blades that bend otherwise spoil all motions out of the rotor's plane, the
     blades' common one more than the tower's, and the cyclic ones; a mode of tower, shaft or blades in that plane spoils
-    the speed or the sideways motion and hardly any other.
+    the speed or the sideways motion and hardly any other. Without flapwise moments nothing is told: a late pitch drive
+    spoils the speed, too, and the tower little.
     """
     kinds = {n: next((k.entry for k in KINDS if re.search(k.pattern, n.lower())), "") for n in moved}
     inside = {n: v for n, v in moved.items() if kinds[n] in _IN_PLANE}
     outside = {n: v for n, v in moved.items() if kinds[n] in ("tower_fore_aft", "blade_flap")}
-    if not outside:
+    if "blade_flap" not in (kinds[n] for n in outside):
         return None
     if (common := _bent(kinds, outside)) is not None:
         least, most_grown = (np.sqrt(f(outside.values())) for f in (min, max))
