@@ -5,8 +5,9 @@
     python tests/studies/campbell_openfast.py hold CAMPBELL.json FOLDER FOLDER …
 
 `linearise` lets the NREL 5 MW turbine of ../shared/openfast come to its periodic steady state at one wind without
-controller (constant torque, in N m on the generator; the pitch is trimmed to the rotor's speed), quasi-steady airfoils
-and a frozen wake, and keeps its .lin files of several azimuths; some ten minutes of a core. `modes` brings the states
+controller (constant torque, in N m on the generator; the pitch is trimmed to the rotor's speed) and with a frozen wake,
+and keeps its .lin files of several azimuths; some ten minutes of a core. Lift comes late as in the simulated turbine,
+by the model that has a linear form (UA_Mod 4), or at once (--airfoils steady). `modes` brings the states
 of the blades into the frame that does not turn, averages over the azimuths and lists the modes: with x = T(ψ) z and
 x' = A x, z' = T⁻¹(A T − Ω dT/dψ) z (Bir 2008). `hold` compares, each recording with the linearisation of its wind.
 """
@@ -32,6 +33,7 @@ from aeolid.models.exchange.openfast import read_lin
 from aeolid.models.multiblade import blade_angles
 
 SIMULATOR = Path(__file__).resolve().parents[2].parent / "shared" / "openfast"
+AIRFOILS = {"unsteady": 4, "steady": 0}  # UA_Mod
 AZIMUTHS, GAIN = 6, 2e-4  # of the trim; a larger one runs away below 15 m/s
 Modes = list[tuple[float, float, str]]  # Hz, damping, what moves most
 
@@ -45,7 +47,7 @@ def load_kit(folder: Path) -> ModuleType:
     return kit
 
 
-def linearise(out: Path, wind: float, rpm: float, pitch: float, torque: float) -> None:
+def linearise(out: Path, wind: float, rpm: float, pitch: float, torque: float, airfoils: str) -> None:
     """Run one linearisation; the .lin files are in `out`."""
     kit = load_kit(SIMULATOR)
     programs = kit.prepare()
@@ -62,7 +64,7 @@ def linearise(out: Path, wind: float, rpm: float, pitch: float, torque: float) -
                           "TTDspFA": 0.35},
         "ServoDyn.dat": {"PCMode": 0, "VSContrl": 1, "VS_RtGnSp": 1.0, "VS_RtTq": torque, "VS_Rgn2K": 1e-3,
                          "VS_SlPc": 1.0, "HSSBrMode": 0, "YCMode": 0},
-        "AeroDyn.dat": {"UA_Mod": 0, "DBEMT_Mod": -1},
+        "AeroDyn.dat": {"UA_Mod": AIRFOILS[airfoils], "DBEMT_Mod": -1},
     }  # fmt: skip
     for name, values in settings.items():
         for key, value in values.items():
@@ -131,6 +133,7 @@ def main(arguments: list[str] | None = None) -> int:
     one.add_argument("folder", type=Path)
     for name in ("--wind", "--rpm", "--pitch", "--torque"):
         one.add_argument(name, type=float, required=True)
+    one.add_argument("--airfoils", choices=AIRFOILS, default="unsteady")
     parts.add_parser("modes").add_argument("folder", type=Path)
     held = parts.add_parser("hold")
     held.add_argument("campbell", type=Path)
@@ -140,7 +143,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not (SIMULATOR / "run.py").is_file():
             print(f"{SIMULATOR}: no simulator here", file=sys.stderr)
             return 2
-        linearise(options.folder, options.wind, options.rpm, options.pitch, options.torque)
+        linearise(options.folder, options.wind, options.rpm, options.pitch, options.torque, options.airfoils)
     elif options.part == "modes":
         wind, rotor, found = modes_of(options.folder)
         print(f"{wind:g} m/s, rotor {rotor:.4f} Hz")
