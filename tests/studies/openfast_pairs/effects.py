@@ -87,7 +87,7 @@ EFFECTS = (
     Effect("lag", ("actuator_lag",), ("actuator_second_order",), _LAG,
            _drive("lag", "tau_s", "s", ("u18", 0.08), ("f14", 0.2), ("u14", 0.4)), _PITCH),
     Effect("mode_tower", ("tower_fore_aft",), _MODE, _MODE,
-           _without("TwFADOF1", "u14", frequency_hz=(0.3368, "Hz")), simulated=True),
+           _without("TwFADOF1", "u14", frequency_hz=(0.3406, "Hz")), simulated=True),
     Effect("imbalance_mass", ("mass_imbalance",), (), _ONCE, _heavy(("u18", 1.003), ("f18", 1.015), ("u14", 1.05))),
     Effect("backlash", ("backlash",), ("deadband",), _PLAY,
            _drive("backlash", "width", "deg", ("u14", 0.1), ("f18", 0.25), ("u20", 0.5), scale=_DEG), _PITCH),
