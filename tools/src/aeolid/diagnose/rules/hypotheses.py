@@ -11,6 +11,12 @@ from aeolid.diagnose.rules.declaring import rule
 class HypothesesRules:
     """Hold the numbers of this section; each says what it means."""
 
+    side_over_fore_aft: float = rule(
+        1.5,
+        "times",
+        "side-side over fore-aft motion up to which an imbalance is of the air's forces: near once a turn the modes "
+        "of one tower may swell one more than the other",
+    )
     crossing_share: float = rule(
         0.05, "share", "samples that must lie on either side of zero for a dead zone to mean anything"
     )

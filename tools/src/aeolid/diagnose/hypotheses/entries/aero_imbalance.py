@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
+from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
 _RATIO = "aero_imbalance_ratio"
@@ -32,8 +35,25 @@ def _attach(site: Site) -> list[Attachment]:
     if not made or side is None:
         return made
     if not as_force:  # straight on the outputs, each with its own phase: the fore-aft one makes it this effect
-        return [replace(made[0], essential=tuple(s.name for s in made[0].slots[:2]))]
+        found = replace(made[0], essential=tuple(s.name for s in made[0].slots[:2]))
+        return [found if side.unit != axial.unit else replace(found, credible=_mostly_fore_aft(found))]
     return [_with_side(made[0], side, site, factor)]
+
+
+def _mostly_fore_aft(made: Attachment) -> Callable[[Mapping[str, float]], str]:
+    """Refuse what shakes the tower more to its side than fore and aft: a heavy blade does.
+
+    Its weight turns the shaft unevenly, so the thrust swings too: half of the side-side motion fore and aft.
+    """
+    labels = [s.label or "" for s in made.slots]
+
+    def credible(values: Mapping[str, float]) -> str:
+        axial, side = (math.hypot(*(values.get(name, 0.0) for name in part)) for part in (labels[:2], labels[2:]))
+        if side <= in_force().hypotheses.side_over_fore_aft * axial:
+            return ""
+        return f"the side-side motion is {side / max(axial, 1e-300):.2g} times the fore-aft one"
+
+    return credible
 
 
 def _with_side(made: Attachment, side: rotor.Place, site: Site, factor: str) -> Attachment:
