@@ -12,7 +12,7 @@ from scipy.stats import poisson
 
 from aeolid.diagnose.data.held import discretise
 from aeolid.diagnose.data.standing import Baseline, stretches_of, words
-from aeolid.diagnose.data.strays import codes_of, strays_of
+from aeolid.diagnose.data.strays import codes_of, dropouts_of, strays_of
 from aeolid.diagnose.rules import in_force
 from aeolid.errors import DataError
 from aeolid.models.equations import Equations
@@ -206,12 +206,17 @@ def _held(v: Array, where: str) -> list[Finding]:
 
 def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     """Say codes for "no value" and single samples far outside everything else."""
-    rules = in_force().data
-    coded, alone, found = codes_of(v), strays_of(v), []
+    rules, found = in_force().data, []
+    coded, alone, dropped = codes_of(v), strays_of(v), dropouts_of(v)
     if np.any(coded):
         code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_code_share
         text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
         found.append(Finding("code", where, text, "fault" if most else "warning", not most))
+    if is_output and np.any(dropped):
+        text = (
+            f"{int(dropped.sum())} samples read {v[dropped][0]:g}, far from those before and after; they are left out"
+        )
+        found.append(Finding("dropout", where, text, "warning", True))
     if np.any(alone):
         first = int(np.flatnonzero(alone)[0])
         far = f"{rules.stray_spreads:g} spreads off"

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.data.forensics import Finding
 from aeolid.diagnose.data.standing import Stretch, stretches_of
-from aeolid.diagnose.data.strays import strays_of, without_codes
+from aeolid.diagnose.data.strays import dropouts_of, strays_of, without_codes
 from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
 
@@ -41,12 +41,13 @@ def masked_case(case: Case) -> tuple[Case, tuple[Finding, ...]]:
 
 
 def _without_codes(record: Record) -> Record:
-    """Return the recording with codes for "no value" missing, and strays of the outputs."""
+    """Return the recording with codes for "no value" missing, and dropouts and strays of the outputs."""
     values = record.values.copy()
     for column, channel in enumerate(record.channels):
         if channel.role in ("input", "output", "disturbance"):
             values[:, column] = without_codes(values[:, column])
         if channel.role == "output":
+            values[dropouts_of(values[:, column]), column] = np.nan
             values[strays_of(values[:, column]), column] = np.nan
     return record if np.array_equal(values, record.values, equal_nan=True) else replace(record, values=values)
 

@@ -1,4 +1,4 @@
-"""Recognise samples that are no measurement: codes for "no value", single values far outside everything else (S0)."""
+"""Recognise samples that are no measurement: codes for "no value", dropouts, single values far off (S0)."""
 
 from __future__ import annotations
 
@@ -24,6 +24,28 @@ def strays_of(values: Array) -> NDArray[np.bool_]:
         return np.zeros(len(values), dtype=bool)
     found: NDArray[np.bool_] = away & ~coded & ~np.roll(away, 1) & ~np.roll(away, -1)
     return found
+
+
+def dropouts_of(values: Array) -> NDArray[np.bool_]:
+    """Tell which samples are what a logger writes where none arrived: one value, often, far from its neighbours.
+
+    None where that value is not by far the most frequent, or where the signal mostly passes through it.
+    """
+    rules = in_force().data
+    none = np.zeros(len(values), dtype=bool)
+    found, often = np.unique(values[np.isfinite(values)], return_counts=True)
+    if len(found) < 2 or often.max() < rules.dropped_fewest:
+        return none
+    most, next_most = np.sort(often)[[-1, -2]]
+    at = values == found[np.argmax(often)]
+    if most < rules.dropped_times * next_most or float(at.mean()) > rules.missing_code_share:
+        return none
+    rest = np.flatnonzero(np.isfinite(values) & ~at)
+    if len(rest) < 3:
+        return none
+    usual = float(np.median(np.abs(values[rest][1:-1] - 0.5 * (values[rest][:-2] + values[rest][2:]))))
+    leaps = np.abs(values[at] - np.interp(np.flatnonzero(at), rest, values[rest])) > rules.dropped_leap * usual
+    return at if 2 * int(leaps.sum()) > len(leaps) and int(leaps.sum()) >= rules.dropped_fewest else none
 
 
 def _far_off(values: Array) -> NDArray[np.bool_]:

@@ -147,4 +147,11 @@ class DataRules:
     stray_spreads: float = rule(
         30.0, "spreads", "robust spreads from the median: no signal of a machine goes there for one sample"
     )
+    dropped_fewest: int = rule(
+        5, "count", "samples of one value, far from their neighbours, from which they are dropouts"
+    )
+    dropped_times: float = rule(3.0, "times", "how often that value must come, over the next most frequent one")
+    dropped_leap: float = rule(
+        10.0, "times", "distance of a dropout from its neighbours, over that of an ordinary sample from its own"
+    )
     stray_share: float = rule(1e-3, "share", "part of the samples so far off from which they are no strays")

@@ -60,6 +60,15 @@ class RunPriorRules:
     rival_nats: float = rule(
         8.0, "nats", "distance to the best gain within which another kind is not told from it", RUN_DECISIONS
     )
+    unit_slack: float = rule(
+        1.5, "times", "how far deviation and level may be from a ratio of units, other wind being blown", RUN_DECISIONS
+    )
+    sibling_ratio: float = rule(
+        4.0,
+        "times",
+        "squared misfit among the blades of a set, over the least, up to which one is not excluded",
+        RUN_DECISIONS,
+    )
     richer_nats: float = rule(10.0, "nats", "gain a form must have over a simpler one that it holds", RUN_DECISIONS)
     refined_share: float = rule(
         0.15, "share", "part of the best gain from which a hypothesis is refined", RUN_DECISIONS

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from aeolid.diagnose.run_prior.answering import told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import Explanation, Found, explain, with_standing
+from aeolid.diagnose.run_prior.explain import Explanation, Found, angle_acts, explain, with_standing
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
@@ -81,7 +82,8 @@ def study_run(
     if not deadline.passed:
         found = with_replicated(pair, with_beside(pair, found, context, units, tick), units, tick)
     answering = answering_of(pair, records, runs, context, FIT) if is_turbine(context) else None
-    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering)
+    stronger = partial(angle_acts, pair, found)
+    standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
     found = with_standing(found, standing)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
@@ -145,10 +147,12 @@ def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[
             effects.append(effect_of(name, units, rivals))
     if open_:
         return "ambiguous", effects
+    if all(names[0].fault or names[0].entry in _FAULTS for names in study.names):
+        return "data_fault", effects
     if len(effects) > 1:
         return "multiple", effects
     kind = effects[0]["id"]
-    return ("data_fault" if kind in _FAULTS else "parameter" if kind == "parameter_error" else "named"), effects
+    return ("parameter" if kind == "parameter_error" else "named"), effects
 
 
 def is_habit(names: Sequence[Sequence[Name]], step: float) -> bool:

@@ -56,10 +56,12 @@ def _with_effect(model: Equations, found: Found, told: Told, tag: str) -> Equati
     h, v = found.scored.hypothesis, {k: value for k, (value, _) in told.items()}
     kind, _, channel = h.place.partition(":")
     if kind == "input":
-        if h.entry == "parameter_error":
+        if h.fault:  # recorded in another unit
+            v = {"factor": 1.0 / v["factor"]}
+        if h.entry in ("parameter_error", "sensor_scale"):
             model = _about_rest(model, channel, v["factor"])
         return _filtered(model, channel, _FILTERS[h.entry][0], _FILTERS[h.entry][1](v), tag)
-    if h.entry == "data_time_offset" and v["offset_s"] > 0:
+    if h.entry == "data_time_offset" and kind == "data" and v["offset_s"] > 0:
         for i, signal in enumerate(model.inputs):
             model = _filtered(model, signal.name, "transport_delay", {"delay_s": v["offset_s"]}, f"{tag}_{i + 1}")
         return model
@@ -92,6 +94,7 @@ _FILTERS: dict[str, tuple[str, Callable[[Mapping[str, float]], dict[str, float]]
     "deadband": ("deadband", lambda v: {"width": v["width"], "share": 1.0}),
     "rate_limit": ("rate_limit", lambda v: {"rate_per_s": v["rate"], "share": 1.0}),
     "parameter_error": ("input_scale", lambda v: {"factor": v["factor"], "share": 1.0}),
+    "sensor_scale": ("input_scale", lambda v: {"factor": v["factor"], "share": 1.0}),
     "dynamic_inflow": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": v["k"]}),
     "unsteady_aero": ("lead_lag", lambda v: {"tau_s": v["tau_s"], "gain": -v["k"]}),
 }  # fmt: skip

@@ -6,6 +6,7 @@ effect that is worth enough for itself: what is lost counts every law that moved
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,15 +18,20 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
+from aeolid.diagnose.run_prior.offsets import ANGLE
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.resonances import resonances
 from aeolid.diagnose.run_prior.search import FIT, Scored, Search
+from aeolid.diagnose.run_prior.siblings import of_blades
 from aeolid.diagnose.run_prior.standing import Standing
 from aeolid.diagnose.run_prior.standing_out import Local, local_of, lone_mode, once_of
+from aeolid.diagnose.run_prior.wiring import faults_of
 
 Array = NDArray[np.float64]
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
 _AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
+_PASSING = ("tower_shadow", "rotational_sampling")  # loads each time a blade passes
+_SHADOW = "loads come each time a blade passes the tower (tower shadow), more than in the simulation"
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
     "unsteady_aero": ("actuator_lag", "parameter_error"),
@@ -89,6 +95,8 @@ def explain(
     limit = limit_of(pair, first.unsteady())
     modal = compare_modes(pair, context) if lost > limit else Modal((), (), ())
     hypotheses += resonances(pair, modal, units, moved, context)
+    if lost > limit:
+        hypotheses += faults_of(pair, units)
     screened = first.screen(hypotheses, tick)
     table = first.refine(screened, tick)
     best = chosen(first, table, lost)
@@ -100,7 +108,8 @@ def explain(
         lone = _from_modes(modal, moved, context, pair, best is not None) if lost > limit else ()
         if lone or best is None:
             return replace(x, found=lone)
-    x = replace(x, found=(Found(best, None, rivals_of(best, table)),), change=best.change, after=best.weight)
+    best, rivals = of_blades(pair, best, rivals_of(best, table), table)
+    x = replace(x, found=(Found(best, None, rivals),), change=best.change, after=best.weight)
     return x if deadline.passed else _with_further(pair, x, best, hypotheses, tick)
 
 
@@ -135,13 +144,19 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
 
     A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved; but
     where a rotor answers as behind other blades or another flow, a mode beside it is a part of that: blades that bend
-    move the drive train's and the tower's modes, while neither of these makes a rotor answer late.
+    move the drive train's and the tower's modes, while neither of these makes a rotor answer late. Where channels are
+    at fault levels and answers are, too. Wind that is uneven over the disc loads the tower each time a blade passes; a
+    tower's shadow moves no mean tilt or yaw moment, so that it is a rival at most where these have moved.
     """
-    if not standing:
+    if not standing or any(f.scored is not None and f.scored.hypothesis.fault for f in x.found):
         return x
     if any(s.answers for s in standing):
         x = replace(x, found=tuple(f for f in x.found if f.mode is None or f.edge))
     kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
+    if any(s.cyclic for s in standing):
+        passing = [f.scored for f in kept if f.scored is not None and f.scored.hypothesis.entry in _PASSING]
+        kept = tuple(f for f in kept if f.scored not in passing)
+        standing = [s.rivalled("tower_shadow", _SHADOW) if passing and x.lost > x.limit else s for s in standing]
     told = tuple(Found(None, None, standing=s) for s in standing if not kept or s.beside)
     if not told:
         return x
@@ -150,6 +165,22 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
         if f.scored is not None and change is NOTHING:
             change = f.scored.change
     return replace(x, found=kept + told, change=change)
+
+
+def angle_acts(pair: Pair, x: Explanation, factor: float) -> float:
+    """Return the nats that are gained when the pitch angle acts by a factor, beside what drives and sensors do.
+
+    Cost: one search's moments and one evaluation.
+    """
+    drives = [f.scored for f in x.found if f.scored is not None and f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS]
+    behind = NOTHING
+    for s in drives:
+        behind = s.change.after(behind)
+    angle = next(
+        (h for h in all_hypotheses(pair, {}) if h.entry == "parameter_error" and re.search(ANGLE, h.place.lower())),
+        None,
+    )
+    return 0.0 if angle is None else Search(pair, behind).gain(angle, (factor,))[0]
 
 
 def _moved(search: Search) -> dict[str, float]:

@@ -33,7 +33,7 @@ class Hypothesis:
     as the catalogue has them; grid: values to begin at; change: what the values do to the data; scaled: which values
     are searched on a logarithmic scale (all but shares and factors); steps: widths of the first search, on that scale;
     of: frequency in Hz and damping of the run's mode that moves; parts: how many loads it is, each of which must be
-    worth a name.
+    worth a name; fault: how the recording was taken is at fault, not the simulation; words: one sentence of it.
     """
 
     entry: str
@@ -48,6 +48,8 @@ class Hypothesis:
     steps: Values = ()
     of: Values = ()
     parts: int = 1
+    fault: bool = False
+    words: str = ""
 
     @property
     def key(self) -> str:

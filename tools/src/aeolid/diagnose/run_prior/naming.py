@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,6 +61,7 @@ class Name:
     units: Mapping[str, str]
     weight: float
     words: str = ""
+    fault: bool = False
 
 
 def names_of(found: Found, told: Told, explanation: Explanation, context: Mapping[str, Any]) -> list[Name]:
@@ -76,18 +77,20 @@ def names_of(found: Found, told: Told, explanation: Explanation, context: Mappin
         return _moved_names(h, found, told, explanation)
     own = _physical(h, found, explanation, context)
     share = 1.0 / len(own)
-    names = [Name(n, h.place, told, units, share) for n in own]
+    values = {n: v for n, (v, _) in told.items()}
+    names = [Name(n, h.place, told, units, share, h.words.format(**values), h.fault) for n in own]
     if not found.rivals:
         return names
     each = 0.4 / len(found.rivals)
-    names = [Name(n.entry, n.place, n.told, n.units, 0.6 * n.weight) for n in names]
+    names = [replace(n, weight=0.6 * n.weight) for n in names]
     for rival in found.rivals:
         pairs = zip(rival.hypothesis.names, rival.values, strict=True)
-        values = {n: (v, np.inf) for n, v in pairs if n not in HIDDEN}
+        open_values = {n: (v, np.inf) for n, v in pairs if n not in HIDDEN}
+        r = rival.hypothesis
+        words = r.words.format(**{n: v for n, (v, _) in open_values.items()})
         names.append(
-            Name(rival.hypothesis.entry, rival.hypothesis.place, values,
-                 dict(zip(rival.hypothesis.names, rival.hypothesis.units, strict=True)), each)
-        )  # fmt: skip
+            Name(r.entry, r.place, open_values, dict(zip(r.names, r.units, strict=True)), each, words, r.fault)
+        )
     return names
 
 
@@ -114,7 +117,7 @@ def _moved_names(h: Hypothesis, found: Found, told: Told, explanation: Explanati
 def _standing_names(s: Standing) -> list[Name]:
     weights = [1.0] if len(s.entries) == 1 else [0.6, *[0.4 / (len(s.entries) - 1)] * (len(s.entries) - 1)]
     return [
-        Name(e, s.place[e], dict(s.told.get(e, {})), dict.fromkeys(s.told.get(e, {}), "1"), w, s.words[e])
+        Name(e, s.place[e], dict(s.told.get(e, {})), {n: s.units.get(n, "1") for n in s.told.get(e, {})}, w, s.words[e])
         for e, w in zip(s.entries, weights, strict=True)
     ]
 
@@ -137,7 +140,7 @@ def _physical(h: Hypothesis, found: Found, explanation: Explanation, context: Ma
         return _imbalance(explanation)
     if h.entry == "rotational_sampling":  # of a shadow, too, the first order may be all that shows
         return ["tower_shadow", "rotational_sampling"]
-    if h.entry == "sensor_scale" and is_turbine(context) and _is_of_tower(h):
+    if h.entry == "sensor_scale" and not h.fault and is_turbine(context) and _is_of_tower(h):
         assert found.scored is not None
         most = in_force().run_prior.mass_factor
         return ["sensor_scale", "added_mass"] if 1 / most < found.scored.values[0] < most else ["sensor_scale"]

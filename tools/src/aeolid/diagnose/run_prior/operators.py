@@ -65,6 +65,12 @@ def delayed(x: Array, delay: float, step: float) -> Array:
     return out
 
 
+def stamped_later(x: Array, delay: float, step: float) -> Array:
+    """Return x some seconds later (earlier where negative), by lines between the samples: of no later sample."""
+    out: Array = shift(x, delay / step, order=1, mode="nearest")
+    return out
+
+
 def _filtered(x: Array, A: Array, b: Array, c: Array, step: float) -> Array:
     """Return c of ẋ = A x + b u for the cubic spline u through the samples, at rest before the first sample.
 

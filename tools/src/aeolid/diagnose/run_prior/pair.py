@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise
 from aeolid.diagnose.run_prior.turning import turned
@@ -56,18 +57,28 @@ class Change:
 
     inputs: operators on recorded inputs, by place; outputs: operators on outputs of the run, by place; extra: further
     regressors (N, e) of a recording, at its sample time; runs: what is added to a run's blocks of outputs (n, l).
+    order: which of the run's outputs stands at each place, () for each at its own; turned: angle in rad that is added
+    to the run's rotor angle.
     """
 
     inputs: Mapping[int, Operator] = field(default_factory=dict)
     outputs: Mapping[int, Operator] = field(default_factory=dict)
     extra: Callable[[Side], Array] | None = None
     runs: Callable[[Side], Array] | None = None
+    order: tuple[int, ...] = ()
+    turned: float = 0.0
+
+    @property
+    def is_of_recordings(self) -> bool:
+        """Tell whether the runs stay as they are."""
+        return not self.outputs and self.runs is None and not self.order and self.turned == 0.0
 
     def after(self, first: Change) -> Change:
         """Return both changes, `first` before this one."""
         return Change(
             _chained(first.inputs, self.inputs), _chained(first.outputs, self.outputs),
-            _beside(first.extra, self.extra), _added(first.runs, self.runs),
+            _beside(first.extra, self.extra), _added(first.runs, self.runs), _ordered(first.order, self.order),
+            first.turned + self.turned,
         )  # fmt: skip
 
 
@@ -77,6 +88,10 @@ def _chained(first: Mapping[int, Operator], then: Mapping[int, Operator]) -> dic
         inner = first.get(i)
         both[i] = f if inner is None else _compose(inner, f)
     return both
+
+
+def _ordered(first: tuple[int, ...], then: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(first[j] for j in then) if first and then else first or then
 
 
 def _compose(inner: Operator, outer: Operator) -> Operator:
@@ -142,7 +157,7 @@ class Pair:
 
     def of_recordings(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Moments:
         """Return the moments of the recordings' windows that end in a part of each, 0 … 1, with a change of them."""
-        return self._of(self.recordings, replace(change, outputs={}, runs=None), first, last)
+        return self._of(self.recordings, Change(change.inputs, extra=change.extra), first, last)
 
     def of_runs(self, change: Change = NOTHING, first: float = 0.0, last: float = 1.0) -> Moments:
         """Return the moments of the runs' windows that end in a part of each, with what a change does to them."""
@@ -181,6 +196,10 @@ class Pair:
 
     def _moments(self, side: Side, change: Change, first: float, last: float) -> Gram:
         u, y = _changed(side.u, change.inputs, side.step), _changed(side.y, change.outputs, side.step)
+        if change.order:
+            y = y[:, list(change.order)]
+        if change.turned and side.azimuth is not None:
+            side = replace(side, azimuth=side.azimuth + change.turned)
         z = self.scaled(side, self.blocks(side, u, y))
         if change.runs is not None:
             z[:, -len(self.shown) :] += change.runs(side) / self.scale[-len(self.shown) :]
@@ -242,9 +261,9 @@ def side_of(
     record: Record, inputs: Sequence[str], outputs: Sequence[str], context: Mapping[str, Any],
     disturbances: Sequence[str] = (),
 ) -> Side:  # fmt: skip
-    """Return a recording's channels with missing samples filled in for the filters' sake and marked."""
+    """Return a recording's channels with missing samples filled in: marked, but for single ones of a channel."""
     u, y, d = (record.columns(names) for names in (inputs, outputs, disturbances))
-    missing: Mask = ~np.all(np.isfinite(np.hstack([u, d, y])), axis=1)
+    missing: Mask = np.any([lost_for_long(x) for x in np.hstack([u, d, y]).T], axis=0)
     angle = record.names("azimuth")
     azimuth = None
     if angle:
@@ -257,10 +276,30 @@ def side_of(
     return Side(_filled(u), _filled(y), azimuth, missing, record.sample_time_s, record.source, angle_turned, known)
 
 
+def lost_for_long(values: Array) -> Mask:
+    """Tell which samples of a channel (N,) are missing together with a neighbour, or at an end: no spline knows them.
+
+    >>> lost_for_long(np.array([1.0, np.nan, 2.0, np.nan, np.nan, 3.0])).tolist()
+    [False, False, False, True, True, False]
+    """
+    known = np.isfinite(values)
+    beside = np.concatenate([[False], known, [False]])
+    alone: Mask = beside[:-2] & beside[2:]
+    out: Mask = ~known & ~alone
+    return out
+
+
 def _filled(values: Array) -> Array:
+    """Return channels (N, n) without gaps: single samples by cubic splines, longer gaps by lines."""
     out = values.copy()
     for j in range(out.shape[1]):
         good = np.isfinite(out[:, j])
-        if not good.all() and good.any():
-            out[:, j] = np.interp(np.arange(len(out)), np.flatnonzero(good), out[good, j])
+        if good.all() or not good.any():
+            continue
+        places = np.arange(len(out))
+        line = np.interp(places, np.flatnonzero(good), out[good, j])
+        single = ~good & ~lost_for_long(out[:, j])
+        if np.any(single):
+            line[single] = CubicSpline(places[~single], line[~single])(places[single])
+        out[:, j] = line
     return out

@@ -91,8 +91,7 @@ class Search:
         self.evaluations += 1
         change = h.change(values).after(self.found)
         own = h.change(values)
-        same = not own.outputs and own.runs is None
-        prior = self.prior if same else prior_of(self.pair.of_runs(change), self.ridge)
+        prior = self.prior if own.is_of_recordings else prior_of(self.pair.of_runs(change), self.ridge)
         recorded = self.recorded
         if change.inputs is not self.found.inputs or change.extra is not self.found.extra:
             recorded = self.pair.of_recordings(change, 0.0, self.last)

@@ -6,8 +6,8 @@ All numbers that decide stand here; a level that moved counts where both parts o
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from aeolid.diagnose.run_prior.answering import Answer, named
 from aeolid.diagnose.run_prior.disc import Disc, disc_of
 from aeolid.diagnose.run_prior.laws import Shift, shifts_of, wind_of
 from aeolid.diagnose.run_prior.machine import is_turbine
+from aeolid.diagnose.run_prior.offsets import THRUST, Offset, offset_of
 from aeolid.diagnose.run_prior.pair import Pair
 from aeolid.diagnose.run_prior.responses import Answering
 from aeolid.record import Record
@@ -35,7 +36,7 @@ class Standing:
 
     nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead; answers: it
     is told by how the rotor answers, which moves the modes that the sides do not share; beside: it is told beside
-    what an actuator or a sensor does.
+    what an actuator or a sensor does; units: of its values, by name, "1" for those that are not listed.
     """
 
     entries: tuple[str, ...]
@@ -47,18 +48,37 @@ class Standing:
     own: bool = False
     answers: bool = False
     beside: bool = False
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def cyclic(self) -> bool:
+        """Tell whether tilt or yaw moments tell it."""
+        return "wind_shear" in self.entries
+
+    def rivalled(self, other: str, words: str) -> Standing:
+        """Return the same with another effect of the rotor that is not excluded."""
+        return replace(
+            self, entries=(*self.entries, other), place={**self.place, other: "rotor"},
+            words={**self.words, other: words},
+        )  # fmt: skip
 
 
 def standing_of(
     pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any],
     moved: Mapping[str, float], detected: bool, answering: Answering | None = None,
+    stronger: Callable[[float], float] = lambda _: 0.0,
 ) -> tuple[Standing, ...]:  # fmt: skip
-    """Return what levels, answers and unevenness of a turbine tell, the level of power first; one effect at most."""
+    """Return what levels, answers and unevenness of a turbine tell, the level of power first; one effect at most.
+
+    stronger: nats that are gained when the pitch angle acts by a factor.
+    """
     if not is_turbine(context):
         return ()
     laws = shifts_of(records, runs, context)
     wind = _sure(laws, "wind", in_force().run_prior.wind_shift)
     power = None if wind is None else _power(laws, wind, wind_of(records[0], runs[0]))
+    if wind is not None or any(_sure(laws, law, in_force().run_prior.thrust_shift) for law in THRUST):
+        power = _of_angle(laws, offset_of(records, runs, context, laws), power or _thrust(laws), stronger) or power
     if power is not None and power.interval[0] > in_force().evidence.proven_nats:
         return (power,)
     answer = named(pair, answering, _still(laws))
@@ -114,6 +134,36 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
         "sensor_scale": f"{channel} reads {reads:.3g} times the simulation's wind: {same}",
     }
     return Standing(_by_thrust(laws, wind), where, told, words, nats, interval, beside=True)
+
+
+def _of_angle(
+    laws: Mapping[str, Shift], offset: Offset | None, other: Standing | None, stronger: Callable[[float], float]
+) -> Standing | None:
+    """Name an offset of the pitch angle where one brings wind and thrust back together; None elsewhere.
+
+    Air of another density makes the angle act by as much more; where the recording contradicts that, the offset stands
+    alone, and where it neither bears it out nor contradicts it, both do.
+    """
+    if offset is None or not offset.explains:
+        return None
+    rules = in_force().run_prior
+    change = other.told.get("air_density", {}).get("density_change") if other is not None else None
+    acts = 0.0 if change is None else stronger(1.0 + change[0])
+    if acts > rules.rival_nats:
+        return None
+    told_by = max((laws[law] for law in ("wind", *THRUST) if law in laws), key=lambda s: abs(s.z))
+    nats, interval = _proof(told_by.sealed / told_by.sealed_deviation, told_by.nats)
+    entries: tuple[str, ...] = ("sensor_bias",)
+    where = {"sensor_bias": f"input:{offset.channel}"}
+    words = {
+        "sensor_bias": f"{offset.channel} reads {offset.value:+.3g} {offset.unit} against the angle at which the"
+        " simulation has the recorded power, thrust and wind: its sensor or the setting of all blades is off by as much"
+    }
+    told: dict[str, Mapping[str, tuple[float, float]]] = {"sensor_bias": {"bias": (offset.value, offset.deviation)}}
+    if other is not None and acts > -rules.rival_nats:
+        entries, where = (*entries, *other.entries), {**other.place, **where}
+        told, words = {**other.told, **told}, {**other.words, **words}
+    return Standing(entries, where, told, words, nats, interval, beside=True, units={"bias": offset.unit})
 
 
 def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
