@@ -60,6 +60,15 @@ class RunPriorRules:
     rival_nats: float = rule(
         8.0, "nats", "distance to the best gain within which another kind is not told from it", RUN_DECISIONS
     )
+    fault_share: float = rule(
+        0.2, "share", "part of what was lost that the best fault of units, names or zeros must explain", RUN_DECISIONS
+    )
+    floor_ratio: float = rule(
+        1.5,
+        "times",
+        "floor of a recorded output's spectrum, over the run's, from which it is a sensor's noise",
+        RUN_DECISIONS,
+    )
     unit_slack: float = rule(
         1.5, "times", "how far deviation and level may be from a ratio of units, other wind being blown", RUN_DECISIONS
     )

@@ -91,4 +91,5 @@ def without(pair: Pair, hidden: Collection[str]) -> Pair | None:
         recordings=tuple(map(side, pair.recordings)), runs=tuple(map(side, pair.runs)),
         blades=tuple(tuple(left.index(j) for j in s) for s in sets),
         offset=pair.offset[:, chosen_columns], scale=pair.scale[chosen_columns],
+        noise=None if pair.noise is None else pair.noise[columns],
     )  # fmt: skip

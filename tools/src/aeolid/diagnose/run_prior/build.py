@@ -12,6 +12,7 @@ from scipy.signal import welch
 
 from aeolid.diagnose.data.rotor_frame import blade_sets
 from aeolid.diagnose.rules import in_force
+from aeolid.diagnose.run_prior.floors import in_blocks, sensor_noise
 from aeolid.diagnose.run_prior.pair import Pair, Side, side_of
 from aeolid.diagnose.run_prior.regions import in_regions
 from aeolid.errors import NotIdentifiable
@@ -52,7 +53,9 @@ def pair_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[
     step = first.sample_time_s
     bare = Pair(inputs, outputs, shown, recorded, simulated, step, 1, 1, blades, np.zeros((1, 1)), np.ones(1), known)
     stride, past = _window(window_s(bare, context), step, min(map(len, (*recorded, *simulated))))
-    return _scaled(replace(bare, stride=stride, past=past), runs[0].source)
+    pair = _scaled(replace(bare, stride=stride, past=past), runs[0].source)
+    noise = in_blocks(pair, sensor_noise(pair)) / pair.scale[pair.held :]
+    return replace(pair, noise=noise) if np.any(noise > 0) else pair
 
 
 def _scaled(bare: Pair, source: str) -> Pair:

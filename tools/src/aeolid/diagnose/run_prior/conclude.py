@@ -24,6 +24,7 @@ from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
 from aeolid.diagnose.run_prior.explain import Explanation, Found, angle_acts, explain, with_standing
+from aeolid.diagnose.run_prior.floors import noise_findings
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.machine import is_turbine
 from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
@@ -225,7 +226,7 @@ def conclude_run(
     explanation = study.explanation if diagnosis["effects"] else _without(study.explanation)
     model = corrected_model(study.pair, explanation, claimed, case.records, case.runs, sets)
     wild = diverging(model, case.records)
-    evidence = evidence_of(study, case.title, findings, units)
+    evidence = evidence_of(study, case.title, (*findings, *noise_findings(study.pair, units)), units)
     evidence["timing_s"] = {"in all": round(time.perf_counter() - begun, 3)}
     return diagnosis, write_found(diagnosis, evidence, model, wild, deadline, folder)
 

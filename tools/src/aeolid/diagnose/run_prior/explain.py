@@ -197,6 +197,8 @@ def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | Non
         s for s in table
         if _brings_back(s.weight, search.base.weight) or s.nats > (of_moved if s.hypothesis.of else share) * lost
     ]  # fmt: skip
+    if not fit and table and table[0].hypothesis.wired and table[0].nats > rules.fault_share * lost:
+        return table[0]  # behind swapped channels nothing else of a machine can bring the run back
     if not fit:
         return None
     return max(fit, key=lambda s: s.nats - rules.richer_nats * (len(s.values) - 1))

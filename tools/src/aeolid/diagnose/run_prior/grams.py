@@ -95,6 +95,16 @@ def with_noise(gram: Gram, deviation: float) -> Gram:
     return Gram(Z, gram.ZY, gram.YY + power * np.eye(len(gram.YY)), gram.count, gram.extra)
 
 
+def with_noisy_outputs(gram: Gram, deviations: Array, held: int) -> Gram:
+    """Return the moments on average when outputs have white noise of these deviations (l,); held: other columns."""
+    k, channels = len(gram.Z) - 1 - gram.extra, held + len(deviations)
+    past = (k - held) // channels
+    places = np.arange(past * channels).reshape(past, channels)[:, held:]
+    power, Z = gram.count * deviations**2, gram.Z.copy()
+    Z[places, places] += power
+    return Gram(Z, gram.ZY, gram.YY + np.diag(power), gram.count, gram.extra)
+
+
 _M = TypeVar("_M", Gram, Moments)
 
 

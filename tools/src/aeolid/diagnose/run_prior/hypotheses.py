@@ -52,6 +52,11 @@ class Hypothesis:
     words: str = ""
 
     @property
+    def wired(self) -> bool:
+        """Tell whether it is a fault of units, names or zeros, which no physics looks like: a late clock may."""
+        return self.fault and self.entry != "data_time_offset"
+
+    @property
     def key(self) -> str:
         """Return what tells this hypothesis from all others of a pair."""
         mode = f"{self.of[0]:.3g} Hz" if self.of else ""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise
+from aeolid.diagnose.run_prior.grams import Gram, Moments, lagged_gram, total, with_noise, with_noisy_outputs
 from aeolid.diagnose.run_prior.turning import turned
 from aeolid.errors import NotIdentifiable
 from aeolid.models.multiblade import fixed_frame
@@ -120,7 +120,7 @@ class Pair:
     inputs, outputs: names as recorded; shown: names of the outputs in the fixed frame; stride: samples a block; past:
     blocks a window; blades: places of each set of blade outputs; offset (regions, m), scale (m,): of the
     runs; disturbances: names of what is recorded of wind and waves on both sides, block means of which are regressors
-    that nothing changes.
+    that nothing changes; noise (shown,): of the recordings' outputs in blocks, which the runs lack, in deviations.
     """
 
     inputs: tuple[str, ...]
@@ -135,6 +135,7 @@ class Pair:
     offset: Array
     scale: Array
     disturbances: tuple[str, ...] = ()
+    noise: Array | None = None
 
     @property
     def held(self) -> int:
@@ -171,7 +172,10 @@ class Pair:
         found: list[list[Gram]] = [[] for _ in self.offset]
         for s in sides:
             found[s.region].append(self._moments(s, change, first, last))
-        return Moments(tuple(map(total, found)))
+        regions = tuple(map(total, found))
+        if sides is self.runs and self.noise is not None:
+            regions = tuple(with_noisy_outputs(g, self.noise, self.held) for g in regions)
+        return Moments(regions)
 
     def scaled(self, side: Side, blocks: Array) -> Array:
         """Return blocks of a side about the runs' means in its region, in the runs' deviations."""
