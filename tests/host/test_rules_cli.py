@@ -20,8 +20,8 @@ from aeolid.diagnose.rules import DecisionRules, in_force
 from aeolid.fleet.workers import Inline, open_pool
 
 LOST = 0.3  # share of the samples that read a code for a missing value: left out by default, a fault under STRICT
-STRICT = {"data": {"missing_code_share": 0.2}}
-FILE = "[data]\nmissing_code_share = 0.2\n"
+STRICT = {"data": {"missing_share": 0.2}}
+FILE = "[data]\nmissing_share = 0.2\n"
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_nothing_is_said_of_rules_where_none_differs(case: Path, tmp_path: Path)
     lines = (case / "recording.csv").read_text().splitlines()
     fixed = [lines[0], *(",".join([*line.split(",")[:2], "0.25", line.split(",")[3]]) for line in lines[1:])]
     (case / "recording.csv").write_text("\n".join(fixed) + "\n")  # an output that never moves is a fault in any case
-    (tmp_path / "same.toml").write_text("[data]\nmissing_code_share = 0.5\n")
+    (tmp_path / "same.toml").write_text("[data]\nmissing_share = 0.5\n")
     for options in ([], ["--rules", str(tmp_path / "same.toml")]):
         out = tmp_path / f"out{len(options)}"
         assert main(["diagnose", str(case), "--out", str(out), "--no-report", *options]) == 0
@@ -72,10 +72,10 @@ def test_nothing_is_said_of_rules_where_none_differs(case: Path, tmp_path: Path)
 def test_a_file_of_rules_that_is_none_is_refused(
     case: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    (tmp_path / "wrong.toml").write_text("[data]\nmissing_code_share = 2.0\n")
+    (tmp_path / "wrong.toml").write_text("[data]\nmissing_share = 2.0\n")
     out = tmp_path / "out"
     assert main(["diagnose", str(case), "--out", str(out), "--rules", str(tmp_path / "wrong.toml")]) == 3
-    assert "missing_code_share" in capsys.readouterr().err and not out.exists()
+    assert "missing_share" in capsys.readouterr().err and not out.exists()
 
 
 def test_workers_go_by_the_rules_that_were_asked_for(case: Path, tmp_path: Path) -> None:

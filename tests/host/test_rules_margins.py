@@ -172,12 +172,12 @@ def test_a_diagnosis_stays_inside_its_margins_and_says_where_they_end(case: Path
     assert not (tmp_path / "plain" / "margins.json").exists()
     assert diagnosed(case, tmp_path / "noted", "--margins") == plain
     facts = json.loads((tmp_path / "noted" / "margins.json").read_text())
-    low, high = facts["margins"]["data.missing_code_share"]
+    low, high = facts["margins"]["data.missing_share"]
     assert facts["rules"] == {} and low == pytest.approx(0.3, abs=0.07) and high is None
     for value, same in ((low * 1.01, True), (low * 0.99, False)):
-        (tmp_path / "moved.toml").write_text(f"[data]\nmissing_code_share = {value}\n")
+        (tmp_path / "moved.toml").write_text(f"[data]\nmissing_share = {value}\n")
         moved = diagnosed(case, tmp_path / "moved", "--rules", str(tmp_path / "moved.toml"))
-        assert moved.pop("rules") == {"data": {"missing_code_share": value}}
+        assert moved.pop("rules") == {"data": {"missing_share": value}}
         assert (moved == plain) is same
     assert (moved["verdict"], plain["verdict"] == "data_fault") == ("data_fault", False)
 

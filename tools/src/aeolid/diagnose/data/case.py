@@ -148,10 +148,14 @@ def _recordings(
 
 
 def _require_possible(context: Mapping[str, Any], records: Sequence[Record], source: str) -> None:
-    """Refuse a rated speed that the recorded rotor angle contradicts by the factor from rpm to rad/s."""
+    """Refuse a rated speed that, read in rpm, is the one at which the recorded rotor angle shows a turbine at work."""
+    rules = in_force().run_prior
     rated = context.get("rated_speed_rad_s")
     turning = _turning(records[0]) if rated else None
-    if rated and turning and rated / turning > in_force().data.impossible_speed_ratio:
+    if not rated or not turning:
+        return
+    share = turning / (rated * math.pi / 30)  # of the rated speed, were it in rpm
+    if rules.slowest_turning < share < rules.fastest_turning:
         raise DataError(
             f"{source} [context]: rated_speed_rad_s = {rated:g}, but the rotor turns at {turning:.3g} rad/s"
             f" ({turning * 30 / math.pi:.3g} rpm) in {records[0].source}; rad/s are wanted, not rpm"

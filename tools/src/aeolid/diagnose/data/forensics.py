@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 SWAPPED = "swapped"  # the check of two outputs under each other's name
 _SAME = "sample by sample the same as"
 _BESIDE = 3  # levels next to an extreme
+_CHANGES = 20  # of which a pace is estimated
+_DIGITS = 1e-4  # of the spread: what the digits that files are written with may leave between two channels
 _ROUNDING = 1e-9  # of the range: values nearer than this differ by the rounding of numbers
 RATIOS: tuple[tuple[float, str], ...] = (
     (180 / np.pi, "degrees to a radian"),
@@ -193,11 +195,11 @@ def _held(v: Array, where: str) -> list[Finding]:
     """Recognise a channel that a slower logger renews: most samples repeat the one before, at a steady pace."""
     rules = in_force().data
     moves = np.flatnonzero(np.diff(v) != 0)
-    if len(moves) < rules.held_changes or len(np.unique(v)) < rules.held_distinct_share * len(moves):
+    if len(moves) < _CHANGES or len(np.unique(v)) < rules.held_share * len(moves):
         return []
     pace = np.diff(moves)
     usual = int(np.median(pace))
-    if usual < 2 or float(np.mean(pace == usual)) < rules.held_pace_share:
+    if usual < 2 or float(np.mean(pace == usual)) < rules.held_share:
         return []
     return [
         Finding("held", where, f"renewed only every {usual} samples: its logger is slower than the others", "warning")
@@ -209,7 +211,7 @@ def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
     rules, found = in_force().data, []
     coded, alone, dropped = codes_of(v), strays_of(v), dropouts_of(v)
     if np.any(coded):
-        code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_code_share
+        code, most = float(v[coded][0]), float(coded.mean()) > rules.missing_share
         text = f"{int(coded.sum())} samples read {code:g}, a usual code for a missing value; they are left out"
         found.append(Finding("code", where, text, "fault" if most else "warning", not most))
     if is_output and np.any(dropped):
@@ -259,7 +261,7 @@ def _kinship(x: Array, y: Array) -> str | None:
     if np.array_equal(np.abs(x), y) or np.array_equal(x, np.abs(y)):
         return "the absolute value of (or the other way round)"
     ratio = float(x @ y) / float(x @ x)
-    if float(np.max(np.abs(y - ratio * x))) > in_force().data.same_up_to_factor_share * float(np.std(y)):
+    if float(np.max(np.abs(y - ratio * x))) > _DIGITS * float(np.std(y)):
         return None
     return f"{ratio:.5g} times{ratio_text(ratio)}"
 

@@ -32,9 +32,9 @@ def masked_case(case: Case) -> tuple[Case, tuple[Finding, ...]]:
     known = [_without(r, [s for s in stuck if s.record == k]) for k, r in enumerate(known)]
     findings = tuple(f for c in case.records[0].of("output") for f in _what_is_left(c.name, case.records, known))
     records = [_without(r, [s for s in resting if s.record == k]) for k, r in enumerate(known)]
-    used = [r for r in records if _rows(r) >= rules.fewest_rows] or records
+    used = [r for r in records if _rows(r) >= rules.fewest_samples] or records
     if len(used) < len(records):
-        names = ", ".join(r.source.rsplit("/", 1)[-1] for r in records if _rows(r) < rules.fewest_rows)
+        names = ", ".join(r.source.rsplit("/", 1)[-1] for r in records if _rows(r) < rules.fewest_samples)
         text = "too few samples are left of the outputs; not used"
         findings = (*findings, Finding("unused", names, text, "warning"))
     return replace(case, records=tuple(used)), findings

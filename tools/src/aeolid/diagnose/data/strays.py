@@ -38,7 +38,7 @@ def dropouts_of(values: Array) -> NDArray[np.bool_]:
         return none
     most, next_most = np.sort(often)[[-1, -2]]
     at = values == found[np.argmax(often)]
-    if most < rules.dropped_times * next_most or float(at.mean()) > rules.missing_code_share:
+    if most < rules.dropped_times * next_most or float(at.mean()) > rules.missing_share:
         return none
     rest = np.flatnonzero(np.isfinite(values) & ~at)
     if len(rest) < 3:

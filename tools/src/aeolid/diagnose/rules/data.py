@@ -11,17 +11,12 @@ from aeolid.diagnose.rules.declaring import rule
 class DataRules:
     """Hold the numbers of this section; each says what it means."""
 
-    impossible_speed_ratio: float = rule(
-        6.0,
-        "times",
-        "a rated speed so many times a recorded one is in another unit; idling apart it is at most some 2 times above",
-    )
     stuck_share: float = rule(
         0.2,
         "share",
         "samples of an output that are stuck, from which that is the answer where nothing else is found behind it",
     )
-    rail_share: float = rule(0.005, "share", "samples at one extreme, from which the range ends there")
+    rail_share: float = rule(0.005, "share", "samples at an extreme, from which the range ends there")
     rail_run: int = rule(5, "samples", "samples in a row, once at least, at an extreme where the range ends")
     fine_share: float = rule(0.9, "share", "different values from which a channel is finely resolved")
     fine_repeats: int = rule(
@@ -43,19 +38,14 @@ class DataRules:
         0.2, "share", "different values above which the values of a channel are not said to be a spacing apart"
     )
     coarse_spacing_share: float = rule(0.02, "share", "spacing of values, of their spread, from which it is reported")
-    held_changes: int = rule(
-        20, "count", "changes of a channel below which nothing is said of the pace at which it is renewed"
+    held_share: float = rule(
+        0.5,
+        "share",
+        "changes that must bring another value, and keep the usual pace, for a channel to be that of a slower logger",
     )
-    held_distinct_share: float = rule(
-        0.5, "share", "different values among the changes below which a channel has levels rather than a slower logger"
+    missing_share: float = rule(
+        0.5, "share", "samples missing, or reading a code for a missing value, above which a channel is faulty"
     )
-    held_pace_share: float = rule(
-        0.8, "share", "changes that keep the usual pace, from which a channel is renewed at that pace"
-    )
-    missing_code_share: float = rule(
-        0.5, "share", "samples that read a code for a missing value, above which the channel is faulty"
-    )
-    missing_share: float = rule(0.5, "share", "samples missing above which a channel is faulty")
     bridged_rows: int = rule(
         10,
         "rows",
@@ -63,19 +53,23 @@ class DataRules:
         "that what matters takes longer",
     )
     compared_rows: int = rule(
-        50, "rows", "rows that two series, recorded or simulated, must have in common to be compared"
-    )
-    same_up_to_factor_share: float = rule(
-        1e-4, "share", "largest difference of two channels, of the spread, up to which one is the other times a factor"
+        50,
+        "rows",
+        "rows that two series, recorded or simulated, must have in common to be compared, or a fold for a law without "
+        "states",
     )
     recognised_correlation: float = rule(
-        0.8, "correlation", "correlation with a free run from which channels are recognised"
+        0.8,
+        "correlation",
+        "correlation with a free run from which a channel is recognised, and a velocity as that of a recorded position",
     )
     swapped_lead: float = rule(0.3, "correlation", "by how much the correlation of swapped channels must stand out")
     unit_ratio: float = rule(
         3.0, "times", "factor from which a channel is in another unit: no tolerance of a gain is that large"
     )
-    known_ratio_distance: float = rule(0.03, "share", "relative distance at which a known ratio of units is said")
+    known_ratio_distance: float = rule(
+        0.03, "share", "relative distance at which a known ratio of units is said, or that there is none"
+    )
     folded_below: float = rule(0.01, "share", "how far below zero an absolute value may read, of the range")
     folded_above: float = rule(
         0.03, "share", "how far above zero the lowest value of a folded channel may lie, of the range"
@@ -89,22 +83,21 @@ class DataRules:
         "deviation of an offset in time: loggers differ by half a sample as a rule; a dead time beside it is then "
         "the dead time's",
     )
-    repeats_share: float = rule(0.5, "share", "samples equal to the one before, above which an input is held")
+    repeats_share: float = rule(0.5, "share", "samples equal to the one before, from which an input is held")
     rough_from: float = rule(
         0.75, "share", "part of the Nyquist frequency beyond which the power of an input is looked at"
     )
     rough_share: float = rule(
         0.05, "share", "power beyond that frequency above which an input is rough; white noise has five times as much"
     )
-    spectrum_samples: int = rule(8, "samples", "samples without which nothing is said of an input's spectrum")
-    fewest_rows: int = rule(20, "rows", "rows with a measurement below which a recording among several is not used")
     settled_samples: int = rule(
         60, "samples", "length below which a stretch cannot settle a state and still say something"
     )
     fewest_samples: int = rule(
         20,
         "samples",
-        "least length of a stretch where recordings have no longer ones: a start and little more, with wide bands",
+        "least length of a stretch where recordings have no longer ones, and rows with a measurement without which one "
+        "of several recordings is not used: a start and little more, with wide bands",
     )
     whole_recordings: int = rule(
         3,
