@@ -26,8 +26,8 @@ class EvidenceRules:
     clear_nats: float = rule(
         20.0,
         "nats",
-        "gain on the training data, beyond one nat a parameter, that does not come by chance: the validation data "
-        "then need only not refute it",
+        "gain on the training data, beyond one nat a parameter or the logarithm of the number of channels' faults that "
+        "were asked, that does not come by chance: the validation data then need only not refute it",
         "measured: an effect worth 81 nats gained 7 ± 5 on the validation data",
     )
     validation_nats: float = rule(
@@ -50,8 +50,15 @@ class EvidenceRules:
     moved_deviations: float = rule(
         3.0,
         "deviations",
-        "deviations by which a declared value must have moved; data that do not determine it accuse nobody",
+        "deviations by which a declared value must have moved, two estimates of one differ, or a level have shifted on "
+        "the sealed part; data that do not determine it accuse nobody",
     )
     differs_deviations: float = rule(
         2.0, "deviations", "deviations by which the size of an effect must differ from none"
+    )
+    noise_deviations: float = rule(
+        5.0,
+        "deviations",
+        "deviations of its noise that a reading may be off: so far below zero an absolute value may read, and by so "
+        "much a position must come back to have turned",
     )

@@ -33,9 +33,6 @@ class HypothesesRules:
         "share",
         "spacing of a converter that truncates, of the spread: half of it is a bias, which adds up over a recording",
     )
-    rectified_deviations: float = rule(
-        5.0, "deviations", "deviations of the noise that is added to an absolute value: so far below zero it may read"
-    )
     rectified_least: float = rule(
         0.02, "share", "how far below zero an absolute value may read at the least, of the range"
     )
@@ -45,20 +42,14 @@ class HypothesesRules:
     rectified_touches: float = rule(
         0.05, "share", "lowest value, of the range, up to which an absolute value touches zero"
     )
-    switch_values: int = rule(
-        10, "count", "different values up to which a channel is a switch, which is always at an end"
-    )
     rail_distance: float = rule(0.01, "share", "distance, of the recorded range, up to which data reach a rail")
     unit_correlation: float = rule(
-        0.5, "correlation", "correlation with a free run from which a factor of units is asked"
+        0.5,
+        "correlation",
+        "correlation with a free run, or against it, from which a factor of units, or a sign, is asked: a fitted "
+        "baseline may hide it so well that no score is left",
     )
     unit_tolerance: float = rule(0.1, "share", "a gauge's own tolerance on top of a ratio of units")
-    sign_correlation: float = rule(
-        -0.5,
-        "correlation",
-        "correlation with a free run below which a sign is asked: a fitted baseline may hide it so well that no "
-        "score is left",
-    )
     wave_rotor_distance: float = rule(
         0.07, "share", "relative distance to the rotor's speed within which a band may be the rotor's"
     )
@@ -78,24 +69,25 @@ class HypothesesRules:
         1.2, "times", "ratio of the ends of a band of frequencies below which no mode is looked for in it"
     )
     same_frequency: float = rule(
-        0.01, "share", "relative distance of the frequency within which a mode is one that the model has"
+        0.01,
+        "share",
+        "relative distance of the frequency within which a mode is one that the model has, or only damped otherwise",
     )
     same_damping: float = rule(
         0.1, "share", "relative distance of the damping within which a mode is one that the model has"
     )
-    range_end: float = rule(0.999, "share", "part of a range's upper end from which a fitted mode stands at it")
+    range_end: float = rule(
+        0.999, "share", "part of a range's end from which a fitted mode, or a value of a law, stands at it"
+    )
     excited_share: float = rule(1e-4, "share", "power of an input, of its largest, above which a frequency is excited")
     mode_variance_share: float = rule(
         1e-3, "share", "part of an output's variance that a mode must move: less is a correction of others"
     )
-    operating_speed_swing: float = rule(
-        0.2, "share", "deviation of a speed, of its mean, above which it is no operating speed"
-    )
-    radian_range: float = rule(
-        7.0, "rad", "range of an angle without a unit above which it is in degrees: more than a turn"
-    )
     nyquist_share: float = rule(
-        0.8, "share", "part of the Nyquist frequency up to which an order of the rotor is looked at"
+        0.8,
+        "share",
+        "part of the Nyquist frequency up to which an order of the rotor, or a mode, is looked at: nearer to it a "
+        "mode may be the image of a faster one",
     )
     fading_ratio: float = rule(
         0.3,
@@ -104,7 +96,10 @@ class HypothesesRules:
         "to a tenth",
     )
     signal_values: int = rule(
-        20, "count", "different values from which an input is a signal: fewer are a test signal's levels or a counter's"
+        20,
+        "count",
+        "different values from which a channel is a signal: fewer are a test signal's levels, a counter's or those "
+        "of a switch, which is always at an end",
     )
     force_reach: float = rule(
         0.1, "share", "part of an output's direction that must lie outside the reach of forces to count"

@@ -11,18 +11,15 @@ from aeolid.diagnose.rules.declaring import RUN_DECISIONS, rule
 class RunModesRules:
     """Hold the numbers of this section; each says what it means."""
 
-    transient_damping: float = rule(
-        0.3,
-        "damping ratio",
-        "damping above which a mode is a transient that a shorter window holds as well",
-        RUN_DECISIONS,
-    )
     sharp_damping: float = rule(0.1, "damping ratio", "most damping of a mode that is compared", RUN_DECISIONS)
     sharp_spread: float = rule(
         0.01, "share", "most deviation of the frequency, relative, of a mode that is compared", RUN_DECISIONS
     )
     partner_damping: float = rule(
-        0.3, "damping ratio", "most damping of a mode that another one is compared with", RUN_DECISIONS
+        0.3,
+        "damping ratio",
+        "most damping of a mode that another one is compared with; more is a transient that a shorter window holds",
+        RUN_DECISIONS,
     )
     same_distance: float = rule(0.06, "share", "relative distance within which modes are one", RUN_DECISIONS)
     same_cosine: float = rule(0.6, "cosine", "cosine between the outputs' shares of modes that are one", RUN_DECISIONS)
@@ -30,12 +27,6 @@ class RunModesRules:
         0.03,
         "share",
         "distance from a multiple of the rotor's, of a frequency, within which it is no mode that a kind has already",
-        RUN_DECISIONS,
-    )
-    highest_share: float = rule(
-        0.4,
-        "share",
-        "highest frequency compared, of the blocks' rate: nearer to half of it a mode may be the image of a faster one",
         RUN_DECISIONS,
     )
     shown_share: float = rule(

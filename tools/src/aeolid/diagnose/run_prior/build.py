@@ -98,7 +98,7 @@ def slowest_mode(pair: Pair) -> float:
         m.frequency_hz
         for sides in (pair.runs, pair.recordings)
         for m in _modes(pair, sides, stride)
-        if m.damping < in_force().run_modes.transient_damping and m.frequency_hz > reach
+        if m.damping < in_force().run_modes.partner_damping and m.frequency_hz > reach
     ]
     return min([*rates, 2 * reach])
 

@@ -56,7 +56,6 @@ class Modal:
 
 def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
     """Identify both sides at the rate of the blocks and match their modes; none where either cannot be identified."""
-    run_modes = in_force().run_modes
     stride, past = _coarse(pair)
     sides = (pair.recordings, pair.runs)
     records = [_slowed(pair, s, stride) for s in sides]
@@ -69,7 +68,8 @@ def compare_modes(pair: Pair, context: Mapping[str, Any]) -> Modal:
     recorded, simulated = (
         tuple(mark_harmonics(f.modes, hz) if hz else f.modes) for f, hz in zip(found, turns, strict=True)
     )
-    absent = _absent(recorded, simulated, run_modes.highest_share / (pair.step * stride), is_turbine(context), turns[0])
+    highest = in_force().hypotheses.nyquist_share * 0.5 / (pair.step * stride)
+    absent = _absent(recorded, simulated, highest, is_turbine(context), turns[0])
     bands = [f.band.to_json(pair.inputs, pair.shown) for f in found if f.band is not None]
     return Modal(recorded, simulated, absent, tuple(bands) if len(bands) == len(sides) else ())
 

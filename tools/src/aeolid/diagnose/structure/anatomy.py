@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.baseline import mass_of, with_force
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations, Parameter, State
@@ -18,6 +17,7 @@ from aeolid.models.state_space import StateSpace
 Array = NDArray[np.float64]
 VELOCITY_UNITS = {"m/s", "mm/s", "rad/s", "deg/s", "rpm", "1/min", "ticks/s"}
 ACCELERATION_UNITS = {"m/s^2", "m/s**2", "m/s2", "rad/s^2", "deg/s^2", "g"}
+LEAST_MODULUS = float(np.exp(-np.pi))  # of an eigenvalue: what decays faster than the Nyquist frequency is no motion
 _UNSEEN = 1e-9  # of an output's spread, by a mode of unit length
 _FORCE_OF_MASS = {
     "kg": ("force_N", "N"),
@@ -113,12 +113,11 @@ def motions_of_state_space(
     The output that shows the mode most (against its spread, spreads (l,)) and the derivative order in its unit fix
     the mode's scale and phase. Returns the motions, and the equations with their coordinates as intermediates.
     """
-    rules = in_force().structure
     values, right = np.linalg.eig(model.A)
     left = np.linalg.inv(right)
     found: list[Motion] = []
     shared: list[Auxiliary] = []
-    kept = np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > rules.least_modulus))
+    kept = np.flatnonzero((values.imag > 1e-9) & (np.abs(values) > LEAST_MODULUS))
     named = in_digits(np.abs(np.log(values[kept])) / model.sample_time_s / (2 * np.pi))
     for k, hertz in zip(kept, named, strict=True):
         lam = np.log(values[k]) / model.sample_time_s

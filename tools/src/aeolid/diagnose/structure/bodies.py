@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.structure.anatomy import VELOCITY_UNITS, Motion, base_unit, force_on_states, linear_in, next_of
+from aeolid.diagnose.structure.anatomy import (
+    LEAST_MODULUS,
+    VELOCITY_UNITS,
+    Motion,
+    base_unit,
+    force_on_states,
+    linear_in,
+    next_of,
+)
 from aeolid.models import expressions as ex
 from aeolid.models.equations import Auxiliary, Equations
 from aeolid.models.state_space import StateSpace
@@ -50,7 +58,7 @@ def bodies_of_state_space(
     mode and what is no oscillation: where there is one mode, it says all there is.
     """
     values, right = np.linalg.eig(model.A)
-    kept = values[abs(values) > in_force().structure.least_modulus].astype(complex)
+    kept = values[abs(values) > LEAST_MODULUS].astype(complex)
     if not len(kept):  # nothing but the memory of a sample
         return [], converted
     try:

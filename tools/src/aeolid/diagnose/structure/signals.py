@@ -34,6 +34,8 @@ _POSITION = re.compile(r"displ|posit|deflec|stroke|travel|angle|stretch|twist|el
 _SPEED = re.compile(r"veloc|speed", re.IGNORECASE)
 _MOST = 4  # coordinates of one output
 _WINDOWS = (3, 5, 9, 15, 25)  # rows that a derivative looks at; the first that is quiet enough is taken
+_NOISE = 0.01  # of a velocity's spread, that a derivative may have; whitened, its high frequencies count most
+_ROUNDING = 1e-9  # of a position's spread
 _THIRD = np.sqrt(20.0)  # spread of white noise's third differences over its own
 _FORCES = {
     *("N", "kN", "MN", "mN", "lb", "lbf", "klb", "kip", "kips", "kgf", "tf", "dyn", "Pa", "kPa", "MPa", "bar", "psi"),
@@ -148,13 +150,13 @@ def _channels(
 
 
 def _coordinates(channels: Sequence[_Channel], step: float) -> list[Coordinate]:
-    rules = in_force().structure
+    data = in_force().data
     positions = [c for c in channels if _is(c, _LENGTHS, _POSITION)]
     velocities = [c for c in channels if c not in positions and _is(c, _SPEEDS, _SPEED)]
     found, used = [], set()
     for p in positions:
         best = max(velocities, key=lambda v: abs(_likeness(p, v, step)), default=None)
-        if best is not None and abs(_likeness(p, best, step)) > rules.velocity_correlation:
+        if best is not None and abs(_likeness(p, best, step)) > data.recognised_correlation:
             used.add(best.name)
             found.append(_recorded(p, best, step))
         else:
@@ -185,7 +187,7 @@ def _recorded(p: _Channel, v: _Channel, step: float) -> Coordinate:
     whole = whole - whole.mean()
     factor = float(whole @ rate / (whole @ whole))
     # noise on the position takes a few percent
-    factor = 1.0 if abs(factor - 1) < in_force().structure.unit_factor_distance else factor
+    factor = 1.0 if abs(factor - 1) < in_force().data.known_ratio_distance else factor
     velocity: ast.expr = ast.Name(id=v.symbol)
     if factor != 1.0:
         velocity = ex.combine("*", ast.Constant(float(f"{factor:.6g}")), velocity)
@@ -200,11 +202,10 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     It has no delay (a lag of one row made a clock offset of one beside dry friction, 9.5 ms at 100 Hz). As few rows
     are taken as the noise on the position allows.
     """
-    rules = in_force().structure
     position, values = followed
     rate = np.concatenate([np.diff(x) / step for x in values])
     noise = float(np.std(np.concatenate([np.diff(x, 3) for x in values]))) / _THIRD / step
-    quiet = [w for w in _WINDOWS if np.linalg.norm(_slope(w)) * noise < rules.derivative_noise * float(np.std(rate))]
+    quiet = [w for w in _WINDOWS if np.linalg.norm(_slope(w)) * noise < _NOISE * float(np.std(rate))]
     weights = _slope(quiet[0] if quiet else _WINDOWS[-1])
     past = [f"{tag}_{k}_before" for k in range(1, len(weights))]
     lagged = [f"({ex.to_text(position)})", *past]
@@ -213,7 +214,7 @@ def _derived(name: str, unit: str, tag: str, followed: tuple[ast.expr, tuple[Arr
     rated = Memory(f"{tag}_rate", f"{unit}/s", ex.parse(f"({speed})/{STEP}", "derivative"), ast.Constant(0.0))
     v = tuple(np.convolve(np.concatenate([np.full(len(past), x[0]), x]), weights, "valid") / step for x in values)
     spread = float(np.std(np.concatenate(values)))
-    reach = float(max(rules.turned_deviations * noise * step, rules.turned_share * spread))
+    reach = float(max(in_force().evidence.noise_deviations * noise * step, _ROUNDING * spread))
     slid, way = _followed(tag, unit, position, reach)
     return Coordinate(name, unit, position, ast.Name(id=rated.name), values, v, (slid, rated, *reversed(shifted)), way)
 

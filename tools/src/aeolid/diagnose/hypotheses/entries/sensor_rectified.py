@@ -22,7 +22,7 @@ def _attach(site: Site) -> list[Attachment]:
     for j, name in enumerate(site.output_names):
         measured = site.y[:, j][np.isfinite(site.y[:, j])]
         spread = float(np.ptp(measured)) if len(measured) else 0.0
-        below = min(rules.rectified_deviations * noise_of(measured), rules.rectified_most * spread)
+        below = min(in_force().evidence.noise_deviations * noise_of(measured), rules.rectified_most * spread)
         if not spread or measured.min() < -max(rules.rectified_least * spread, below):
             continue  # a channel that goes negative is not an absolute value
         result.append(_on(j, name, float(measured.min()) < rules.rectified_touches * spread))

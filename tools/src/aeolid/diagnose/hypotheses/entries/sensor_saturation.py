@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from aeolid.diagnose.data.forensics import rails
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
-from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, unit_of_output, with_reading
+from aeolid.diagnose.hypotheses.parts.wiring import SHARE_SIZE, is_continuous, unit_of_output, with_reading
 from aeolid.diagnose.rules import in_force
 from aeolid.models.equations import Equations, Parameter
 
@@ -28,11 +28,10 @@ def _attach(site: Site) -> list[Attachment]:
 
     A range has two ends: with the lower one fitted, data that reached the upper one refuted all of it (−1,445 nats).
     """
-    rules = in_force().hypotheses
     result = []
     for j, name in enumerate(site.output_names):
         y = site.y[:, j][np.isfinite(site.y[:, j])]
-        ends = (site.rails[j] if site.rails else rails(y)) if len(np.unique(y)) > rules.switch_values else {}
+        ends = (site.rails[j] if site.rails else rails(y)) if is_continuous(y) else {}
         if ends:
             result.append(_on(site, j, name, ends, y))
     return result

@@ -20,7 +20,7 @@ def _statement(name: str, what: str, _: Mapping[str, float]) -> str:
 def _attach(site: Site) -> list[Attachment]:
     """Offer a reversed sign of every output and input: by a share s the channel counts 1 − 2 s times."""
     result = []
-    against = likeness(site)[:, 0] < in_force().hypotheses.sign_correlation
+    against = likeness(site)[:, 0] < -in_force().hypotheses.unit_correlation
     for j, name in enumerate(site.output_names):
         share = f"sensor_sign_{j + 1}"
 

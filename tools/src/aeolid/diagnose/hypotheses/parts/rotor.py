@@ -86,11 +86,11 @@ def _radians(site: Site, channel: Exogenous) -> float:
 
 
 def radians_a_unit(unit: str, values: Array) -> float:
-    """Return rad a unit of an angle: by the unit, else by the range (more than a turn in rad must be degrees)."""
+    """Return rad a unit of an angle: by the unit, else by the range (more than two turns in rad must be degrees)."""
     unit = unit.strip().lower()
     if unit in ("rad", "deg", "degree", "degrees", "°"):
         return 1.0 if unit == "rad" else math.pi / 180
-    return math.pi / 180 if float(np.ptp(values)) > in_force().hypotheses.radian_range else 1.0
+    return math.pi / 180 if float(np.ptp(values)) > 4 * math.pi else 1.0
 
 
 def turning(site: Site) -> float:
@@ -126,13 +126,12 @@ def angle(site: Site, order: int) -> Angle | None:
 
 def speed(site: Site) -> str | None:
     """Write the rotor's speed in rad/s by a state of the equations; None where none is it or its scale is unknown."""
-    swing = in_force().hypotheses.operating_speed_swing
     rate, states = abs(turning(site)), {s.name for s in site.model.states}
     for j in outputs_like(site, "speed") if site.linear is None else []:
         y = site.y[:, j][np.isfinite(site.y[:, j])]
         mean = float(np.mean(y)) if len(y) else 0.0
         read = next(o.equation for o in site.model.outputs if o.name == site.output_names[j])
-        if rate and isinstance(read, ast.Name) and read.id in states and np.std(y) < swing * abs(mean):
+        if rate and isinstance(read, ast.Name) and read.id in states and np.std(y) < abs(mean):
             return f"({rate / mean!r}*{read.id})"
     return None
 

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from aeolid.diagnose.data.exogenous import Exogenous
 from aeolid.diagnose.hypotheses.parts import rotor
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Site, Slot, location
-from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, in_digits
+from aeolid.diagnose.structure.anatomy import ACCELERATION_UNITS, LEAST_MODULUS, in_digits
 from aeolid.diagnose.structure.baseline import with_force
 from aeolid.diagnose.structure.forces import FORCE
 from aeolid.models import expressions as ex
@@ -122,13 +121,12 @@ def _rate(site: Site, state: State) -> float:
 
 def _real_poles(site: Site, linear: StateSpace) -> list[Entrance]:
     """Push along each real pole's own direction, in units of the output that shows it most, slowest first."""
-    structure = in_force().structure
     values, right = np.linalg.eig(linear.A)
     spreads = np.maximum(np.nanstd(site.y, axis=0), 1e-300)
     found: list[tuple[float, float, Callable[[Equations, ast.expr, str], Equations]]] = []
     for k in np.argsort(-abs(values)):
         pole = float(values[k].real)
-        if abs(values[k].imag) > 1e-9 or pole <= structure.least_modulus:
+        if abs(values[k].imag) > 1e-9 or pole <= LEAST_MODULUS:
             continue
         shape = np.real(linear.C @ right[:, k])
         j = int(np.argmax(abs(shape) / spreads))
