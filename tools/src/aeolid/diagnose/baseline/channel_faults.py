@@ -146,7 +146,7 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     answers = sorted(((judge.worth(h.wiring, _FINE), h) for h in ranked), key=lambda a: -a[0][0])
     (after, of_best, _), best = answers[0]
     gain, steps = after - before, of_best - parts
-    if gain < max(rules.fault_nats + np.log(len(asked)), rules.fault_rate * judge.rows):
+    if gain < max(evidence.clear_nats + np.log(len(asked)), rules.fault_rate * judge.rows):
         return None
     if gain < evidence.one_percent_z * float(np.std(steps)) * np.sqrt(PARTS) or not _is_just_this(
         judge, best, after, before
@@ -155,7 +155,8 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
     if after - plain < rules.fault_explained_share * (free - plain):
         return None
-    return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < rules.fault_alike_nats]
+    told_apart = in_force().selection.told_apart_nats
+    return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < told_apart]
 
 
 def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) -> bool:

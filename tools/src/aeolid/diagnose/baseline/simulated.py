@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 _PAST = 40  # samples
 _MOST = 14  # states
 _ITERATIONS = 15
+_RUNAWAY = 1e6  # medians of itself, that no output of a simulation reaches unless it diverges
 _BLOCK = 100  # samples a block of the sandwich covariance: longer than the innovations' memory
 
 
@@ -105,8 +106,8 @@ def check_run(run: Record) -> None:
     for name, column in zip(run.names("output"), y.T, strict=True):
         size = np.abs(np.nan_to_num(column))
         usual = float(np.median(size))
-        if 0 < rules.runaway_ratio * usual < size.max():
-            first = int(np.argmax(size > rules.runaway_ratio * usual))
+        if 0 < _RUNAWAY * usual < size.max():
+            first = int(np.argmax(size > _RUNAWAY * usual))
             raise NotIdentifiable(f"{run.source}: the simulation diverges, {name} at sample {first + 1}; simulate anew")
 
 

@@ -150,21 +150,7 @@ def begin(prepared: Prepared, base: Fit, rows: Sequence[Row], simulated: bool = 
     far = fit_briefly(predictor, simulation_starts(prepared, base, rows, free), free, 1) if simulated else None
     found += [far] if far is not None else []
     found.sort(key=lambda pair: pair[0])
-    begun = Begun(prepared, base, free, attachments, tuple(found))
-    return _without_the_lost(begun) if found else None
-
-
-def _without_the_lost(begun: Begun) -> Begun:
-    """Leave out, on a simulator's run, starts that a brief fit leaves far below the bare baseline.
-
-    Only where another start got above it. From a run's own gains a fit of 180 parameters takes 40 iterations to come
-    back from 20,000 nats below, and came out below the other in 10 of 12 cases. Not with other baselines: gains chosen
-    anew for a wrong sign or unit look worse at first than all else.
-    """
-    if begun.prepared.surrogate is None or begun.gain <= 0:
-        return begun
-    limit = begun.found[0][0] + begun.gain + in_force().candidates.lost_rate * len(begun.base.residual)
-    return replace(begun, found=tuple(f for f in begun.found if f[0] < limit))
+    return Begun(prepared, base, free, attachments, tuple(found)) if found else None
 
 
 def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidate | None:

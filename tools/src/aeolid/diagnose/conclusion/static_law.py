@@ -62,7 +62,7 @@ def static_law(case: Case, seed: int) -> StaticLaw | None:
         return None
     places = [i for i, p in enumerate(model.parameters) if p.minimum < p.value < p.maximum and p.value != 0]
     folds = _folds(case, model)
-    if not 1 <= len(places) <= in_force().conclusion.law_values or len(folds) < 2:
+    if not places or len(folds) < 2:
         return None
     spread = np.nanstd(np.vstack([f.y for f in folds]), axis=0)
     if not np.all(spread > 0):
@@ -107,7 +107,7 @@ class _Law:
 
     def at_an_end(self, factors: Array) -> bool:
         """Tell whether a value was driven to the end of its declared range."""
-        near = in_force().conclusion.law_end_distance
+        near = 1 - in_force().hypotheses.range_end
         values = self.declared * factors
         ends = [(p.minimum, p.maximum) for p in map(self._parameter, self.places)]
         return any(min(abs(v - e) for e in pair) < near * abs(v) for v, pair in zip(values, ends, strict=True))
@@ -117,7 +117,7 @@ class _Law:
 
 
 def _folds(case: Case, model: Equations) -> list[_Fold]:
-    rules = in_force().conclusion
+    least = in_force().data.compared_rows
     whole = []
     for record in case.records:
         u, y = model.inputs_of(record), record.columns([o.name for o in model.outputs])
@@ -126,7 +126,7 @@ def _folds(case: Case, model: Equations) -> list[_Fold]:
     if len(whole) == 1:
         pairs = zip(np.array_split(whole[0].u, _FOLDS), np.array_split(whole[0].y, _FOLDS), strict=True)
         whole = [_Fold(f"{whole[0].name}, part {k + 1}", u, y) for k, (u, y) in enumerate(pairs)]
-    return [f for f in whole if int(np.all(np.isfinite(f.y), axis=1).sum()) >= rules.law_samples]
+    return [f for f in whole if int(np.all(np.isfinite(f.y), axis=1).sum()) >= least]
 
 
 def _moved(factors: Array, std: Array) -> list[int]:

@@ -21,6 +21,7 @@ _SHIFTS = 4000  # shifts looked at, at the most
 _BINS = 6
 ORDERS = range(1, 7)
 _NEAR, _FAR, _NEIGHBOURS = 0.25, 0.45, 5  # where the neighbours of an order lie, and how many on each side at most
+_LEAST_TURNS = 20  # of the rotor in all: fewer do not part an order from what is a quarter beside it
 _PIECES = 24  # of the recording whose phases are compared
 
 
@@ -213,7 +214,7 @@ def azimuth_cells(white: Sequence[Array], angle: Sequence[Array]) -> list[Cell]:
     rate = max((float(np.median(np.abs(np.diff(t)))) for t in turns if len(t) > 1), default=0.0)
     orders = [k for k in ORDERS if k * rate < hypotheses.nyquist_share * np.pi]
     pieces = [p for w, t in zip(white, turns, strict=True) for p in _pieces(w, t, total)]
-    if total < rules.turns or not orders or len(pieces) < rules.fewest_pieces:
+    if total < _LEAST_TURNS or not orders or len(pieces) < rules.fewest_pieces:
         return []
     rows = sum(len(w) for w in white)
     limit = float(-np.log10(1 - (1 - rules.false_alarm_level) ** (1 / (len(orders) * white[0].shape[1]))))

@@ -27,12 +27,12 @@ def mean_over_turn(angle: Array, y: Array) -> Array | None:
     """Return the mean of each column of y (N, l) in each bin of an angle (N,) in rad, less its mean over the turn.
 
     Rows with a value that is not finite are left out. The result is (36, l); None where a bin has fewer rows than the
-    rule `turn_samples`.
+    rule `bin_samples`.
     """
     known = np.isfinite(y).all(axis=1) & np.isfinite(angle)
     place = (np.mod(angle[known], 2 * np.pi) / (2 * np.pi) * BINS).astype(int) % BINS
     count = np.bincount(place, minlength=BINS)
-    if count.min() < in_force().localise.turn_samples:
+    if count.min() < in_force().localise.bin_samples:
         return None
     means = np.column_stack([np.bincount(place, c, minlength=BINS) / count for c in y[known].T])
     found: Array = means - means.mean(axis=0)

@@ -11,9 +11,6 @@ from aeolid.diagnose.rules.declaring import rule
 class BaselineRules:
     """Hold the numbers of this section; each says what it means."""
 
-    fault_nats: float = rule(
-        20.0, "nats", "gain of a sign, unit or swap of a channel, beyond the logarithm of the number of hypotheses"
-    )
     fault_rate: float = rule(
         0.06,
         "nats a sample and output",
@@ -24,9 +21,6 @@ class BaselineRules:
         0.7,
         "share",
         "part of what inputs with free weights would gain over the wiring as declared that a fault must gain",
-    )
-    fault_alike_nats: float = rule(
-        3.0, "nats", "difference of gains below which two faults of channels are not told apart"
     )
     fault_sign_share: float = rule(
         0.15, "share", "part of a sign's gain that must be left over no response at all; a quarter is expected"
@@ -41,5 +35,4 @@ class BaselineRules:
     )
     present_share: float = rule(0.9, "share", "part of a channel that must be there for it to be asked")
     run_samples: int = rule(400, "samples", "least length of a simulator's run, as of a recording")
-    runaway_ratio: float = rule(1e6, "times", "size, in medians of it, that no output of a working simulation reaches")
     wiring_rows: int = rule(200, "rows", "rows of a recording without which its wiring is not asked")

@@ -50,9 +50,6 @@ class CandidatesRules:
     far_nats: float = rule(
         200.0, "nats", "distance behind the leader, or below the baseline, from which a hypothesis is out of the race"
     )
-    lost_rate: float = rule(
-        0.1, "nats a sample and output", "distance below the baseline from which a start does not come back"
-    )
     ridge_nats: float = rule(0.25, "nats", "fits this close are the same, with values that the data leave open")
     alike_cos2: float = rule(
         0.9, "cos²", "overlap from which two hypotheses must both be fitted: the score cannot tell them apart"

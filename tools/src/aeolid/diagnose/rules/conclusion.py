@@ -28,10 +28,6 @@ class ConclusionRules:
         "what is worth a word beside the verdict: the score of a mode that no input drives, the gain on the "
         "training data of what the sealed data do not bear out",
     )
-    law_samples: int = rule(50, "samples", "samples of a fold without which a law without states is not estimated")
-    law_values: int = rule(
-        4, "count", "declared values of a law without states; more are not told apart by a scatter plot"
-    )
     law_better_share: float = rule(
         0.9,
         "share",
@@ -39,9 +35,6 @@ class ConclusionRules:
     )
     law_right_share: float = rule(
         0.25, "share", "mean absolute error, of an output's spread, above which the law itself is not right"
-    )
-    law_end_distance: float = rule(
-        0.01, "share", "relative distance to the end of a declared range within which a value is at that end"
     )
     recovered_share: float = rule(
         0.3, "share", "part of what the data would allow below which the name is not the main thing missing"

@@ -16,11 +16,7 @@ class LocaliseRules:
     )
     stretch_samples: int = rule(48, "samples", "least length of a stretch of time in a map")
     fewest_bins: int = rule(3, "count", "edges of bins up to which no map over a channel is drawn")
-    bin_samples: int = rule(20, "samples", "samples in a bin of a map at the least")
-    turn_samples: int = rule(5, "samples", "samples in each bin of the rotor's angle: fewer make no mean over the turn")
-    turns: int = rule(
-        20, "turns", "turns of the rotor in all: fewer do not tell an order from what is a quarter beside it"
-    )
+    bin_samples: int = rule(5, "samples", "samples in each bin of a map, or of the rotor's angle: fewer make no mean")
     fewest_pieces: int = rule(8, "count", "pieces of the recording whose phases are compared, at the least")
     spectrum_rows: int = rule(64, "rows", "rows of one spectrum at the least")
     material_ratio: float = rule(

@@ -27,6 +27,3 @@ class ValidationRules:
     material_rate: float = rule(
         0.002, "nats a sample", "gain over all folds that shows in predictions: one-step errors 0.2 % smaller"
     )
-    estimates_apart: float = rule(
-        3.0, "deviations", "difference of two estimates of one value above which one of them is not believed"
-    )

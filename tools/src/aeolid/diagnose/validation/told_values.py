@@ -90,7 +90,7 @@ def _between(values: Sequence[Moved], against: dict[str, Moved], off: Sequence[s
 def _excluded(one: Moved, other: Moved) -> bool:
     """Tell whether two estimates exclude each other, or the first has run to the end of its range alone."""
     spread = float(np.hypot(one.std, other.std))
-    apart = np.isfinite(spread) and abs(one.value - other.value) > in_force().validation.estimates_apart * spread
+    apart = np.isfinite(spread) and abs(one.value - other.value) > in_force().evidence.moved_deviations * spread
     return bool(apart or (one.at_end and not other.at_end))
 
 
@@ -120,7 +120,7 @@ def widened(
 
     The deviation of such a value is half of the difference at least.
     """
-    rules = in_force().validation
+    rules = in_force().evidence
     order = [p.name for p in declared.parameters]
     known, apart = {m.parameter.name: m for m in whole}, []
     first, rest = ({m.parameter.name: m for m in part} for part in (parts or (whole, whole)))
@@ -129,7 +129,7 @@ def widened(
             continue
         between = abs(first[name].value - rest[name].value)
         spread = float(np.hypot(first[name].std, rest[name].std))
-        if np.isfinite(spread) and between > rules.estimates_apart * spread:
+        if np.isfinite(spread) and between > rules.moved_deviations * spread:
             apart.append(name)
             known[name] = replace(m, std=max(m.std, 0.5 * between))
     return tuple(known[n] for n in order if n in known), tuple(n for n in order if n in apart)
