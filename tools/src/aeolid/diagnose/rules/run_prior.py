@@ -89,7 +89,12 @@ class RunPriorRules:
         "how often the gain of a load that turns with the rotor must exceed what the runs' own gains there",
         "measured: 27 to 69 nats in 9 of 13 nulls in uniform wind, which gained 0.9 to 2.2 times as much",
     )
-    group_nats: float = rule(15.0, "nats", "gain from which a group of outputs tells something alone", RUN_DECISIONS)
+    group_nats: float = rule(
+        15.0,
+        "nats",
+        "gain from which a group of outputs tells something alone, or answers on the test data are others",
+        RUN_DECISIONS,
+    )
     sure_group_nats: float = rule(
         60.0, "nats", "gain that one of the groups must have; a missing mode itself was worth 43 in one", RUN_DECISIONS
     )
@@ -101,15 +106,6 @@ class RunPriorRules:
     )
     agreeing_groups: int = rule(
         2, "count", "groups of outputs that must tell the same beside a missing mode", RUN_DECISIONS
-    )
-    held_input_share: float = rule(
-        0.4,
-        "share",
-        "samples of an input that repeat the one before, from which it is held between samples",
-        RUN_DECISIONS,
-    )
-    at_range_end_share: float = rule(
-        0.002, "share", "samples of an output at an end of the run's range, above which a limit is asked", RUN_DECISIONS
     )
     disc_uneven_log: float = rule(
         1.5,
@@ -133,9 +129,6 @@ class RunPriorRules:
     )
     worse_share: float = rule(
         0.5, "share", "part of the largest growth of errors from which an output is named beside it", RUN_DECISIONS
-    )
-    still_distance: float = rule(
-        0.02, "share", "what a frequency may differ by where a mode is only damped otherwise", RUN_DECISIONS
     )
     line_log: float = rule(
         1.0,
@@ -163,17 +156,11 @@ class RunPriorRules:
     )
     law_shared: float = rule(0.4, "share", "part of the recording's means that must be so near", RUN_DECISIONS)
     law_means: int = rule(20, "count", "means of the run, and of both, at the least", RUN_DECISIONS)
-    law_sealed_share: float = rule(
-        0.2, "share", "part of the least number of means that the sealed part must have", RUN_DECISIONS
-    )
     law_sure_deviations: float = rule(
         4.5,
         "deviations",
         "deviations by which a level must have shifted",
         "measured: 0.0 to 2.8 in 29 nulls with up to five laws each",
-    )
-    law_sealed_deviations: float = rule(
-        3.0, "deviations", "deviations by which a level must have shifted on the sealed part", RUN_DECISIONS
     )
     wind_shift: float = rule(0.01, "share", "least shift of a wind at a given state, of its level", RUN_DECISIONS)
     thrust_shift: float = rule(0.03, "share", "least shift of a thrust, of its level", RUN_DECISIONS)
@@ -246,15 +233,6 @@ class RunPriorRules:
     )
     answer_segments: int = rule(
         6, "count", "segments of four revolutions that a part must have for its answers to be compared", RUN_DECISIONS
-    )
-    answer_nats: float = rule(
-        12.0,
-        "nats",
-        "gain on the test data by the recording's own answers from which an input is answered otherwise",
-        "measured: -6 to 4 in 32 nulls",
-    )
-    answer_bands: int = rule(
-        6, "count", "bands below the Nyquist frequency that answers are compared in, at the least", RUN_DECISIONS
     )
     answer_gaps: float = rule(
         0.05, "share", "missing samples of a side above which its answers are not compared", RUN_DECISIONS

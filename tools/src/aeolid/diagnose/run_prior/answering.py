@@ -120,7 +120,7 @@ def told_apart(pair: Pair, answering: Answering | None) -> str:
     outputs = shown_outputs(pair)
     if answering is None or not outputs:
         return ""
-    least = in_force().run_prior.answer_nats
+    least = in_force().run_prior.group_nats
     nats = {n: replicated(answering, i, outputs) for i, n in enumerate(pair.inputs)}
     other = [f"{n} ({v:.0f} nats on the test data)" for n, v in nats.items() if v > least]
     if not other:

@@ -150,7 +150,7 @@ def ways_of(u: Array) -> Ways:
 
     Taken as smooth, a held input would come half a sample early behind a drive.
     """
-    if np.mean(np.diff(u) == 0) < in_force().run_prior.held_input_share:
+    if np.mean(np.diff(u) == 0) < in_force().data.repeats_share:
         return Ways(op.first_order, op.delayed, op.second_order)
 
     def held(kind: str, *values: float, x: Array, step: float) -> Array:
@@ -210,7 +210,7 @@ def _of_output(pair: Pair, j: int, name: str, unit: str) -> list[Hypothesis]:
             Hypothesis("sensor_rectified", place, (), (), (), (), ((),),
                        lambda values: Change(outputs={j: lambda x, s: np.abs(x)}))
         )  # fmt: skip
-    if np.mean((y <= low) | (y >= high)) > in_force().run_prior.at_range_end_share:
+    if np.mean((y <= low) | (y >= high)) > in_force().data.rail_share:
         found.append(
             Hypothesis("sensor_saturation", place, (), (), (), (), ((),),
                        lambda values: Change(outputs={j: lambda x, s: np.clip(x, low, high)}))

@@ -66,7 +66,7 @@ class Shift:
         """Tell whether both parts bear the shift out."""
         rules = in_force().run_prior
         sure = abs(self.z) > rules.law_sure_deviations and self.sealed * self.value > 0
-        return sure and abs(self.sealed) > rules.law_sealed_deviations * self.sealed_deviation
+        return sure and abs(self.sealed) > in_force().evidence.moved_deviations * self.sealed_deviation
 
 
 def shifts_of(records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any]) -> dict[str, Shift]:
@@ -147,7 +147,7 @@ def _shift(law: str, channel: str, recorded: Sequence[Array], run: Array) -> Shi
     chosen, sealed = (np.vstack(p) for p in parts)
     both = np.vstack([chosen, sealed])
     least = max(rules.law_means, rules.law_shared * sum(map(len, recorded)))
-    if len(both) < least or len(sealed) < rules.law_sealed_share * rules.law_means:
+    if len(both) < least or len(sealed) < 4:
         return None
 
     def of(off: Array) -> tuple[float, float]:

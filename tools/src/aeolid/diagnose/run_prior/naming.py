@@ -102,7 +102,7 @@ def _moved_names(h: Hypothesis, found: Found, told: Told, explanation: Explanati
     (f, _), (zeta, _) = told["frequency_hz"], told["damping"]
     what = next((k.words for k in KINDS if re.search(k.pattern, h.place.lower())), "a mode")
     now = f"{what} of {h.of[0]:.3g} Hz and damping {h.of[1]:.2g} in the simulation is at {f:.3g} Hz with {zeta:.2g}"
-    still = abs(f / h.of[0] - 1) < in_force().run_prior.still_distance
+    still = abs(f / h.of[0] - 1) < in_force().hypotheses.same_frequency
     names = ["damping_change"] if still else [h.entry, *(r.hypothesis.entry for r in found.rivals if r.hypothesis.of)]
     assert found.scored is not None
     if not still and found.scored.nats < in_force().run_prior.explained_share * explanation.lost:

@@ -28,6 +28,7 @@ ComplexArray = NDArray[np.complex128]
 _TURNS = 4.0  # revolutions of a segment
 _MOST_GAIN = 10.0  # of the logarithm of a gain: beyond it nothing is an answer
 _LOWEST, _HIGHEST, _RATIO = 0.75, 25.0, 1.2  # of the bands, in multiples of the rotor's frequency
+_LEAST_BANDS = 6  # through which a lateness is a slope
 _NYQUIST = 0.8  # part of the Nyquist frequency up to which bands reach
 
 
@@ -88,7 +89,7 @@ def answering_of(
         return None
     hz = float(turn) / (2 * np.pi)
     edges = _edges(min(_HIGHEST, _NYQUIST / (2 * pair.step * hz)))
-    if len(edges) < rules.answer_bands + 1:
+    if len(edges) <= _LEAST_BANDS:
         return None
 
     def of(group: Sequence[Side], told: Sequence[Record], first: float, last: float) -> Answers | None:
