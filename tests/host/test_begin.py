@@ -271,6 +271,8 @@ def test_odd_levels_and_impossible_contexts_are_said(
     case.write_text(right[1].replace("rated_speed_rad_s = 1.2", "rated_speed_rad_s = 12.2"))
     assert main(["check", str(field.parent)]) == 3
     assert "rad/s are wanted, not rpm" in capsys.readouterr().err
+    case.write_text(right[1].replace("rated_speed_rad_s = 1.2", "rated_speed_rad_s = 48.0"))
+    assert main(["check", str(field.parent)]) == 0  # idling at a fortieth: in rpm it would turn at a quarter
 
 
 def test_headings_of_two_versions_of_openfast_are_one_case(tmp_path: Path) -> None:
