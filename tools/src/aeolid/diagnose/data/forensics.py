@@ -139,9 +139,8 @@ def _longest_run(v: Array) -> int:
 
 
 def _rails(v: Array, where: str) -> list[Finding]:
-    rules = in_force().data
+    rules, found = in_force().data, []
     words = {"high": "highest", "low": "lowest"}
-    found = []
     for side, rail in rails(v).items():
         share = float(np.mean(np.abs(v - rail) <= rules.pile_width * np.ptp(v)))
         text = f"{share:.1%} of the samples sit at the {words[side]} value {rail:.4g}"
@@ -201,9 +200,8 @@ def _held(v: Array, where: str) -> list[Finding]:
     usual = int(np.median(pace))
     if usual < 2 or float(np.mean(pace == usual)) < rules.held_share:
         return []
-    return [
-        Finding("held", where, f"renewed only every {usual} samples: its logger is slower than the others", "warning")
-    ]
+    text = f"renewed only every {usual} samples: its logger is slower than the others"
+    return [Finding("held", where, text, "warning")]
 
 
 def _unlikely(v: Array, where: str, is_output: bool) -> list[Finding]:
