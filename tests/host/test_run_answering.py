@@ -170,12 +170,19 @@ def test_lift_of_slender_blades_is_late_by_little_and_strong_when_quick(late: fl
     assert is_building_up(seen) == told
 
 
+def test_single_missing_samples_do_not_hide_what_is_told() -> None:
+    whole = turbine(21, bend=BEND)
+    values = whole.values.copy()
+    values[::15, 3] = np.nan
+    assert entries(replace(whole, values=values), turbine(0)) == entries(whole, turbine(0)) != ()
+
+
 def test_what_is_not_recorded_tells_nothing() -> None:
     """No excitation, one that stands still, many samples missing, a recording too short for its sealed part."""
     run, whole = turbine(0), turbine(21, bend=BEND)
     still, gaps = whole.values.copy(), whole.values.copy()
     still[:, -1] = 0.0
-    gaps[::15, 3] = np.nan
+    gaps[::15, 3] = gaps[1::15, 3] = np.nan
     roles = tuple(replace(c, role="scheduling") if c.role == "excitation" else c for c in CHANNELS)
     for other in (
         replace(whole, channels=roles), replace(whole, values=still), replace(whole, values=gaps),

@@ -36,9 +36,9 @@ def dropouts_of(values: Array) -> NDArray[np.bool_]:
     found, often = np.unique(values[np.isfinite(values)], return_counts=True)
     if len(found) < 2 or often.max() < rules.dropped_fewest:
         return none
-    most, next_most = np.sort(often)[[-1, -2]]
-    at = values == found[np.argmax(often)]
-    if most < rules.dropped_times * next_most or float(at.mean()) > rules.missing_share:
+    next_most = np.sort(often)[-2]
+    at = _in_short_runs(values == found[np.argmax(often)], rules.dropped_longest)
+    if int(at.sum()) < rules.dropped_times * next_most or float(at.mean()) > rules.missing_share:
         return none
     rest = np.flatnonzero(np.isfinite(values) & ~at)
     if len(rest) < 3:
@@ -46,6 +46,16 @@ def dropouts_of(values: Array) -> NDArray[np.bool_]:
     usual = float(np.median(np.abs(values[rest][1:-1] - 0.5 * (values[rest][:-2] + values[rest][2:]))))
     leaps = np.abs(values[at] - np.interp(np.flatnonzero(at), rest, values[rest])) > rules.dropped_leap * usual
     return at if 2 * int(leaps.sum()) > len(leaps) and int(leaps.sum()) >= rules.dropped_fewest else none
+
+
+def _in_short_runs(at: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
+    """Return the samples of `at` that stand in runs of at most so many: what lasts is a stuck sensor or a rest."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(int)))
+    found = at.copy()
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start > longest:
+            found[start:stop] = False
+    return found
 
 
 def _far_off(values: Array) -> NDArray[np.bool_]:

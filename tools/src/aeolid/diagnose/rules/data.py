@@ -143,6 +143,9 @@ class DataRules:
     dropped_fewest: int = rule(
         5, "count", "samples of one value, far from their neighbours, from which they are dropouts"
     )
+    dropped_longest: int = rule(
+        3, "count", "samples in a row up to which they are dropouts and no sensor that is stuck"
+    )
     dropped_times: float = rule(3.0, "times", "how often that value must come, over the next most frequent one")
     dropped_leap: float = rule(
         10.0, "times", "distance of a dropout from its neighbours, over that of an ordinary sample from its own"
