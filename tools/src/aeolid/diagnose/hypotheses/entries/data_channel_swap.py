@@ -84,7 +84,7 @@ ENTRY = Entry(
     equation="y1_recorded = y2, y2_recorded = y1",
     source="Ljung 1999, System Identification: Theory for the User, section 14.1 (faults of recorded data)",
     quantities=(),
-    attaches_to="every two outputs and every two inputs of one unit",
+    attaches_to="every two outputs and every two inputs of one unit; against a simulator's run outputs alone",
     signature="each of two channels follows what the model says of the other; the verdict is a fault of the data",
     confused_with=(
         ("sensor_cross_axis", "share: a skewed sensor shows part of its neighbour and most of its own"),

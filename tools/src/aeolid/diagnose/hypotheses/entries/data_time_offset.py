@@ -58,7 +58,7 @@ ENTRY = Entry(
     equation="u_acting(t) = u_recorded(t - offset_s), all inputs alike",
     source="Maes et al. 2016, Journal of Sound and Vibration 381 (synchronising loggers by system identification)",
     quantities=(Quantity("offset_s", "s", -60.0, 60.0, 0.0, "inputs stamped early by this much; negative: late"),),
-    attaches_to="all inputs together",
+    attaches_to="all inputs together; against a simulator's run a single output, too",
     signature="phase falls (or rises) in proportion to frequency from every input to every output by one time",
     confused_with=(
         ("transport_delay",

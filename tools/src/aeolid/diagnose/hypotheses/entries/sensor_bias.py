@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot, location
+from aeolid.diagnose.hypotheses.parts.settings import BLADED, OPENFAST, Setting
 from aeolid.diagnose.hypotheses.parts.wiring import imitated_by_forces, spread_of, unit_of_output, with_reading
 from aeolid.models.equations import Equations, Parameter
 
@@ -51,9 +52,26 @@ ENTRY = Entry(
     equation="y_recorded = y + bias",
     source="Doebelin 2004, Measurement Systems, chapter 3 (zero offset)",
     quantities=(Quantity("bias", "unit of the output", -1e12, 1e12, 0.0, "recorded less true"),),
-    attaches_to="outputs of equations that no constant force could move alone; elsewhere it cannot be tested",
+    attaches_to="outputs of equations that no constant force could move alone; against a simulator's run of a turbine"
+    " the pitch angle and the zero of the rotor's angle; elsewhere it cannot be tested",
     signature="a constant difference that contradicts the other outputs",
-    confused_with=(("parameter_error", "a wrong value changes with the operating point, a bias does not"),),
+    confused_with=(
+        ("parameter_error", "a wrong value changes with the operating point, a bias does not"),
+        ("air_density", "air of another density changes what a degree of pitch does, an offset of the angle does not"),
+    ),
     attach=_attach,
     rank=290,
+    settings=(
+        Setting(
+            OPENFAST,
+            "AeroDyn: BlTwist in the blade files (ADBlFile) of all blades moved by {bias:.3g} of the angle's unit the"
+            " other way, where the blades and not the sensor are off",
+            at=r"^input:.*(pitch|blpit|beta)",
+        ),
+        Setting(
+            BLADED,
+            "Rotor: blade set angle error of all blades, {bias:.3g} of the angle's unit the other way",
+            at=r"^input:.*(pitch|blpit|beta)",
+        ),
+    ),
 )
