@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ NO_INTERRUPTS = "void mps2_systick(void) {}\nvoid mps2_uart0(void) {}\n"
 SAMPLE_TIME_US = 100_000
 # Every instruction takes 64 ns and time spent asleep is skipped: the true sample rate, in seconds instead of minutes.
 COUNTED = ("-icount", "shift=6,sleep=off")
+BUFFER_BYTES = 32768  # some 1,200 frames: 2 s of a busy reader's absence, an eighth of what comes while nobody reads
 PATIENCE_S = 3600.0  # what waits in vain is ended; a busy machine is not
 
 
@@ -91,13 +92,27 @@ class Board:
         self.process.stderr.close()
 
 
+def bounded_pair(size: int) -> tuple[socket.socket, socket.socket]:
+    """Return two connected sockets between which the kernel holds bytes of the order of `size`, and no more.
+
+    TCP on the loopback joins what an emulator sends byte by byte; between Unix sockets each byte counts as a packet of
+    some 800, so that a reader who is late by milliseconds loses frames.
+    """
+    with socket.socket() as server, closing(socket.socket()) as client:
+        server.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, size)  # before listening: inherited
+        client.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, size)
+        server.bind(("127.0.0.1", 0))
+        server.listen(1)
+        client.connect(server.getsockname())
+        end, _ = server.accept()
+        return socket.socket(fileno=client.detach()), end
+
+
 class DeafHost:
     """Pass a UART on to a listener, but for the time from `deaf_after` bytes until the node is half-way."""
 
     def __init__(self, deaf_after: int) -> None:
-        self.uart, self._end = socket.socketpair()
-        # the emulator sends byte by byte, and the kernel counts each as a packet: this is full after a thousand or so
-        self.uart.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1 << 20)
+        self.uart, self._end = bounded_pair(BUFFER_BYTES)
         self._server = socket.create_server(("127.0.0.1", 0))
         self.address = f"slcan:socket://127.0.0.1:{self._server.getsockname()[1]}"
         self._deaf_after = deaf_after
