@@ -11,25 +11,36 @@ from study_modules import load_study
 study = load_study("other_turbines")
 others = study.others
 decks = others.decks
+crossings = others.crossings
 
 
-def test_every_pair_has_its_runs_and_a_known_truth() -> None:
-    runs = {name for _, name, _ in others.all_runs()}
-    pairs = others.all_pairs()
-    assert len(runs) == 24 and len({p.name for _, p in pairs}) == len(pairs) == 24
-    assert len({c.seed for _, _, c in others.all_runs()}) == 24
+@pytest.mark.parametrize("of", crossings.SETS)
+def test_every_pair_has_its_runs_and_a_known_truth(of: str) -> None:
+    runs = {name for _, name, _ in others.all_runs(of)}
+    pairs = others.all_pairs(of)
+    made = {"first": 24, "crossed": 24, "field": 18, "third": 14}[of]
+    assert len(runs) == len({p.name for _, p in pairs}) == len(pairs) == made
+    assert len({c.seed for _, _, c in others.all_runs(of)}) == made
     for turbine, pair in pairs:
         assert {pair.recording, pair.simulation} <= runs
         assert pair.recording != pair.simulation
-        assert turbine in decks.DECKS
+        assert int(pair.wind[1:]) in decks.DECKS[turbine].pitch_deg
         assert (pair.effect == "null") == (not pair.families)
-    assert {c.effect for made in others.CHANGES.values() for c in made} <= set(others._KNOWN)
+    assert {c.effect for made in crossings.SETS[of].values() for c in made} <= set(others._KNOWN)
+
+
+def test_no_two_sets_make_different_runs_of_one_name() -> None:
+    made: dict[str, object] = {}
+    for of in crossings.SETS:
+        for _, name, change in others.all_runs(of):
+            assert made.setdefault(name, change) == change
 
 
 def test_what_the_simulation_lacks_is_on_its_side() -> None:
-    sides = {p.name: (p.recording, p.simulation) for _, p in others.all_pairs()}
+    sides = {p.name: (p.recording, p.simulation) for of in ("first", "field") for _, p in others.all_pairs(of)}
     assert sides["iea15-mode_tower"] == ("iea15-n1", "iea15-mode_tower")
     assert sides["iea15-lag"] == ("iea15-lag", "iea15-n1")
+    assert sides["iea15-mode_tower-f14"] == ("iea15-n1-f14", "iea15-mode_tower-f14")
 
 
 SECTIONS = """a blade

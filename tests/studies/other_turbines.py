@@ -1,11 +1,13 @@
-"""Diagnose pairs of turbines that the diagnosis was not made on: a direct drive of 15 MW and a small turbine.
+"""Diagnose pairs of turbines that the diagnosis was not made on: a direct drive of 15 MW and two more.
 
-    python tests/studies/other_turbines.py make FOLDER [--simulator ../shared/openfast]
+    python tests/studies/other_turbines.py make FOLDER [--set first …] [--simulator ../shared/openfast]
     python tests/studies/other_turbines.py score FOLDER [--json FILE] [--before FILE]
 
 `make` brings the decks of the ROSCO package from the package index and runs them in the simulator of
-`../shared/openfast`, 24 runs of 500 s at 16 m/s, two to three minutes of a core each; it goes on where it stopped.
-`score` diagnoses the 48 cases, each with all channels and with two outputs, and prints the table of the corpus
+`../shared/openfast`, two to five minutes of a core for a run of 500 s; it goes on where it stopped. Sets of effects
+(tests/studies/openfast_pairs/crossings.py): first, 24 runs; crossed, 24; field, 18, in full fields of turbulence;
+third, 14, a turbine of 5 MW with slender blades. `score` diagnoses the cases that are there, each with all channels and
+with two outputs, and prints the table of the corpus
 (tests/studies/openfast_corpus.py). Exit code 2 where there is no simulator or no case, 1 where something is missing.
 """
 
@@ -20,6 +22,7 @@ sys.path[:0] = [str(HERE)]
 
 from campbell_openfast import SIMULATOR, load_kit  # noqa: E402
 from openfast_pairs import others, scoring  # noqa: E402
+from openfast_pairs.crossings import SETS  # noqa: E402
 
 
 def _say(text: str) -> None:
@@ -35,6 +38,7 @@ def main(arguments: list[str] | None = None) -> int:
     for command in (make, score):
         command.add_argument("folder", type=Path, help="folder of runs, cases and answers")
     make.add_argument("--simulator", type=Path, default=SIMULATOR, help="folder with run.py")
+    make.add_argument("--set", nargs="+", choices=list(SETS), default=["first"], help="sets of effects (first)")
     scoring.add_options(score)
     options = parser.parse_args(arguments)
     if options.command == "score":
@@ -42,7 +46,9 @@ def main(arguments: list[str] | None = None) -> int:
     if not (options.simulator / "run.py").is_file():
         _say(f"{options.simulator / 'run.py'}: no such file, so no run can be made; name it with --simulator")
         return 2
-    return 0 if others.make(options.folder, load_kit(options.simulator.resolve()), _say) else 1
+    kit = load_kit(options.simulator.resolve())
+    made = [others.make(options.folder, kit, of, _say) for of in options.set]
+    return 0 if all(made) else 1
 
 
 if __name__ == "__main__":

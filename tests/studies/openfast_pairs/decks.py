@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 
 PACKAGE = "rosco==2.10.6"
 _DECKS, _LIBRARIES = "Examples/Test_Cases/", ("rosco/lib/", "rosco.libs/")
@@ -74,6 +75,11 @@ DECKS = {
         87.6, 145.0, 600.0, 1.267, 12.1, 97.0, {12: 6.0, 14: 10.0, 16: 13.0, 18: 15.5, 20: 17.5},
         tuple(("elastic", k, "True") for k in _ON),
     ),
+    "bar": Deck(
+        "5 MW turbine with slender blades", "BAR_10", ".", _names("BAR_10", "BAR_10", "BAR_10_DISCON.IN"),
+        140.0, 240.0, 1400.0, 0.825, 7.88, 96.76, {12: 9.9, 14: 12.8, 16: 15.4, 18: 17.8, 20: 20.0},
+        (("main", "CompElast", 1),),
+    ),
 }  # fmt: skip
 
 
@@ -99,12 +105,12 @@ def controller(folder: Path) -> Path:
 def lay(deck: Deck, package: Path, work: Path, change: Change) -> dict[str, str]:
     """Copy a deck into a working folder, ready for runs; returns its files by what they hold.
 
-    No individual pitch control, as the wrapper gives all blades one angle; half of the blades' sections; one point of
+    No individual pitch control and no flaps, as the wrapper gives all blades one angle; half of the blades' sections; one point of
     wind at the hub; the channels of the corpus as outputs.
     """
     shutil.copytree(package / _DECKS / deck.folder, work, dirs_exist_ok=True)
     files = {k: os.path.normpath(work / deck.main / v) for k, v in deck.files.items()}
-    _rewrite(files["controller"], r"(?m)^\s*\d+(\s*! IPC_ControlMode)", r"0\1")
+    _rewrite(files["controller"], r"(?m)^\s*\d+(\s*! (?:IPC_ControlMode|Flp_Mode))", r"0\1")
     _thin(files["sections"])
     _outputs(files["elastic"], ("GenSpeed", "Azimuth", "BldPitch1", "YawBrTAxp", "YawBrTAyp", "RootMyb1", "RootMyb2",
                                 "RootMyb3"))  # fmt: skip
@@ -121,6 +127,22 @@ def lay(deck: Deck, package: Path, work: Path, change: Change) -> dict[str, str]
     for key, name, value in settings:
         change(files[key], name, value)
     return files
+
+
+def full_field(kit: ModuleType, deck: Deck, home: Path, programs: str, wind: tuple[float, float], seed: int) -> None:
+    """Write wind.bts into a folder: turbulence of 10 % over the deck's disc; wind: mean in m/s, seconds.
+
+    The simulator's script writes the input of its own turbine first; heights and sides are changed in that.
+    """
+    speed, seconds = wind
+    kit.full_field(programs, str(home), speed, 10.0, 0.14, 10.0, seed)
+    (home / "wind.bts").unlink()
+    for key, value in (("HubHt", deck.hub_m), ("RefHt", deck.hub_m), ("GridHeight", deck.disc_m),
+                       ("GridWidth", deck.disc_m), ("AnalysisTime", seconds)):  # fmt: skip
+        kit.change(str(home / "wind.inp"), key, value)
+    subprocess.run([f"{programs}/turbsim", "wind.inp"], cwd=home, check=True, capture_output=True)
+    if not (home / "wind.bts").is_file():
+        raise ValueError(f"{home}: the program for turbulent wind wrote no wind.bts")
 
 
 def heavier(deck: Deck, files: Mapping[str, str], factor: float, change: Change) -> None:
