@@ -105,8 +105,8 @@ def controller(folder: Path) -> Path:
 def lay(deck: Deck, package: Path, work: Path, change: Change) -> dict[str, str]:
     """Copy a deck into a working folder, ready for runs; returns its files by what they hold.
 
-    No individual pitch control and no flaps, as the wrapper gives all blades one angle; half of the blades' sections; one point of
-    wind at the hub; the channels of the corpus as outputs.
+    No individual pitch control and no flaps, as the wrapper gives all blades one angle; half of the blades' sections;
+    one point of wind at the hub; the channels of the corpus as outputs.
     """
     shutil.copytree(package / _DECKS / deck.folder, work, dirs_exist_ok=True)
     files = {k: os.path.normpath(work / deck.main / v) for k, v in deck.files.items()}
