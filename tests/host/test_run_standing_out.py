@@ -15,6 +15,7 @@ from aeolid.diagnose.run_prior import explain as explaining
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.explain import explain
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
+from aeolid.diagnose.run_prior.pair import NOTHING, Change, Side
 from aeolid.diagnose.run_prior.proof import prove
 from aeolid.diagnose.run_prior.search import Search
 from aeolid.diagnose.run_prior.standing_out import local_of, local_rise, lone_mode, once_of, risen_of
@@ -148,6 +149,22 @@ def test_blades_that_pass_are_no_mode_where_their_other_multiples_rise_as_well()
     assert rise is not None and rise.is_plain
     absent = Absent(hz, 0.01, 0.01, 0.01, "tower_acc_fore_aft", "", ("tower_acc_fore_aft",))
     assert local_of(pair, absent, SPEED / (2 * np.pi), FIT) is None
+
+
+def test_an_effect_beside_a_missing_mode_is_in_the_proof() -> None:
+    """Lines of the rotor's angle beside a missing tower are regressors of the sealed part and of its series, too."""
+    pair = pair_of([turbine(8, line=3.0)], [turbine(2, 0.0)], CONTEXT)
+    found = explain(pair, CONTEXT, {}, unlimited())
+    assert any(f.mode is not None for f in found.found)
+
+    def turning(side: Side) -> Array:
+        assert side.azimuth is not None
+        return np.column_stack([np.cos(side.azimuth), np.sin(side.azimuth)])
+
+    alone, ridge = replace(found, change=NOTHING), Search(pair).ridge
+    both = prove(pair, replace(alone, change=Change(extra=turning)), ridge)
+    assert both.gain > prove(pair, alone, ridge).gain + 20
+    assert set(both.series) == set(pair.shown)
 
 
 def test_a_band_beyond_what_samples_show_has_no_answer() -> None:

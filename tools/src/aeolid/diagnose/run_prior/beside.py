@@ -43,7 +43,9 @@ def with_beside(
     best, table, search = _explained(search, own, towers, tick)
     if best is None or best.hypothesis.entry == SEEN:
         return x
-    if best.weight < rules.held_weight or best.nats < rules.explained_share * search.lost or search.lost <= limit:
+    if best.weight < max(rules.held_weight, search.base.weight):
+        return x  # what brings the run back makes it count more; lines of a mode that these outputs still show do not
+    if best.nats < rules.explained_share * search.lost or search.lost <= limit:
         return x
     found = Found(best, None, rivals_of(best, table), seen_in=rest)
     alone = replace(x, found=(found,), change=best.change.after(search.found), weight=search.base.weight)

@@ -48,7 +48,10 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
     bare = _foretold(pair, NOTHING, ridge, edges, trust)
     freed = _foretold(pair, NOTHING, ridge, edges, explanation.weight)
     only = all(f.scored is None for f in explanation.found) and bool(explanation.found)  # the model is the recordings'
-    full = freed if own or only else _foretold(pair, explanation.change, ridge, edges, trust)
+    change = explanation.change
+    weight = explanation.weight if own or only else trust
+    as_is = change is NOTHING and (own or only)
+    full = freed if as_is else _foretold(pair, change, ridge, edges, weight)
     gains = np.zeros(_BLOCKS) if only and not own else full.nats - bare.nats
     spread = _Z90 * float(np.sqrt(len(gains)) * gains.std(ddof=1))
     spread = float(np.hypot(spread, np.sqrt(sum((s.nats - s.interval[0]) ** 2 for s in apart))))
@@ -58,7 +61,7 @@ def prove(pair: Pair, explanation: Explanation, ridge: Array) -> RunProof:
         if rise.proof[1][0] > interval[0]:
             gain, interval = rise.proof
     ceiling = max(gain, float(np.sum(freed.nats - bare.nats)))
-    series = {} if not explanation.found else _series(pair, bare, full, explanation.change)
+    series = {} if not explanation.found else _series(pair, bare, full, change)
     return RunProof(gain, interval, bare.errors(pair), full.errors(pair), ceiling, series)
 
 
