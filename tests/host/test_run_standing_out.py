@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter
 
 from aeolid.diagnose.deadline import unlimited
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior import explain as explaining
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.explain import explain
@@ -67,6 +68,39 @@ def test_a_tower_that_the_run_lacks_is_found_with_its_frequency() -> None:
     hz = {"tower_fore_aft": TOWER[0], "tower_side_side": 0.95 * TOWER[0]}[found.kind]
     assert found.frequency_hz == pytest.approx(hz, rel=0.05)
     assert found.output == f"tower_acc_{found.kind.removeprefix('tower_')}"
+
+
+def stiff(seed: int) -> Record:
+    """Return a turbine whose tower leaves over what a mode of 4 Hz moves, a thousandth of it."""
+    made = turbine(seed, 0.0, bent=0.0)
+    values = made.values.copy()
+    values[:, 2] = 1e-3 * swung(np.gradient(made.values[:, 1], STEP), 4.0, 0.05)
+    return replace(made, values=values)
+
+
+def test_the_mode_of_a_rigid_tower_is_where_the_recording_swings_most() -> None:
+    """The ratio of powers grows towards slow motion, far below the mode."""
+    pair = pair_of([turbine(1)], [stiff(2)], CONTEXT)
+    rigid = in_force().run_prior.rigid_log
+    found = lone_mode(pair, compare_modes(pair, CONTEXT), CONTEXT, FIT, rigid)
+    assert found is not None and found.kind == "tower_fore_aft"
+    assert found.frequency_hz == pytest.approx(TOWER[0], rel=0.05)
+    assert explain(pair, CONTEXT, {}, unlimited()).found[0].mode is not None
+
+
+def test_swapped_axes_are_no_rigid_tower_and_a_rigid_tower_no_swapped_axes() -> None:
+    rigid = in_force().run_prior.rigid_log
+    order = [0, 1, 3, 2, 4]
+    recorded = turbine(1)
+    swapped = replace(recorded, values=recorded.values[:, order])
+    change = Change(order=(0, 2, 1))
+    pair = pair_of([swapped], [turbine(2)], CONTEXT)
+    behind = pair.rewired(change)
+    assert lone_mode(behind, compare_modes(behind, CONTEXT), CONTEXT, FIT, rigid) is None
+    found = explain(pair, CONTEXT, {c.name: c.unit for c in CHANNELS}, unlimited()).found
+    assert [f.scored.hypothesis.entry for f in found if f.scored is not None] == ["data_channel_swap"]
+    rigidly = pair_of([recorded], [stiff(2)], CONTEXT)
+    assert lone_mode(rigidly.rewired(change), compare_modes(rigidly, CONTEXT), CONTEXT, FIT, rigid) is not None
 
 
 @pytest.mark.parametrize(

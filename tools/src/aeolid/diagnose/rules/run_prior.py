@@ -210,6 +210,13 @@ class RunPriorRules:
         "measured: at most 1.5 in 12 nulls; 3.9 to 12 where a mode of tower or drive train is missing; 3.3 where a "
         "blade's is, which answers tell",
     )
+    rigid_log: float = rule(
+        7.0,
+        "log",
+        "such a growth from which the run lacks the mode whatever else explains errors: 33 times the amplitude, at "
+        "some frequencies and not at others, is no wind, drive or sensor",
+        "measured: 12.2 and 22 where a simulated tower is rigid; 1.5 at most in 12 nulls",
+    )
     local_log: float = rule(
         0.7,
         "log",

@@ -104,6 +104,9 @@ def explain(
         lost, first.base.weight, moved, (), tuple(table), modal, NOTHING, tuple(screened), first.evaluations,
         tried=first.tried, limit=limit, once=once_of(pair, context),
     )  # fmt: skip
+    rigid = lone_mode(pair, modal, context, FIT, in_force().run_prior.rigid_log) if lost > limit else None
+    if rigid is not None and not (best is not None and best.hypothesis.fault and _settles(pair, best, modal, context)):
+        return replace(x, found=(Found(None, rigid),))
     if best is None or best.hypothesis.of:
         lone = _from_modes(modal, moved, context, pair, best is not None) if lost > limit else ()
         if lone or best is None:
@@ -111,6 +114,11 @@ def explain(
     best, rivals = of_blades(pair, best, rivals_of(best, table), table)
     x = replace(x, found=(Found(best, None, rivals),), change=best.change, after=best.weight)
     return x if deadline.passed else _with_further(pair, x, best, hypotheses, tick)
+
+
+def _settles(pair: Pair, fault: Scored, modal: Modal, context: Mapping[str, Any]) -> bool:
+    """Tell whether behind a fault of channels no output of the runs is as rigid as it was before."""
+    return lone_mode(pair.rewired(fault.change), modal, context, FIT, in_force().run_prior.rigid_log) is None
 
 
 def _with_further(

@@ -182,6 +182,15 @@ class Pair:
         out: Array = (blocks - self.offset[side.region]) / self.scale
         return out
 
+    def rewired(self, change: Change) -> Pair:
+        """Return the pair whose runs' outputs are scaled, late and placed as a change has them."""
+
+        def side(s: Side) -> Side:
+            y = _changed(s.y, change.outputs, s.step)
+            return replace(s, y=y[:, list(change.order)] if change.order else y)
+
+        return replace(self, runs=tuple(map(side, self.runs)))
+
     def predicted(self, side: Side, change: Change, theta: Array, first: float) -> tuple[Array, Array, Array]:
         """Return times (n,), outputs (n, l) and one-step predictions (n, l) of a recording from a part on, in units.
 

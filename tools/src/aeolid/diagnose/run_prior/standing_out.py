@@ -44,18 +44,26 @@ _NEAR = 1.3  # ratio of a mode's frequency to the band's within which it is that
 
 @dataclass(frozen=True, eq=False)
 class Risen:
-    """Hold logarithms of power ratios, recording over run, by band and output: of all data, and of two parts."""
+    """Hold logarithms of power ratios, recording over run, by band and output: of all data, and of two parts.
+
+    power: the logarithm of the recordings' own power.
+    """
 
     hz: Array
+    power: Array
     whole: Array
     chosen: Array
     sealed: Array
 
 
-def lone_mode(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: float) -> Absent | None:
+def lone_mode(
+    pair: Pair, modal: Modal, context: Mapping[str, Any], fit: float, least: float = 0.0
+) -> Absent | None:  # fmt: skip
     """Return the mode of tower or drive train that stands out of the run's spectra, None where none does.
 
-    modal: of both sides, for its frequency and damping; fit: part of each recording that is not sealed.
+    modal: of both sides, for its frequency and damping; fit: part of each recording that is not sealed; least: growth
+    of the power's logarithm that is asked for. Where the run's output hardly moves at all, the band that grows most
+    says little of the mode, and the one of most power among those that stand out does.
     """
     turn = context.get("rated_speed_rad_s")
     if not turn or not is_turbine(context):
@@ -68,9 +76,11 @@ def lone_mode(pair: Pair, modal: Modal, context: Mapping[str, Any], fit: float) 
         return None
     _, j, kind = max(found)
     band = int(risen.whole[:, j].argmax())
-    if not _is_plain(risen, band, j):
+    if not _is_plain(risen, band, j) or risen.whole[band, j] < least:
         return None
-    mode = _nearest(modal.recorded, pair.shown[j], float(risen.hz[band]))
+    loudest = max((b for b in range(len(risen.hz)) if _is_plain(risen, b, j)), key=lambda b: float(risen.power[b, j]))
+    near = (_nearest(modal.recorded, pair.shown[j], float(risen.hz[b])) for b in (band, loudest))
+    mode = next((m for m in near if m is not None), None)
     if mode is None:
         return None
     std = mode.frequency_std_hz or np.inf
@@ -230,7 +240,7 @@ def risen_of(pair: Pair, hz: float, fit: float) -> Risen | None:
     if not bands or any(p is None for p in powers):
         return None
     logs = [np.log([p[at].mean(axis=0) + 1e-300 for at in bands]) for p in powers if p is not None]
-    return Risen(np.array([f[at].mean() for at in bands]), *(x - logs[0] for x in logs[1:]))
+    return Risen(np.array([f[at].mean() for at in bands]), logs[1], *(x - logs[0] for x in logs[1:]))
 
 
 def _powers(pair: Pair, sides: Sequence[Side], length: int, part: tuple[float, float]) -> Array | None:
