@@ -97,6 +97,18 @@ def test_one_blade_is_made_heavier(tmp_path: Path, key: str) -> None:
         decks.heavier(decks.DECKS["iea15"], files, 1.02, change)
 
 
+def test_the_second_blade_is_twisted(tmp_path: Path) -> None:
+    sections, aero = tmp_path / "sections.dat", tmp_path / "aero.dat"
+    sections.write_text("3 NumBlNds\n BlSpn BlTwist\n (m) (deg)\n 0 20\n 5 1.5e1\n 9 -1\nend\n")
+    aero.write_text('"a.dat" ADBlFile(1) - first\n"a.dat" ADBlFile(2) - second\n')
+    files = {"main": str(tmp_path / "x.fst"), "sections": str(sections), "aero": str(aero)}
+    decks.twisted(files, 0.5)
+    rows = (tmp_path / "sections_2.dat").read_text().splitlines()
+    assert [[float(x) for x in r.split()] for r in rows[3:6]] == [[0, 20.5], [5, 15.5], [9, -0.5]]
+    assert rows[6] == "end" and "20.5" not in sections.read_text()
+    assert [line.split()[0] for line in aero.read_text().splitlines()] == ['"a.dat"', '"sections_2.dat"']
+
+
 def test_it_says_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert study.main(["make", str(tmp_path), "--simulator", str(tmp_path)]) == 2
     assert study.main(["score", str(tmp_path)]) == 2

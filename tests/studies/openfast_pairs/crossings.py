@@ -26,8 +26,9 @@ class Change:
     """Describe what a run has that the turbine as it is has not.
 
     drive: settings of the controller's wrapper; settings: file of the deck, key, value; heavy: factor on the mass of
-    the second blade; shear: exponent of the wind's profile; values: true ones, as a diagnosis names them; wind: the
-    same over the disc (u) or a full field of turbulence (f), in m/s.
+    the second blade; twisted_deg: angle by which its sections are twisted; shear: exponent of the wind's profile;
+    values: true ones, as a diagnosis names them; wind: the same over the disc (u) or a full field of turbulence (f), in
+    m/s.
     """
 
     effect: str
@@ -35,6 +36,7 @@ class Change:
     drive: Mapping[str, float] = field(default_factory=dict)
     settings: tuple[Setting, ...] = ()
     heavy: float | None = None
+    twisted_deg: float = 0.0
     shear: float = 0.14
     wind: str = "u16"
     values: Values = field(default_factory=dict)
@@ -92,6 +94,10 @@ def _pitched(seed: int, angle: float) -> Change:
     return _drive("imbalance_aero", seed, "off1", "offset", angle, "deg")
 
 
+def _twisted(seed: int, angle: float) -> Change:
+    return Change("imbalance_aero", seed, twisted_deg=angle, values={"offset": (angle, "deg")})
+
+
 def _in(wind: str, *changes: Change) -> tuple[Change, ...]:
     return tuple(replace(c, wind=wind) for c in changes)
 
@@ -112,7 +118,7 @@ _FIRST: Mapping[str, tuple[Change, ...]] = {
 _CROSSED: Mapping[str, tuple[Change, ...]] = {
     "iea15": (
         Change("shear", 41, shear=0.28), _aero("shadow", 42, "TwrPotent"), _off("mode_edge", 43, "EdgeDOF"),
-        _second_order(44, 5.0), _late(45, 0.2), _pitched(46, 0.8), _off("mode_side", 47, "TwSSDOF1"),
+        _second_order(44, 5.0), _late(45, 0.2), _twisted(46, 0.8), _off("mode_side", 47, "TwSSDOF1"),
         _drive("rate", 48, "rate", "rate", 2.0, "deg/s"), _late_torque(49, 0.4),
         _drive("deadband", 50, "deadband", "width", 0.4, "deg"),
     ),
@@ -129,7 +135,7 @@ _FIELD: Mapping[str, tuple[Change, ...]] = {
     ),
     "nrel28": _in(
         "f18", _late(83, 0.2), _off("mode_shaft", 84, "DrTrDOF"), _off("mode_edge", 85, "EdgeDOF"),
-        _pitched(86, 1.0), _aero("inflow", 87, "DBEMT_Mod"), _second_order(88, 5.0), _yaw(89, 10),
+        _twisted(86, 1.0), _aero("inflow", 87, "DBEMT_Mod"), _second_order(88, 5.0), _yaw(89, 10),
     ),
 }  # fmt: skip
 _THIRD: Mapping[str, tuple[Change, ...]] = {
@@ -137,7 +143,7 @@ _THIRD: Mapping[str, tuple[Change, ...]] = {
         _lag(93, 0.25), _off("mode_flap", 94, "FlapDOF1"), _off("mode_tower", 95, "TwFADOF1"), _play(96, 0.25),
         Change("imbalance_mass", 97, heavy=1.02), _aero("unsteady", 98, "UA_Mod"), _air(99, 0.93),
         _aero("inflow", 100, "DBEMT_Mod"), _second_order(101, 5.0), _off("mode_edge", 102, "EdgeDOF"),
-        _pitched(103, 0.6), Change("shear", 104, shear=0.26),
+        _twisted(103, 0.6), Change("shear", 104, shear=0.26),
     ),
 }  # fmt: skip
 SETS = {"first": _FIRST, "crossed": _CROSSED, "field": _FIELD, "third": _THIRD}

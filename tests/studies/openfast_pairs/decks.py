@@ -156,6 +156,21 @@ def heavier(deck: Deck, files: Mapping[str, str], factor: float, change: Change)
     _rewrite(files["elastic"], r'(?m)^"[^"]*"(\s+BldFile\(?2\)?\s)', r'"blade_2.dat"\1')
 
 
+def twisted(files: Mapping[str, str], angle_deg: float) -> None:
+    """Twist the second blade's sections by an angle, as a blade that is pitched otherwise: controllers that move all
+    blades as one take no angle of a single one."""
+    blade = Path(files["main"]).parent / "sections_2.dat"
+    lines = Path(files["sections"]).read_text(encoding="utf-8", errors="replace").split("\n")
+    head = next(k for k, line in enumerate(lines) if "BlTwist" in line)
+    column = lines[head].split().index("BlTwist")
+    for k in range(head + 2, head + 2 + int(lines[head - 1].split()[0])):
+        words = lines[k].split()
+        words[column] = f"{float(words[column]) + angle_deg:.9e}"
+        lines[k] = " ".join(words)
+    blade.write_text("\n".join(lines), encoding="utf-8")
+    _rewrite(files["aero"], r'(?m)^"[^"]*"(\s+ADBlFile\(2\))', rf'"{blade.name}"\1')
+
+
 def _rewrite(path: str, pattern: str, by: str) -> None:
     text = Path(path).read_text(encoding="utf-8", errors="replace")
     Path(path).write_text(re.sub(pattern, by, text), encoding="utf-8")

@@ -82,6 +82,7 @@ def make(folder: Path, kit: ModuleType, of: str, say: Callable[[str], None]) -> 
             if not (folder / "runs" / name).is_dir():
                 wrong = _one(folder, kit, package, decks.DECKS[turbine], name, change)
                 say(f"{name}: {wrong or 'made'}")
+                write_cases(folder, of)
         there = write_cases(folder, of)
         say(f"{folder}: {there} of {2 * len(all_pairs(of))} cases")
     return there == 2 * len(all_pairs(of))
@@ -128,6 +129,8 @@ def _set(
         kit.change(files[key], parameter, value)
     if change.heavy is not None:
         decks.heavier(deck, files, change.heavy, kit.change)
+    if change.twisted_deg:
+        decks.twisted(files, change.twisted_deg)
     told: dict[str, Any] = {
         "amp_pitch": 0.5 * TURN, "hold_pitch": 0.7, "amp_torque": deck.torque_N_m, "hold_torque": 0.4, "start": 5,
         **change.drive, "seed": change.seed, "library": decks.controller(package), "log": "effects.bin",
