@@ -115,6 +115,14 @@ def replicated(a: Answering, angle: int, outputs: Sequence[int]) -> float:
     return float(nats.mean())
 
 
+def is_other_rotor(pair: Pair, answering: Answering | None) -> bool:
+    """Tell whether the sealed part's answers to the pitch angle are others than the simulation's."""
+    angle, outputs = angle_of(pair), shown_outputs(pair)
+    if answering is None or angle is None or not outputs:
+        return False
+    return replicated(answering, angle, outputs) > in_force().run_prior.group_nats
+
+
 def told_apart(pair: Pair, answering: Answering | None) -> str:
     """Say which inputs are answered otherwise than in the simulation; empty where answers cannot be compared."""
     outputs = shown_outputs(pair)
@@ -154,13 +162,14 @@ def is_building_up(s: Seen, share: float = 1.0) -> bool:
     """Tell whether slow answers come late and quick ones are stronger, which together is sure.
 
     How late lift comes goes with the chord: on slender blades hardly later than other wind makes it look, so that what
-    one of both lacks in deviations the other may have.
+    one of both lacks in deviations the other may have, or all answers: lift that builds up is weaker in the whole.
     """
     rules = in_force().run_prior
     late, quick = s.late / s.late_std, s.quick / s.quick_std
     plain = s.late > rules.lift_angle * share and s.quick > rules.quick_gain * share
     sure = min(late, quick) > rules.lift_deviations * share
-    together = np.hypot(late, quick) > np.hypot(rules.late_deviations, rules.quick_deviations) * share
+    whole = np.sqrt(late**2 + quick**2 + max(s.gain / s.gain_std, 0.0) ** 2)
+    together = whole > np.hypot(rules.late_deviations, rules.quick_deviations) * share
     return bool(plain and sure and together and s.late < rules.bending_angle)
 
 

@@ -1,10 +1,13 @@
 """Look for a second effect beside a mode that the runs lack, in the outputs that hardly show the mode.
 
-A run without a mode says nothing of an output that swings in it, whatever an actuator does; the other outputs do.
+A run without a mode says nothing of an output that swings in it, whatever an actuator does; the other outputs do. What
+acts on them through the mode is told by the mode: a drive train that twists hands the generator's torque on as a
+second-order drive would.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -21,6 +24,7 @@ from aeolid.diagnose.run_prior.resonances import SEEN, resonances
 from aeolid.diagnose.run_prior.search import Scored, Search
 
 _PLACES = ("input:", "rotor")  # of effects that other outputs show as well as the mode's own
+_THROUGH = {"drivetrain_torsion": re.compile(r"input:.*(torque|tq)")}  # places that act through a mode
 
 
 def with_beside(
@@ -38,7 +42,7 @@ def with_beside(
     limit = limit_of(rest, search.unsteady())
     if search.lost <= limit:
         return x
-    own = [h for h in all_hypotheses(rest, dict(units)) if h.place.startswith(_PLACES)]
+    own = [h for h in all_hypotheses(rest, dict(units)) if acts_beside(h, mode.kind)]
     towers = [] if mode.kind != SEEN else resonances(rest, Modal((), (), ()), units, {}, context)
     best, table, search = _explained(search, own, towers, tick)
     if best is None or best.hypothesis.entry == SEEN:
@@ -52,6 +56,12 @@ def with_beside(
     if prove(rest, alone, search.ridge).interval[0] <= in_force().evidence.proven_nats:
         return x
     return replace(x, found=(*x.found, found), table=(*x.table, *table), change=best.change)
+
+
+def acts_beside(h: Hypothesis, kind: str) -> bool:
+    """Tell whether what a hypothesis does reaches other outputs by another way than through a mode of a kind."""
+    through = _THROUGH.get(kind)
+    return h.place.startswith(_PLACES) and (through is None or through.search(h.place.lower()) is None)
 
 
 def _explained(

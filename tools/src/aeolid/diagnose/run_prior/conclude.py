@@ -19,11 +19,18 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.declaring import quoted
-from aeolid.diagnose.run_prior.answering import told_apart
+from aeolid.diagnose.run_prior.answering import is_other_rotor, told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
-from aeolid.diagnose.run_prior.explain import Explanation, Found, angle_acts, explain, with_standing
+from aeolid.diagnose.run_prior.explain import (
+    Explanation,
+    Found,
+    angle_acts,
+    explain,
+    with_standing,
+    without_blades_mode,
+)  # fmt: skip
 from aeolid.diagnose.run_prior.floors import noise_findings
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.machine import is_turbine
@@ -86,6 +93,8 @@ def study_run(
     stronger = partial(angle_acts, pair, found)
     standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
     found = with_standing(found, standing)
+    if is_other_rotor(pair, answering):
+        found = without_blades_mode(pair, found)
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
     ridge = Search(pair).ridge

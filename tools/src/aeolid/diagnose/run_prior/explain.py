@@ -175,6 +175,16 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
     return replace(x, found=kept + told, change=change)
 
 
+def without_blades_mode(pair: Pair, x: Explanation) -> Explanation:
+    """Return an explanation without a mode of unknown kind that blades' moments show.
+
+    A rotor that answers its pitch angle otherwise, for whatever reason, moves its blades' modes: no mode is missing.
+    """
+    turning = pair.shown[len(pair.shown) - 3 * len(pair.blades) :]
+    kept = tuple(f for f in x.found if f.mode is None or f.edge or f.mode.kind or f.mode.output not in turning)
+    return x if len(kept) == len(x.found) else replace(x, found=kept)
+
+
 def angle_acts(pair: Pair, x: Explanation, factor: float) -> float:
     """Return the nats that are gained when the pitch angle acts by a factor, beside what drives and sensors do.
 

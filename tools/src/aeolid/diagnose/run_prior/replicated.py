@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from aeolid.diagnose.rules import in_force
-from aeolid.diagnose.run_prior.beside import without
+from aeolid.diagnose.run_prior.beside import acts_beside, without
 from aeolid.diagnose.run_prior.explain import Explanation, Found, rivals_of
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.pair import Pair
@@ -40,8 +40,10 @@ def with_replicated(
     rules = in_force().run_prior
     if len(x.found) != 1 or x.found[0].mode is None:
         return x
-    asked = [s for s in x.table if s.hypothesis.place.startswith("input:") and s.nats > rules.named_nats][:_MOST]
-    groups = [names for names in groups_of(pair) if x.found[0].mode.output not in names]
+    mode = x.found[0].mode
+    beside = [s for s in x.table if acts_beside(s.hypothesis, mode.kind) and s.nats > rules.named_nats]
+    asked = [s for s in beside if s.hypothesis.place.startswith("input:")][:_MOST]
+    groups = [names for names in groups_of(pair) if mode.output not in names]
     if not asked or len(groups) < rules.agreeing_groups:
         return x
     heard = [Heard(names, _table(pair, names, asked, tick)) for names in groups]
