@@ -12,7 +12,8 @@ import pytest
 
 from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.rules import in_force, with_rules
-from aeolid.diagnose.run_prior import explain
+from aeolid.diagnose.run_prior import beside, explain
+from aeolid.diagnose.run_prior.beside import acts_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.conclude import is_habit
 from aeolid.diagnose.run_prior.explain import Explanation, Found, with_standing
@@ -171,6 +172,54 @@ def test_a_mode_is_part_of_how_the_rotor_answers(kind: str, answers: bool, kept:
     found = with_standing(replace(NONE, found=(Found(None, mode),)), (told,)).found
     assert sum(f.mode is not None for f in found) == kept
     assert sum(f.standing is not None for f in found) == 1 - kept
+
+
+@pytest.mark.parametrize(
+    ("output", "kind", "kept"), [("flap_sine", "", 0), ("flap_sine", "blade_edge", 1), ("tower", "", 1)]
+)
+def test_no_mode_of_blades_is_missing_where_the_rotor_answers_otherwise(output: str, kind: str, kept: int) -> None:
+    """Without lift that builds up a rotor's blades swung at 1.5 Hz, which had the name."""
+    pair = cast(
+        Pair, SimpleNamespace(shown=("tower", "flap_collective", "flap_cosine", "flap_sine"), blades=((1, 2, 3),))
+    )
+    mode = Found(None, Absent(1.5, 0.014, 0.033, 0.008, output, kind=kind))
+    assert len(explain.without_blades_mode(pair, replace(NONE, found=(mode,))).found) == kept
+
+
+@pytest.mark.parametrize(
+    ("place", "kind", "apart"),
+    [
+        ("input:torque_demand", "drivetrain_torsion", False), ("input:GenTq", "drivetrain_torsion", False),
+        ("input:pitch", "drivetrain_torsion", True), ("input:torque_demand", "tower_side_side", True),
+        ("rotor", "", True), ("output:speed", "", False),
+    ],
+)  # fmt: skip
+def test_a_drive_train_hands_the_torque_on_as_a_drive_would(place: str, kind: str, apart: bool) -> None:
+    """Beside a missing torsion of 1.68 Hz a second-order drive of 21.6 rad/s of the torque had a name."""
+    assert acts_beside(hypothesis(place), kind) is apart
+
+
+@pytest.mark.parametrize(("after", "count"), [(0.1, 1), (0.316, 2), (1.0, 2)])
+def test_what_takes_trust_from_the_run_is_no_second_effect(
+    after: float, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Lines that a missing side-side mode leaves in other outputs gained 168 nats where the run lost 140."""
+    line = Scored(hypothesis("rotor"), (), 168.0, 174.0, after)
+    search = partial(_Second, line)
+    monkeypatch.setattr(beside, "Search", lambda *a: _weighed(search(*a)))
+    for name, value in {"without": NONE, "all_hypotheses": [line.hypothesis], "limit_of": 30.0}.items():
+        monkeypatch.setattr(beside, name, lambda *_, v=value: v)
+    proof = SimpleNamespace(interval=(9.0, 20.0))
+    monkeypatch.setattr(beside, "prove", lambda *_: proof)
+    mode = Absent(0.24, 0.001, 0.004, 0.002, "side_side", kind="tower_side_side")
+    x = replace(NONE, found=(Found(None, mode),))
+    assert len(beside.with_beside(cast(Pair, None), x, {}, {}, lambda _: None).found) == count
+
+
+def _weighed(search: _Second) -> Any:
+    search.base.weight, search.lost = 0.316, 140.0
+    return SimpleNamespace(**vars(search), unsteady=lambda: 0.0, found=NOTHING, ridge=None, screen=search.screen,
+                           refine=search.refine)  # fmt: skip
 
 
 @pytest.mark.parametrize(("output", "factor", "names"), [
