@@ -58,7 +58,8 @@ def _drive(effect: str, seed: int, key: str, name: str, value: float, unit: str)
 
 def _air(seed: int, factor: float) -> Change:
     values = {"factor": (factor, "1"), "density_change": (factor - 1, "1")}
-    return Change("density", seed, settings=(("main", "AirDens", 1.225 * factor),), values=values)
+    settings = tuple((file, "AirDens", 1.225 * factor) for file in ("main", "aero"))
+    return Change("density", seed, settings=settings, values=values)
 
 
 def _second_order(seed: int, omega: float) -> Change:
