@@ -32,9 +32,10 @@ from aeolid.diagnose.run_prior.explain import (
     without_blades_mode,
 )  # fmt: skip
 from aeolid.diagnose.run_prior.floors import noise_findings
+from aeolid.diagnose.run_prior.gauges import gauge_of
 from aeolid.diagnose.run_prior.least import not_excluded
 from aeolid.diagnose.run_prior.machine import is_turbine
-from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement
+from aeolid.diagnose.run_prior.naming import Name, Told, effect_of, names_of, statement, without_mean_offset
 from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.proof import RunProof, prove
 from aeolid.diagnose.run_prior.replicated import with_replicated
@@ -77,6 +78,10 @@ def study_run(
     """
     progress("windows of both sides", 0.02)
     pair = pair_of(records, runs, context)
+    gauge = gauge_of(pair, context, FIT) if is_turbine(context) else None
+    if gauge is not None:
+        records = [gauge.corrected(r) for r in records]
+        pair = pair_of(records, runs, context)
     units = {c.name: c.unit for c in records[0].channels}
     count = [0.05]
 
@@ -92,9 +97,11 @@ def study_run(
     answering = answering_of(pair, records, runs, context, FIT) if is_turbine(context) else None
     stronger = partial(angle_acts, pair, found)
     standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
-    found = with_standing(found, standing)
+    found = without_mean_offset(with_standing(found, standing), context)
     if is_other_rotor(pair, answering):
         found = without_blades_mode(pair, found)
+    if gauge is not None:
+        found = replace(found, found=(*found.found, Found(None, None, standing=gauge.standing(units[gauge.channel]))))
     progress("sealed part", 0.82)
     deadline.enter("sealed proof")
     ridge = Search(pair).ridge

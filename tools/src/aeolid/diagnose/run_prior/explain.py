@@ -207,13 +207,18 @@ def _moved(search: Search) -> dict[str, float]:
 
 
 def chosen(search: Search, table: Sequence[Scored], lost: float) -> Scored | None:
-    """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good."""
+    """Return the hypothesis that explains best: enough nats, the run's weight back, no simpler form as good.
+
+    Loads that turn with the rotor are regressors of the recordings: they gain where these have lines, whatever the runs
+    lack, so that they must bring the run back.
+    """
     rules = in_force().run_prior
     table = [s for s in table if s.nats > max(rules.named_nats * s.hypothesis.parts, rules.least_share * lost)]
     share, of_moved = rules.explained_share, rules.moved_mode_share
     fit = [
         s for s in table
-        if _brings_back(s.weight, search.base.weight) or s.nats > (of_moved if s.hypothesis.of else share) * lost
+        if _brings_back(s.weight, search.base.weight)
+        or (s.nats > (of_moved if s.hypothesis.of else share) * lost and s.change.extra is None)
     ]  # fmt: skip
     if not fit and table and table[0].hypothesis.wired and table[0].nats > rules.fault_share * lost:
         return table[0]  # behind swapped channels nothing else of a machine can bring the run back

@@ -117,9 +117,12 @@ def _moved_names(h: Hypothesis, found: Found, told: Told, explanation: Explanati
 def _standing_names(s: Standing) -> list[Name]:
     weights = [1.0] if len(s.entries) == 1 else [0.6, *[0.4 / (len(s.entries) - 1)] * (len(s.entries) - 1)]
     return [
-        Name(e, s.place[e], dict(s.told.get(e, {})), {n: s.units.get(n, "1") for n in s.told.get(e, {})}, w, s.words[e])
+        Name(
+            e, s.place[e], dict(s.told.get(e, {})), {n: s.units.get(n, "1") for n in s.told.get(e, {})}, w, s.words[e],
+            s.fault,
+        )
         for e, w in zip(s.entries, weights, strict=True)
-    ]
+    ]  # fmt: skip
 
 
 _MODE_UNITS = {"frequency_hz": "Hz", "damping": "1"}
@@ -172,6 +175,21 @@ def _imbalance(explanation: Explanation) -> list[str]:
     if sideways is not None and turning is not None and abs(sideways - turning) > in_force().run_prior.line_log:
         return ["mass_imbalance"] if sideways > turning else ["aero_imbalance"]
     return ["mass_imbalance", "aero_imbalance"]
+
+
+def without_mean_offset(x: Explanation, context: Mapping[str, Any]) -> Explanation:
+    """Return an explanation without an offset of all blades' angle beside one blade that is pitched otherwise.
+
+    The mean angle of a rotor one of whose blades is off by an angle is off by its third: one fault, told once.
+    """
+    loads = [f for f in x.found if f.scored is not None and f.scored.hypothesis.entry == "mass_imbalance"]
+    if not any(names_of(f, {}, x, context)[0].entry == "aero_imbalance" for f in loads):
+        return x
+    return replace(x, found=tuple(f for f in x.found if f.standing is None or not _is_offset(f.standing)))
+
+
+def _is_offset(s: Standing) -> bool:
+    return s.entries[0] == "sensor_bias" and s.place["sensor_bias"].startswith("input:")
 
 
 def statement(name: Name, units: Mapping[str, str]) -> str:

@@ -98,6 +98,12 @@ class Search:
         found = evidence(prior, recorded, self.base.weight)
         return found.nats - self.base.nats, found.weight
 
+    def evidence_of(self, change: Change) -> float:
+        """Return the log evidence when a change of the runs alone stands behind what was found."""
+        self.evaluations += 1
+        prior = prior_of(self.pair.of_runs(change.after(self.found)), self.ridge)
+        return evidence(prior, self.recorded, self.base.weight).nats
+
     def control(self, h: Hypothesis, values: Values) -> float:
         """Return what the same change gains on the run alone: its second half under its first, both changed.
 

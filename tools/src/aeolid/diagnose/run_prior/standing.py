@@ -36,7 +36,8 @@ class Standing:
 
     nats, interval: what it gains on the sealed part; own: the recordings' own predictor proves it instead; answers: it
     is told by how the rotor answers, which moves the modes that the sides do not share; beside: it is told beside
-    what an actuator or a sensor does; units: of its values, by name, "1" for those that are not listed.
+    what an actuator or a sensor does; fault: the recording is at fault, not the simulation; units: of its
+    values, by name, "1" for those that are not listed.
     """
 
     entries: tuple[str, ...]
@@ -49,6 +50,7 @@ class Standing:
     answers: bool = False
     beside: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
+    fault: bool = False
 
     @property
     def cyclic(self) -> bool:
@@ -106,12 +108,12 @@ def _still(laws: Mapping[str, Shift]) -> bool | None:
 
 
 def _answered(answer: Answer) -> Standing:
-    nats, interval = _proof(float(np.sqrt(2 * max(answer.nats, 0.0))), answer.nats)
+    nats, interval = proof_of_shift(float(np.sqrt(2 * max(answer.nats, 0.0))), answer.nats)
     where = {n: f"output:{answer.channel}" if n == "blade_flap" else "rotor" for n in answer.entries}
     return Standing(answer.entries, where, {}, answer.words, nats, interval, answers=True)
 
 
-def _proof(z: float, nats: float) -> tuple[float, tuple[float, float]]:
+def proof_of_shift(z: float, nats: float) -> tuple[float, tuple[float, float]]:
     """Return nats with their 90 % interval: z is normal, and nats are half of its square, with its sign."""
     low, middle, high = (0.5 * x * abs(x) for x in (abs(z) - _Z90, abs(z), abs(z) + _Z90))
     return nats, (nats - (middle - low), nats + (high - middle))
@@ -121,7 +123,7 @@ def _power(laws: Mapping[str, Shift], wind: Shift, channel: str) -> Standing:
     """Name why another wind goes with the same angle, torque and speed."""
     factor = (1 + wind.share) ** -_CUBE
     std = float(np.hypot(_CUBE * factor * wind.deviation / abs(wind.level), _EXPONENT * (1 - factor)))
-    nats, interval = _proof(wind.sealed / wind.sealed_deviation, wind.nats)
+    nats, interval = proof_of_shift(wind.sealed / wind.sealed_deviation, wind.nats)
     change = {"air_density": "density_change", "cp_change": "cp_change"}
     told = {e: {n: (factor - 1, std)} for e, n in change.items()}
     reads = 1 + wind.share
@@ -152,7 +154,7 @@ def _of_angle(
     if acts > rules.rival_nats:
         return None
     told_by = max((laws[law] for law in ("wind", *THRUST) if law in laws), key=lambda s: abs(s.z))
-    nats, interval = _proof(told_by.sealed / told_by.sealed_deviation, told_by.nats)
+    nats, interval = proof_of_shift(told_by.sealed / told_by.sealed_deviation, told_by.nats)
     entries: tuple[str, ...] = ("sensor_bias",)
     where = {"sensor_bias": f"input:{offset.channel}"}
     words = {
@@ -174,7 +176,7 @@ def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
     thrust = _sure(laws, "thrust", in_force().run_prior.thrust_shift)
     if thrust is None:
         return None
-    nats, interval = _proof(thrust.sealed / thrust.sealed_deviation, thrust.nats)
+    nats, interval = proof_of_shift(thrust.sealed / thrust.sealed_deviation, thrust.nats)
     std = thrust.deviation / abs(thrust.level)
     channel, same = thrust.channel, "at the same wind, pitch angle, torque and speed"
     words = {
@@ -274,7 +276,7 @@ def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
         return None
     sure = [s for s in (tilt, yaw) if s is not None]  # two components of one load: each bears it out by itself
     z = float(np.hypot.reduce([s.sealed / s.sealed_deviation for s in sure]))
-    nats, interval = _proof(z, sum(s.nats for s in sure))
+    nats, interval = proof_of_shift(z, sum(s.nats for s in sure))
     said = f"the {shift.law} moment of {shift.channel} stands {shift.share:+.1%} off at the same wind and thrust"
     words = {
         "dynamic_inflow": f"{said}, and loads answer otherwise: the wake takes its time (dynamic inflow)",
@@ -293,7 +295,7 @@ def _inflow(laws: Mapping[str, Shift], detected: bool) -> Standing | None:
 
 
 def _sampled(disc: Disc) -> Standing:
-    nats, interval = _proof(disc.z, 0.5 * disc.z**2)
+    nats, interval = proof_of_shift(disc.z, 0.5 * disc.z**2)
     what = "tilt and yaw moments are" if disc.uneven else "what comes as often as the blades is"
     words = (
         f"{what} {np.exp(disc.value):.2g} times as strong against slow common loads as in the simulation: turbulence"
