@@ -19,8 +19,8 @@ from aeolid.diagnose.run_prior.conclude import is_habit
 from aeolid.diagnose.run_prior.explain import Explanation, Found, with_standing
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal
-from aeolid.diagnose.run_prior.naming import Name, names_of, statement
-from aeolid.diagnose.run_prior.pair import NOTHING, Pair
+from aeolid.diagnose.run_prior.naming import Name, names_of, statement, without_mean_offset
+from aeolid.diagnose.run_prior.pair import NOTHING, Change, Pair
 from aeolid.diagnose.run_prior.search import Scored, Search
 from aeolid.diagnose.run_prior.standing import Standing
 from aeolid.diagnose.run_prior.steady_lines import grown_line
@@ -197,6 +197,30 @@ def test_no_mode_of_blades_is_missing_where_the_rotor_answers_otherwise(output: 
 def test_a_drive_train_hands_the_torque_on_as_a_drive_would(place: str, kind: str, apart: bool) -> None:
     """Beside a missing torsion of 1.68 Hz a second-order drive of 21.6 rad/s of the torque had a name."""
     assert acts_beside(hypothesis(place), kind) is apart
+
+
+@pytest.mark.parametrize(("weight", "turns", "count"), [(0.316, True, 0), (1.0, True, 1), (0.316, False, 1)])
+def test_a_load_that_turns_must_bring_the_run_back(weight: float, turns: bool, count: int) -> None:
+    """A wake of its own time cost 74 nats; lines three times a revolution gained 127 and left the run as it was."""
+    load = Change(extra=lambda side: np.cos(side.azimuth)[:, None]) if turns else NOTHING
+    scored = Scored(replace(hypothesis("rotor"), change=lambda v: load), (1.0,), 127.0, 127.0, weight)
+    search = cast(Any, SimpleNamespace(base=SimpleNamespace(weight=0.316)))
+    assert (explain.chosen(search, [scored], 74.0) is not None) == bool(count)
+
+
+@pytest.mark.parametrize(
+    ("once", "kept"), [({"flap_sine": 3.1, "side_side": 0.2}, 1), ({"flap_sine": 0.1, "side_side": 2.0}, 2)]
+)
+def test_the_angle_of_one_blade_is_not_told_again_as_that_of_all(once: dict[str, float], kept: int) -> None:
+    """A blade of three that is twisted by 0.6 degrees moves the mean angle by 0.2; a heavy one moves none."""
+    load = Scored(replace(hypothesis("rotor"), entry="mass_imbalance"), (), 165.0, 165.0, 1.0)
+    place, words = {"sensor_bias": "input:pitch"}, {"sensor_bias": "the angle is off"}
+    offset = Standing(("sensor_bias",), place, {"sensor_bias": {"bias": (-0.21, 0.07)}}, words, 30.0)
+    found = (Found(load, None), Found(None, None, standing=offset))
+    x = replace(NONE, found=found, once=once)
+    assert len(without_mean_offset(x, CONTEXT).found) == kept
+    alone = replace(NONE, found=found[1:], once=once)
+    assert without_mean_offset(alone, CONTEXT) is alone
 
 
 @pytest.mark.parametrize(("after", "count"), [(0.1, 1), (0.316, 2), (1.0, 2)])
