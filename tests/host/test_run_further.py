@@ -175,15 +175,42 @@ def test_a_mode_is_part_of_how_the_rotor_answers(kind: str, answers: bool, kept:
 
 
 @pytest.mark.parametrize(
-    ("output", "kind", "kept"), [("flap_sine", "", 0), ("flap_sine", "blade_edge", 1), ("tower", "", 1)]
-)
-def test_no_mode_of_blades_is_missing_where_the_rotor_answers_otherwise(output: str, kind: str, kept: int) -> None:
-    """Without lift that builds up a rotor's blades swung at 1.5 Hz, which had the name."""
+    ("output", "kind", "late", "kept"),
+    [
+        ("flap_sine", "", False, 0), ("flap_sine", "blade_edge", False, 1), ("tower", "", False, 1),
+        ("speed", "drivetrain_torsion", True, 0), ("speed", "drivetrain_torsion", False, 1),
+        ("tower", "tower_fore_aft", True, 1), ("tower", "", True, 0),
+    ],
+)  # fmt: skip
+def test_no_mode_is_missing_that_a_rotor_moves_which_answers_otherwise(
+    output: str, kind: str, late: bool, kept: int
+) -> None:
+    """Without lift that builds up blades swung at 1.5 Hz, with rigid blades a shaft at 1.77 Hz, and had the names."""
     pair = cast(
         Pair, SimpleNamespace(shown=("tower", "flap_collective", "flap_cosine", "flap_sine"), blades=((1, 2, 3),))
     )
     mode = Found(None, Absent(1.5, 0.014, 0.033, 0.008, output, kind=kind))
-    assert len(explain.without_blades_mode(pair, replace(NONE, found=(mode,))).found) == kept
+    assert len(explain.without_blades_mode(pair, replace(NONE, found=(mode,)), late).found) == kept
+
+
+@pytest.mark.parametrize(("entry", "kept"), [("actuator_lag", 2), ("unsteady_aero", 1)])
+def test_a_late_drive_leaves_a_missing_mode_and_late_lift_does_not(entry: str, kept: int) -> None:
+    pair = cast(Pair, SimpleNamespace(shown=("speed", "tower"), blades=()))
+    late = Found(Scored(replace(hypothesis("input:pitch"), entry=entry), (0.3,), 90.0, 90.0, 0.3), None)
+    mode = Found(None, Absent(1.77, 0.01, 0.03, 0.004, "speed", kind="drivetrain_torsion"))
+    told = explain.without_blades_mode(pair, replace(NONE, found=(mode, late)), True)
+    assert len(told.found) == kept and late in told.found
+
+
+@pytest.mark.parametrize(("delay", "kept"), [(0.026, 0), (0.2, 1)])
+def test_what_answers_tell_comes_before_a_lateness_that_loggers_have(delay: float, kept: int) -> None:
+    """Missing late lift at 15 MW was a delay of half a row, which is no finding; a delay of a drive stays."""
+    h = Hypothesis("transport_delay", "input:pitch", ("delay_s",), ("s",), (0.0,), (1.0,), ((0.1,),), lambda v: NOTHING)
+    late = Found(Scored(h, (delay,), 90.0, 90.0, 0.3), None)
+    told = Standing(("unsteady_aero",), {"unsteady_aero": "rotor"}, {}, {"unsteady_aero": "late"}, 90.0, answers=True)
+    found = with_standing(replace(NONE, found=(late,), change=Change()), (told,), 0.065).found
+    assert sum(f.scored is not None for f in found) == kept
+    assert sum(f.standing is not None for f in found) == 1 - kept
 
 
 @pytest.mark.parametrize(

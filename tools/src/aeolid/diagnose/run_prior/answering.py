@@ -123,6 +123,16 @@ def is_other_rotor(pair: Pair, answering: Answering | None) -> bool:
     return replicated(answering, angle, outputs) > in_force().run_prior.group_nats
 
 
+def is_late_rotor(pair: Pair, answering: Answering | None) -> bool:
+    """Tell whether the rotor answers its pitch angle late, in the sealed part, too, whatever makes it so."""
+    angle, thrust = angle_of(pair), _thrust(pair)
+    if answering is None or angle is None or not thrust:
+        return False
+    outputs = shown_outputs(pair)
+    whole, sealed = (_seen(answering, p, angle, thrust[0], outputs) for p in (answering.whole, answering.sealed))
+    return is_late(whole) and sealed.late > 0
+
+
 def told_apart(pair: Pair, answering: Answering | None) -> str:
     """Say which inputs are answered otherwise than in the simulation; empty where answers cannot be compared."""
     outputs = shown_outputs(pair)

@@ -19,7 +19,7 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.declaring import quoted
-from aeolid.diagnose.run_prior.answering import is_other_rotor, told_apart
+from aeolid.diagnose.run_prior.answering import is_late_rotor, is_other_rotor, told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
@@ -97,9 +97,10 @@ def study_run(
     answering = answering_of(pair, records, runs, context, FIT) if is_turbine(context) else None
     stronger = partial(angle_acts, pair, found)
     standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
-    found = without_mean_offset(with_standing(found, standing), context)
+    habit_s = in_force().run_prior.habit_samples * pair.step
+    found = without_mean_offset(with_standing(found, standing, habit_s), context)
     if is_other_rotor(pair, answering):
-        found = without_blades_mode(pair, found)
+        found = without_blades_mode(pair, found, is_late_rotor(pair, answering))
     if gauge is not None:
         found = replace(found, found=(*found.found, Found(None, None, standing=gauge.standing(units[gauge.channel]))))
     progress("sealed part", 0.82)

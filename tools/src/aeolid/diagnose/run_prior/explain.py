@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aeolid.diagnose.deadline import Deadline
+from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.run_prior.hypotheses import Hypothesis, Values, all_hypotheses
 from aeolid.diagnose.run_prior.modal import Absent, Modal, compare_modes
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 AERODYNAMIC = ("dynamic_inflow", "unsteady_aero")  # effects of a machine with blades
 _AERODYNAMIC_FORMS = (*AERODYNAMIC, "parameter_error")  # what stands for aerodynamics that levels tell better
 _PASSING = ("tower_shadow", "rotational_sampling")  # loads each time a blade passes
+_MOVED = ("", "drivetrain_torsion")  # kinds of modes that blades which bend move
 _SHADOW = "loads come each time a blade passes the tower (tower shadow), more than in the simulation"
 SIMPLER = {  # forms that another one holds as a special case
     "actuator_second_order": ("actuator_lag", "transport_delay"),
@@ -147,19 +149,20 @@ def limit_of(pair: Pair, unsteady: float) -> float:
     return max(rules.lost_nats, rules.lost_nats_an_output * len(pair.shown), rules.unsteady_ratio * unsteady)
 
 
-def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
+def with_standing(x: Explanation, standing: Sequence[Standing], habit_s: float = 0.0) -> Explanation:
     """Return an explanation with what levels tell: beside an actuator or sensor, in place of an aerodynamic factor.
 
     A mode that the runs lack moves cyclic levels, too, so that it stays alone unless the level of power moved; but
     where a rotor answers as behind other blades or another flow, a mode beside it is a part of that: blades that bend
     move the drive train's and the tower's modes, while neither of these makes a rotor answer late. Where channels are
-    at fault levels and answers are, too. Wind that is uneven over the disc loads the tower each time a blade passes; a
-    tower's shadow moves no mean tilt or yaw moment, so that it is a rival at most where these have moved.
+    at fault levels and answers are, too. A lateness of up to habit_s, which loggers have, is what late lift looks like
+    to a delay, so that the answers tell more. Wind that is uneven over the disc loads the tower each time a blade
+    passes; a tower's shadow moves no mean tilt or yaw moment, so that it is a rival at most where these have moved.
     """
     if not standing or any(f.scored is not None and f.scored.hypothesis.fault for f in x.found):
         return x
     if any(s.answers for s in standing):
-        x = replace(x, found=tuple(f for f in x.found if f.mode is None or f.edge))
+        x = _without(x, [f for f in x.found if (f.mode is not None and not f.edge) or _is_habit(f, habit_s)])
     kept = tuple(f for f in x.found if f.scored is None or f.scored.hypothesis.entry not in _AERODYNAMIC_FORMS)
     if any(s.cyclic for s in standing):
         passing = [f.scored for f in kept if f.scored is not None and f.scored.hypothesis.entry in _PASSING]
@@ -175,14 +178,41 @@ def with_standing(x: Explanation, standing: Sequence[Standing]) -> Explanation:
     return replace(x, found=kept + told, change=change)
 
 
-def without_blades_mode(pair: Pair, x: Explanation) -> Explanation:
-    """Return an explanation without a mode of unknown kind that blades' moments show.
+def _is_habit(found: Found, habit_s: float) -> bool:
+    """Tell whether an effect is a lateness of no more than loggers have."""
+    s = found.scored
+    if s is None or s.hypothesis.entry not in LATE:
+        return False
+    return lateness(dict(zip(s.hypothesis.names, s.values, strict=True))) <= habit_s
 
-    A rotor that answers its pitch angle otherwise, for whatever reason, moves its blades' modes: no mode is missing.
+
+def _without(x: Explanation, dropped: Sequence[Found]) -> Explanation:
+    """Return an explanation without some of its effects and what they do to the data."""
+    kept = tuple(f for f in x.found if f not in dropped)
+    change = x.change
+    if any(f.scored is not None for f in dropped):
+        change = NOTHING
+        for f in kept:
+            change = change if f.scored is None else f.scored.change.after(change)
+    return replace(x, found=kept, change=change)
+
+
+def without_blades_mode(pair: Pair, x: Explanation, late: bool) -> Explanation:
+    """Return an explanation without modes that a rotor moves which answers its pitch angle otherwise: none is missing.
+
+    They are of unknown kind in the blades' moments; and these or a drive train's in any output beside aerodynamics of
+    the angle that are told, or where the rotor answers late and no drive of the angle is told.
     """
     turning = pair.shown[len(pair.shown) - 3 * len(pair.blades) :]
-    kept = tuple(f for f in x.found if f.mode is None or f.edge or f.mode.kind or f.mode.output not in turning)
-    return x if len(kept) == len(x.found) else replace(x, found=kept)
+    told = {f.scored.hypothesis.entry for f in x.found if f.scored is not None and _is_of_angle(f.scored.hypothesis)}
+    rotor = bool(told & set(AERODYNAMIC)) or (late and not told)
+    modes = [f for f in x.found if f.mode is not None and not f.edge]
+    moved = [f for f in modes if f.mode is not None and f.mode.kind in _MOVED]
+    return _without(x, [f for f in moved if f.mode and (rotor or (not f.mode.kind and f.mode.output in turning))])
+
+
+def _is_of_angle(h: Hypothesis) -> bool:
+    return h.place.startswith("input:") and re.search(ANGLE, h.place.lower()) is not None
 
 
 def angle_acts(pair: Pair, x: Explanation, factor: float) -> float:

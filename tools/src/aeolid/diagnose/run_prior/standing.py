@@ -65,6 +65,9 @@ class Standing:
         )  # fmt: skip
 
 
+_THIN = "the air's density is another than the simulation's, which a pitch angle that is off looks like"
+
+
 def standing_of(
     pair: Pair, records: Sequence[Record], runs: Sequence[Record], context: Mapping[str, Any],
     moved: Mapping[str, float], detected: bool, answering: Answering | None = None,
@@ -144,7 +147,7 @@ def _of_angle(
     """Name an offset of the pitch angle where one brings wind and thrust back together; None elsewhere.
 
     Air of another density makes the angle act by as much more; where the recording contradicts that, the offset stands
-    alone, and where it neither bears it out nor contradicts it, both do.
+    alone, and where it neither bears it out nor contradicts it, or the density is not known, both do.
     """
     if offset is None or not offset.explains:
         return None
@@ -165,7 +168,8 @@ def _of_angle(
     if other is not None and acts > -rules.rival_nats:
         entries, where = (*entries, *other.entries), {**other.place, **where}
         told, words = {**other.told, **told}, {**other.words, **words}
-    return Standing(entries, where, told, words, nats, interval, beside=True, units={"bias": offset.unit})
+    found = Standing(entries, where, told, words, nats, interval, beside=True, units={"bias": offset.unit})
+    return found.rivalled("air_density", _THIN) if other is None else found
 
 
 def _thrust(laws: Mapping[str, Shift]) -> Standing | None:
