@@ -10,12 +10,12 @@ import pytest
 from aeolid.diagnose.selection import beside_constants, several
 from aeolid.diagnose.selection.beside_constants import settled_beside_constants
 
-CONSTANT = SimpleNamespace(entry="parameter_error", key="frequency", location={"entry": "mode:2.4 Hz"})
+CONSTANT = SimpleNamespace(entry="parameter_error", key="frequency", location={"entry": "mode:2.4 Hz"}, beside={})
 PREPARED: Any = SimpleNamespace(linear=1, surrogate=None, deadline=SimpleNamespace(skips=lambda what: False))
 
 
 def single(entry: str, score: float, place: str = "mode:2.4 Hz", **more: Any) -> Any:
-    attachment = SimpleNamespace(entry=entry, key=entry, location={"entry": place})
+    attachment = SimpleNamespace(entry=entry, key=entry, location={"entry": place}, beside={})
     usual = {"plausible": True, "complete": True, "unlisted": False, "values": {entry: {"k3": (1.0, 0.1)}}}
     return SimpleNamespace(attachments=(attachment,), key=entry, score=score, **(usual | more))
 

@@ -19,6 +19,7 @@ from aeolid.diagnose.candidates import refit as refit_module
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import fit_rows, select_density
 from aeolid.diagnose.candidates.refit import best_of, finalists, refit, renewed, with_least_noise, with_more_noise
+from aeolid.diagnose.candidates.slight import is_worth_a_name_beside
 from aeolid.diagnose.data.case import load_case
 from aeolid.diagnose.deadline import unlimited
 from aeolid.diagnose.hypotheses.entries import sensor_scale
@@ -28,7 +29,7 @@ from aeolid.diagnose.scoring.scores import Bank, Row, score_bank
 from aeolid.diagnose.selection import first_effect, several
 from aeolid.diagnose.selection.first_effect import against, kin
 from aeolid.diagnose.selection.rivals import leading
-from aeolid.diagnose.selection.several import adds, is_another, is_worth_a_name_beside, without_the_needless
+from aeolid.diagnose.selection.several import adds, is_another, without_the_needless
 
 
 def lagging(folder: Path) -> tuple[Prepared, Bank]:

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from aeolid.diagnose.candidates.moved import Moved
-from aeolid.diagnose.candidates.slight import is_slight, slight_parts
+from aeolid.diagnose.candidates.slight import is_slight, parts_that_matter, slight_parts
 from aeolid.diagnose.conclusion import declared, verdict
 from aeolid.diagnose.conclusion.declared import form_speaking
 from aeolid.diagnose.conclusion.sentence import inputs_rest, sentence
+from aeolid.diagnose.hypotheses.entries import data_time_offset
 from aeolid.diagnose.selection.rivals import is_other
 from aeolid.diagnose.validation.proof import Proof
 from aeolid.models.equations import Parameter
@@ -257,7 +258,7 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     ],
 )  # fmt: skip
 def test_a_mode_or_a_gain_that_is_a_little_off_has_no_name(values: dict[str, float], slight: bool) -> None:
-    attachment = SimpleNamespace(entry="parameter_error", key="one")
+    attachment = SimpleNamespace(entry="parameter_error", key="one", beside={})
     told = {"one": {n: (v, 0.001) for n, v in values.items()}}
     candidate: Any = SimpleNamespace(attachments=(attachment,), values=told)
     assert is_slight(candidate) is slight
@@ -267,12 +268,29 @@ def test_a_mode_or_a_gain_that_is_a_little_off_has_no_name(values: dict[str, flo
 
 def test_beside_others_a_little_mass_is_a_constant_that_is_off() -> None:
     """2.6 % of a mode's mass and 3 % of its damping are what a model's constants are off by, and no added mass."""
-    mode, mass = (SimpleNamespace(entry=e, key=e) for e in ("parameter_error", "added_mass"))
+    mode, mass = (SimpleNamespace(entry=e, key=e, beside={}) for e in ("parameter_error", "added_mass"))
     told = {"parameter_error": {"damping_change": (0.031, 0.002)}, "added_mass": {"mass_ratio": (0.026, 0.001)}}
     candidate: Any = SimpleNamespace(attachments=(mode, mass), values=told)
     assert is_slight(candidate)
     told["added_mass"]["mass_ratio"] = (0.08, 0.001)
     assert slight_parts(candidate) == (mode,)
+
+
+@pytest.mark.parametrize("rows", [0.9, -0.9, 1.1])
+def test_clocks_a_part_of_a_row_apart_are_told_beside_an_effect_and_have_no_name(rows: float) -> None:
+    """A damper's stops, filtered before logging, had clocks 0.92 rows apart as their first name."""
+    stop = SimpleNamespace(entry="end_stop", key="stop", beside={})
+    site: Any = SimpleNamespace(input_names=("u",), u=np.zeros((100, 1)), step=0.005, row_step=0.01, symbols=("u",))
+    (offset,) = data_time_offset.ENTRY.attach(site)
+    theta = np.array([0.01 * rows])
+    predictor = SimpleNamespace(compiled=SimpleNamespace(model=SimpleNamespace(index=["clock_offset"].index)))
+    candidate: Any = SimpleNamespace(
+        attachments=(offset, stop), values={"stop": {}, offset.key: {}},
+        fit=SimpleNamespace(point=SimpleNamespace(theta=theta)), predictor=predictor,
+    )  # fmt: skip
+    assert parts_that_matter(candidate) == ((stop,) if abs(rows) < 1 else (offset, stop))
+    candidate.attachments = (offset,)  # alone it is told: nothing else is there
+    assert parts_that_matter(candidate) == (offset,)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Say which effects of a set are a linear model's constants, off by no more than a model's constants usually are."""
+"""Say which effects of a set are no larger than usual: a linear model's constants, and what loggers are late by."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from aeolid.diagnose.rules import in_force
 
 
 def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:
-    """Return what of a set is a constant of a linear model that is off by that little; a mass beside others only."""
+    """Return what of a set is a constant of a linear model that is off by that little; a mass beside others only.
+
+    And what is too small for a name beside another effect: a common offset of all inputs by less than a row.
+    """
     known = in_force().conclusion.known_share
     most = {"gain_change": known, "damping_change": known, "frequency_change": known / 2}
     if len(candidate.attachments) > 1:  # alone it may be ice; beside a gain it is one more constant
@@ -16,16 +19,26 @@ def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:
     constants = ("parameter_error", "added_mass")
     return tuple(
         a for a in candidate.attachments
-        if a.entry in constants and all(abs(v) <= most.get(n, -1.0) for n, (v, _) in candidate.values[a.key].items())
+        if (a.entry in constants and all(abs(v) <= most.get(n, -1.0) for n, (v, _) in candidate.values[a.key].items()))
+        or (len(candidate.attachments) > 1 and not is_worth_a_name_beside(candidate, a))
     )  # fmt: skip
 
 
+def is_worth_a_name_beside(candidate: Candidate, part: Attachment) -> bool:
+    """Tell whether a part of a set is as large as it must be to have a name beside another effect."""
+
+    def size(name: str) -> float:
+        return abs(float(candidate.fit.point.theta[candidate.predictor.compiled.model.index(name)]))
+
+    return all(size(name) >= least for name, least in part.beside.items())
+
+
 def is_slight(candidate: Candidate) -> bool:
-    """Tell whether a set is nothing but constants that are off by that little."""
+    """Tell whether a set is nothing but such parts."""
     return len(slight_parts(candidate)) == len(candidate.attachments)
 
 
 def parts_that_matter(candidate: Candidate) -> tuple[Attachment, ...]:
-    """Return what of a set is more than such a constant; all of it where nothing is."""
+    """Return what of a set is more than that; all of it where nothing is."""
     little = slight_parts(candidate)
     return tuple(a for a in candidate.attachments if a not in little) or candidate.attachments

@@ -10,10 +10,10 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.race import is_accepted, select_density
 from aeolid.diagnose.candidates.refit import as_rows, refit
+from aeolid.diagnose.candidates.slight import is_worth_a_name_beside
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.selection.rivals import are_kin, tells_apart
-from aeolid.diagnose.selection.several import is_worth_a_name_beside
 
 _TRIED = 2  # others tried in the place of each effect
 

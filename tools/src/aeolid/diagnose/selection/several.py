@@ -13,7 +13,7 @@ from aeolid.diagnose.candidates.candidate import Candidate
 from aeolid.diagnose.candidates.control import survives_control
 from aeolid.diagnose.candidates.race import select_density
 from aeolid.diagnose.candidates.refit import as_rows, refit, zones_of
-from aeolid.diagnose.candidates.slight import slight_parts
+from aeolid.diagnose.candidates.slight import is_worth_a_name_beside, slight_parts
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.generic import unlisted
 from aeolid.diagnose.hypotheses.parts.base import Attachment
@@ -188,12 +188,6 @@ def grown(
 def is_slight_beside(larger: Candidate) -> bool:
     """Tell whether what was added last is a constant of a linear model that is off by no more than is usual."""
     return larger.attachments[-1] in slight_parts(larger)
-
-
-def is_worth_a_name_beside(larger: Candidate, added: Attachment) -> bool:
-    """Tell whether what was added is as large as it must be to have a name beside another effect."""
-    model, theta = larger.predictor.compiled.model, larger.fit.point.theta
-    return all(abs(theta[model.index(name)]) >= least for name, least in added.beside.items())
 
 
 def without_the_needless(prepared: Prepared, full: Candidate) -> Candidate:

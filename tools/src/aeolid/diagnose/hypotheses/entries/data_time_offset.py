@@ -43,6 +43,7 @@ def _attach(site: Site) -> list[Attachment]:
             "data_time_offset", f"data_time_offset {where}", location(where, inputs=names), edit,
             (Slot(offset, "offset_s", "s", 0.0, -longest, longest, 0.3 * site.step),),
             stepped=True,
+            beside={offset: site.row_step},  # within a row it is how a logger fills one
             starts=starts,
             equation="u_acting(t) = u_recorded(t - offset_s), the same for all inputs",
             statement=_statement,
