@@ -339,7 +339,7 @@ def test_a_form_outside_the_catalogue_leads_only_where_nothing_else_is_left() ->
 
 def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
     def at(entry: str, place: str) -> Any:
-        return SimpleNamespace(entry=entry, location={"entry": place})
+        return SimpleNamespace(entry=entry, key=f"{entry} {place}", location={"entry": place})
 
     assert is_another(at("overflow", "state:h2"), at("overflow", "state:h1"))
     assert is_another(at("coulomb_friction", "state:v"), at("actuator_lag", "input:u"))
@@ -347,6 +347,16 @@ def test_a_second_effect_is_of_another_family_or_at_another_place() -> None:
     assert not is_another(at("actuator_lag", "input:u"), at("actuator_lag", "input:u"))
     assert not is_another(at("coulomb_friction", "mode:0.8 Hz"), at("coulomb_friction", "state:load"))
     assert is_another(at("coulomb_friction", "state:motor"), at("coulomb_friction", "state:load"))
+
+
+def test_frequency_and_damping_of_a_mode_are_two_constants() -> None:
+    """Beside a damping 1.8 % off the mode's frequency, 0.9 % off, was not asked; a hysteresis had its 121 nats."""
+
+    def constant(key: str) -> Any:
+        return SimpleNamespace(entry="parameter_error", key=key, location={"entry": "mode:3 Hz"})
+
+    assert is_another(constant("damping of mode:3 Hz"), constant("frequency of mode:3 Hz"))
+    assert not is_another(constant("damping of mode:3 Hz"), constant("damping of mode:3 Hz"))
 
 
 @pytest.mark.parametrize(

@@ -241,8 +241,10 @@ def is_another(a: Attachment, b: Attachment) -> bool:
     """Tell whether an effect may stand beside another: of another family, or the same effect at another place.
 
     A lag and a delay of one input are one drive of higher order. A force on a mode of a linear model and the same on
-    a body that the mode moves are one force.
+    a body that the mode moves are one force; frequency and damping of a mode are two constants.
     """
+    if {a.entry, b.entry} == {"parameter_error"}:
+        return a.key != b.key
     places = a.location["entry"], b.location["entry"]
     one_force = {p.split(":")[0] for p in places} == {"mode", "state"}
     same_elsewhere = a.entry == b.entry and places[0] != places[1] and not one_force
