@@ -133,6 +133,39 @@ def test_equations_are_asked_too(tmp_path: Path) -> None:
         assert [(f.id, f.entry) for f in channel_faults(spoilt)[0]] == said
 
 
+DAMPER = """[model]
+name = "damper"
+time = "continuous"
+[parameters]
+c = { value = 300, unit = "N s/m", min = 60, max = 1500, free = true }
+k = { value = 410, unit = "N/m", min = 80, max = 2000, free = true }
+[[output]]
+name = "force"
+unit = "N"
+equation = "c*speed + k*stroke"
+"""
+DAMPER_CHANNELS = [("speed", "m/s", "input"), ("stroke", "m", "input"), ("force", "N", "output")]
+
+
+@pytest.mark.parametrize("swapped", [False, True])
+def test_values_that_may_move_are_no_exchange_of_channels(tmp_path: Path, swapped: bool) -> None:
+    """A damping that grows with the speed is nearer to the declared stiffness than to the declared damping.
+
+    An exchange that no values within their ranges explain is one.
+    """
+    rng = np.random.default_rng(7)
+    stroke = 0.3 * np.sin(2 * np.pi * np.cumsum(0.5 + 0.3 * np.sin(0.001 * np.arange(2000))) * 0.02)
+    stroke = np.asarray(lfilter([0.3], [1, -0.7], stroke + 0.2 * rng.standard_normal(2000)))
+    speed = np.gradient(stroke, 0.02)
+    stiffness = 6000 if swapped else 400
+    force = 290 * speed + stiffness * stroke + 170 * speed * np.abs(speed) + 3 * rng.standard_normal(2000)
+    u = np.column_stack([stroke, speed] if swapped else [speed, stroke])
+    model = DAMPER.replace("410", "6100").replace("2000", "30000") if swapped else DAMPER
+    case = load_case(write_case(tmp_path, model, 0.02, DAMPER_CHANNELS, np.column_stack([u, force])))
+    said = [("data_channel_swap", "inputs:speed and stroke")] if swapped else []
+    assert [(f.id, f.entry) for f in channel_faults(case)[0]] == said
+
+
 def test_what_was_asked_before_changes_no_answer(tmp_path: Path) -> None:
     """Simulations are kept and looked up: each wiring is worth what it is to a judge that was asked nothing else."""
     rng = np.random.default_rng(6)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from aeolid.diagnose.baseline.wiring_evidence import PARTS, Judge, Wiring, judge_of
+from aeolid.diagnose.baseline.wiring_values import with_own_values
 from aeolid.diagnose.data.case import Case
 from aeolid.diagnose.rules import in_force
 from aeolid.record import Record
@@ -155,8 +156,15 @@ def _clearest(judge: Judge, base: Wiring) -> tuple[_Hypothesis, float, list[_Hyp
     plain, free = judge.plain(base, _FINE), judge.plain(base, _FINE, free=True)
     if after - plain < rules.fault_explained_share * (free - plain):
         return None
+    if best.kind == "swap" and _with_values(judge, best.wiring) - _with_values(judge, base) < evidence.clear_nats:
+        return None
     told_apart = in_force().selection.told_apart_nats
     return best, gain, [h for (worth, _, _), h in answers[1:] if after - worth < told_apart]
+
+
+def _with_values(judge: Judge, wiring: Wiring) -> float:
+    """Return what a wiring is worth with the values that it asks for."""
+    return with_own_values(judge, wiring).worth(wiring, _FINE)[0]
 
 
 def _is_just_this(judge: Judge, best: _Hypothesis, worth: float, before: float) -> bool:
