@@ -19,7 +19,7 @@ from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import score_bank
 from aeolid.diagnose.validation.unsure_constants import beside_unsure_constants, declared_beside_constants
-from aeolid.diagnose.validation.unsure_reading import beside_unsure_reading
+from aeolid.diagnose.validation.unsure_reading import beside_unsure_reading, is_within_reading
 
 MASS = 'm = { value = 1.0, unit = "kg" }'
 KEY = "cubic_stiffness state:v"
@@ -89,6 +89,26 @@ def test_a_lateness_is_known_to_a_row_unless_another_channel_comes_in_time(
     assert label != "omega_rad_s" or found["damping"] == (0.7, 0.1)
     late = replace(stage, sampling=replace(stage.sampling, offset_s=0.004))
     assert beside_unsure_reading(late, lone(attachment, told)).values[attachment.key] == told
+
+
+@pytest.mark.parametrize(
+    ("key", "rows", "outputs", "reading"),
+    [
+        ("transport_delay", 0.3, 2, True), ("actuator_lag", 1.1, 2, True), ("actuator_lag", 1.2, 2, False),
+        ("sensor_lag", 0.5, 2, False), ("sensor_lag", 0.5, 1, True), ("quadratic_damping", 0.5, 2, False),
+    ],
+)  # fmt: skip
+def test_a_lateness_within_the_reading_is_no_finding(
+    tmp_path: Path, key: str, rows: float, outputs: int, reading: bool
+) -> None:
+    """Two deviations of the row's own, unless another output comes in time or the rows are read otherwise."""
+    stage = prepare(load_case(swinging(tmp_path)))
+    attachment = next(a for a in stage.hypotheses if a.entry == key)
+    stage = replace(stage, declared=replace(stage.declared, outputs=stage.declared.outputs[:outputs]))
+    label = {"transport_delay": "delay_s", "quadratic_damping": "c2"}.get(key, "tau_s")
+    found = lone(attachment, {label: (rows * SWING_STEP, 0.0001)})
+    assert is_within_reading(stage, found) is reading
+    assert not is_within_reading(replace(stage, sampling=replace(stage.sampling, offset_s=0.004)), found)
 
 
 def lone(attachment: Attachment, told: dict[str, tuple[float, float]]) -> Candidate:

@@ -49,7 +49,7 @@ def decided(
         ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere, constants=constants,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
-            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0),
+            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0, is_plain=False),
             site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
         case=SimpleNamespace(records=()),
@@ -212,7 +212,8 @@ def test_rows_of_a_run_and_of_a_recording_are_each_other_s_up_to_a_row_and_a_thi
     monkeypatch.setattr(declared, "late_ahead", lambda *_: None)
     attachment = SimpleNamespace(entry=entry, key=entry)
     named = SimpleNamespace(attachments=(attachment,), values={entry: {label: (value, 0.001)}})
-    stage = SimpleNamespace(surrogate="a run" if run else None, site=SimpleNamespace(row_step=0.02))
+    sampling = SimpleNamespace(is_plain=False)
+    stage = SimpleNamespace(surrogate="a run" if run else None, site=SimpleNamespace(row_step=0.02), sampling=sampling)
     study: Any = SimpleNamespace(prepared=stage, winner=named, second=None, candidates=())
     assert (declared.habit_ahead(study) is named) is reading
 
@@ -330,7 +331,7 @@ def test_a_form_is_silent_where_an_entry_of_the_catalogue_makes_the_values_right
     assert (form_speaking(study) is form) is speaks
 
 
-PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0))
+PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0, is_plain=False))
 
 
 def test_inputs_that_act_late_are_said_where_nothing_is_missing() -> None:

@@ -294,6 +294,8 @@ def test_a_tower_that_moves_a_little_less_may_be_heavier(output: str, factor: fl
         ([("transport_delay", {"delay_s": 0.2})], False),
         ([("actuator_lag", {"tau_s": 0.1})], True),
         ([("transport_delay", {"delay_s": 0.05}), ("sensor_lag", {"tau_s": 0.05})], False),
+        ([("transport_delay", {"delay_s": 0.09}), ("sensor_lag", {"tau_s": 0.02})], True),
+        ([("sensor_lag", {"tau_s": 0.02})], False),
         ([], False),
     ],
 )

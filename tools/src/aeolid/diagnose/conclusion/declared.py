@@ -19,6 +19,7 @@ from aeolid.diagnose.selection.rivals import late_ahead, rivals_of
 from aeolid.diagnose.stats.numbers import finite
 from aeolid.diagnose.validation.proof import Proof, is_material
 from aeolid.diagnose.validation.rotation import is_silent
+from aeolid.diagnose.validation.unsure_reading import is_within_reading
 
 
 def moved(study: Study) -> list[Moved]:
@@ -54,7 +55,8 @@ def habit_ahead(study: Study) -> Candidate | None:
 
     Or what would be named itself, or what is not told from it, where that is a lateness that the rows of a simulator's
     run and of a recording have of each other: a run holds what a logger filters (0.6 rows early, 120 sealed nats, were
-    a clock; 1.2 rows late a drive of second order).
+    a clock; 1.2 rows late a drive of second order). Of a model only what would be named: a pump 0.3 rows late, told as
+    a lag, a drive, a dead time and a clock, each with twice its size for its deviation.
     """
     named = study.second or study.winner
     if named is None:
@@ -64,6 +66,8 @@ def habit_ahead(study: Study) -> Candidate | None:
         told: list[Candidate] = [named, *(rivals_of(study.candidates, named) if len(named.attachments) == 1 else ())]
         if (reading := next((c for c in told if _is_reading(c, row_s)), None)) is not None:
             return reading
+    elif is_within_reading(study.prepared, named):
+        return named
     return late_ahead(study.candidates, named, row_s)
 
 

@@ -18,6 +18,13 @@ class ValidationRules:
         0.005, "share", "relative improvement of the prediction error, at some horizon, that is worth a word"
     )
     visible_spread_share: float = rule(0.002, "share", "least such improvement, of the output's own spread")
+    adequate_spread_share: float = rule(
+        0.015,
+        "share",
+        "error, of the output's own spread, up to which a prediction is as good as any need be: what constants leave "
+        "that are off by as much as usual",
+        "measured: small imperfections leave up to 0.012, effects that matter 0.022 and more, those of machines 0.036",
+    )
     fewest_folds: int = rule(3, "count", "folds without which none is left out in turn")
     agreeing_share: float = rule(
         2 / 3,

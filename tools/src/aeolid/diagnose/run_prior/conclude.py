@@ -176,11 +176,18 @@ def _decided(study: RunStudy, units: Mapping[str, str]) -> tuple[str, list[dict[
 def is_habit(names: Sequence[Sequence[Name]], step: float) -> bool:
     """Tell whether all that was found is late by no more than rows of `step` s are as loggers take them.
 
-    A held command acts half a row after its stamp, a filter against aliases takes another half, clocks differ.
+    A held command acts half a row after its stamp, a filter against aliases takes another half, clocks differ. Of one
+    sensor alone it is less: its converter's turn.
     """
     told = [name for group in names for name in group]
-    late = [lateness({k: v for k, (v, _) in name.told.items()}) for name in told if name.entry in LATE]
-    return len(late) == len(told) > 0 and max(late) <= in_force().run_prior.habit_samples * step
+    most = dict.fromkeys(LATE, in_force().run_prior.habit_samples)
+    most["sensor_lag"] = in_force().hypotheses.habit_rows
+    late = [name.entry in most and _lateness(name) <= most[name.entry] * step for name in told]
+    return all(late) and any(name.entry in LATE for name in told)
+
+
+def _lateness(name: Name) -> float:
+    return lateness({k: v for k, (v, _) in name.told.items()})
 
 
 def _sentence(verdict: str, study: RunStudy, units: Mapping[str, str]) -> str:

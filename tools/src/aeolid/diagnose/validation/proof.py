@@ -79,6 +79,8 @@ def prove(
 def is_material(proof: Proof, static: bool = False) -> bool:
     """Tell whether some output is predicted visibly better at some horizon: relatively and against its own spread.
 
+    Where a model errs by no more than its constants' usual inaccuracy makes it err, nothing better matters.
+
     static: of a law without states, over the settling time alone. Its one-step errors are what its noise foretells:
     a lag of 5 s behind a torque law, whose constant is 17 % off, gained 7,500 nats and erred more than the law.
     """
@@ -86,8 +88,10 @@ def is_material(proof: Proof, static: bool = False) -> bool:
     pairs = [(proof.nrmse_before[k], proof.nrmse_after[k]) for k in proof.nrmse_before]
     for rows in () if static else proof.profile.values():
         pairs += list(zip(rows["before"], rows["after"], strict=True))
-    least, visible = rules.material_error_share, rules.visible_spread_share
-    return any(after < before * (1 - least) and before - after > visible for before, after in pairs)
+    least, visible, adequate = rules.material_error_share, rules.visible_spread_share, rules.adequate_spread_share
+    return any(
+        before > adequate and after < before * (1 - least) and before - after > visible for before, after in pairs
+    )
 
 
 def beyond(more: Proof, less: Proof) -> Proof:

@@ -35,6 +35,19 @@ def beside_unsure_reading(prepared: Prepared, candidate: Candidate) -> Candidate
     return replace(candidate, values=values)
 
 
+def is_within_reading(prepared: Prepared, candidate: Candidate) -> bool:
+    """Tell whether a candidate is nothing but a lateness that does not differ from the reading's own.
+
+    By two deviations, as every value must that has a name.
+    """
+    if not prepared.sampling.is_plain:
+        return False
+    most, outputs = 2 * _UNREAD * prepared.records[0].sample_time_s, len(prepared.declared.outputs)
+    told = ({n: v for n, (v, _) in candidate.values[a.key].items()} for a in candidate.attachments)
+    alike = all(_may_be_the_reading(a, prepared.sampling, outputs) for a in candidate.attachments)
+    return alike and all(lateness(values) < most for values in told)
+
+
 def _may_be_the_reading(attachment: Attachment, sampling: Sampling, outputs: int) -> bool:
     """Tell whether an effect makes all that is compared late alike: all inputs, or the only output."""
     family = entry(attachment.entry).family
