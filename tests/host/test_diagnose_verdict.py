@@ -49,8 +49,8 @@ def decided(
         ceiling=ceiling, seed=1, rotation=rotation, shows_elsewhere=elsewhere, constants=constants,
         declared_proof=None, bank=SimpleNamespace(rows=[SimpleNamespace(testable=True)]),
         prepared=SimpleNamespace(
-            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1, sampling=SimpleNamespace(late_s=0.0, is_plain=False),
-            site=SimpleNamespace(row_step=0.1), surrogate=None,
+            declared=SimpleNamespace(inputs=()), settle_s=1.0, linear=1,
+            sampling=SimpleNamespace(late_s=0.0, is_plain=False), site=SimpleNamespace(row_step=0.1), surrogate=None,
         ),
         case=SimpleNamespace(records=()),
     )  # fmt: skip
