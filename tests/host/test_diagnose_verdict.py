@@ -24,6 +24,7 @@ from aeolid.record import Channel, Record
 def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
     rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
+    high: float = 18.0,
 ) -> tuple[str, list[str], str]:  # fmt: skip
     """The verdict, the names and the sentence on one drag worth 10 nats, with this lower end of its interval."""
     slot = SimpleNamespace(name="c2", label="c2", unit="N s^2/m^2")
@@ -38,7 +39,7 @@ def decided(
     if constant:
         attachment.entry, drag.values = "parameter_error", {attachment.key: {"frequency_change": (-0.011, 0.001)}}
     after = 0.9 if visible else 0.9999
-    proof: Any = Proof(10.0, (low, 18.0), np.zeros(1), {"speed": 1.0}, {"speed": after}, 1.0, {}, {}, {}, worse)
+    proof: Any = Proof(10.0, (low, high), np.zeros(1), {"speed": 1.0}, {"speed": after}, 1.0, {}, {}, {}, worse)
     constants = None if alone is None else SimpleNamespace(
         candidate=SimpleNamespace(attachments=(None,), says=lambda a: "the frequency is off by 1.3%"),
         proof=SimpleNamespace(nrmse_after={"speed": alone}, profile={}),
@@ -106,6 +107,15 @@ def test_what_folds_say_by_several_names_is_not_nothing(speaks: bool, visible: b
     found, names, text = decided(-3.0, rotation=turned, visible=visible)
     assert (found, names) == (said, [])
     assert ("gain 130 nats on the parts left out" in text and "drag of 0.4" in text) is (said == "unnamed")
+
+
+@pytest.mark.parametrize(("proves", "said"), [(True, "unnamed"), (False, "no_mismatch")])
+def test_what_all_parts_prove_and_the_sealed_one_refutes_is_not_nothing(proves: bool, said: str) -> None:
+    """A sensor's range, 1287 nats in turn, its end estimated in a wrong place: -132 on the sealed part."""
+    turned = SimpleNamespace(proves=proves, speaks=proves, gain=1287.0, folds=())
+    found, names, text = decided(-240.0, high=-45.0, rotation=turned)
+    assert (found, names) == (said, [])
+    assert ("drag of 0.4 gains 1287 nats" in text) is proves
 
 
 @pytest.mark.parametrize(("fit_gain", "said"), [(187.0, True), (12.0, False)])

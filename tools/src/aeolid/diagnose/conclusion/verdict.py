@@ -21,7 +21,7 @@ from aeolid.diagnose.conclusion.declared import (
 )
 from aeolid.diagnose.conclusion.excluded import not_excluded
 from aeolid.diagnose.conclusion.sealed import recovered_fraction, sealed_part
-from aeolid.diagnose.conclusion.sentence import sentence, speaks_in_turn, untested
+from aeolid.diagnose.conclusion.sentence import is_contradicted, sentence, speaks_in_turn, untested
 from aeolid.diagnose.conclusion.where import where_of
 from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.experiments.closer import describe_closer, look_closer
@@ -139,6 +139,8 @@ def _decide_on_rest(study: Study) -> tuple[str, list[dict[str, Any]], Proof | No
         return "unnamed", [], None
     if (found := _on_values(study)) is not None:
         return found
+    if is_contradicted(study):
+        return "unnamed", [], None
     if speaks_in_turn(study) and study.proof is not None and _shows(study, study.proof):
         return *_in_turn(study), None
     if untested(study):
