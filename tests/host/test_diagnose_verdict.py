@@ -21,6 +21,11 @@ from aeolid.models.equations import Parameter
 from aeolid.record import Channel, Record
 
 
+def moved_by(deviations: float, share: float = 0.3) -> Any:
+    """Return a declared value of 10 that moved by so many deviations and by this share of itself."""
+    return SimpleNamespace(deviations=deviations, distance=10 * share, parameter=SimpleNamespace(value=10.0))
+
+
 def decided(
     low: float, *, visible: bool = True, elsewhere: bool = False, fit_gain: float = 12.0,
     rotation: object = None, worse: bool = False, constant: bool = False, alone: float | None = None,
@@ -189,10 +194,10 @@ def test_constants_that_are_as_good_as_any_model_s_are_not_wrong(
     study = with_values(*values)
     monkeypatch.setattr(declared, "also_speaking", lambda study: [])
     assert declared.on_values(study) == said
-    right = SimpleNamespace(moved=(SimpleNamespace(deviations=0.5),))  # an effect beside which they are right again
+    right = SimpleNamespace(moved=(moved_by(0.5),))  # an effect beside which they are right again
     monkeypatch.setattr(declared, "also_speaking", lambda study: [right])
     assert declared.on_values(study) == (None if said is None else "parameter")
-    leading = SimpleNamespace(moved=(SimpleNamespace(deviations=50.0),))  # one that leaves them off
+    leading = SimpleNamespace(moved=(moved_by(50.0),))  # one that leaves them off
     monkeypatch.setattr(declared, "also_speaking", lambda study: [leading])
     assert declared.on_values(study) == said
     if values[0][0] == 10.4:
@@ -246,7 +251,7 @@ def test_what_leads_stands_beside_declared_values_where_data_speak_for_it(
     attachment = SimpleNamespace(entry="missing_coupling", key="missing_coupling Q2")
     leader = SimpleNamespace(
         key=attachment.key, attachments=(attachment,), plausible=True, unlisted=False, fit_gain=32.0, score=31.0,
-        moved=(SimpleNamespace(deviations=9.0),),
+        moved=(moved_by(9.0),),
     )  # fmt: skip
     proof = SimpleNamespace(
         interval=interval, nrmse_before={"T1": 1.0}, nrmse_after={"T1": 0.9 if visible else 0.9999}, profile={}
@@ -314,7 +319,7 @@ def test_a_form_that_makes_the_declared_values_right_speaks(
     """A spring that relaxes, 21 nats on the fit data: stiffness and damping were 28 and 50 % too large without it."""
     form = SimpleNamespace(
         unlisted=True, plausible=True, complete=True, score=score, fit_gain=21.4, select_gain=select_gain,
-        moved=(SimpleNamespace(deviations=deviations),),
+        moved=(moved_by(deviations),),
     )  # fmt: skip
     bank = SimpleNamespace(loud=[], rows=[], limit=lambda row: 5.0)
     study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, candidate_of_a_name()))
@@ -330,15 +335,24 @@ def test_a_form_is_silent_where_an_entry_of_the_catalogue_makes_the_values_right
     """A level's sensor that reads too much: what has a name is told. One that leaves the values wrong says nothing."""
     form = SimpleNamespace(
         unlisted=True, plausible=True, complete=True, score=11.0, fit_gain=21.4, select_gain=2.1,
-        moved=(SimpleNamespace(deviations=0.4),), key="unlisted state:v",
+        moved=(moved_by(0.4),), key="unlisted state:v",
     )  # fmt: skip
     named = candidate_of_a_name()
-    named.score, named.key, named.moved = score, "sensor_scale output:level", (SimpleNamespace(deviations=deviations),)
+    named.score, named.key, named.moved = score, "sensor_scale output:level", (moved_by(deviations),)
     named.attachments = (SimpleNamespace(entry="sensor_scale", key=named.key),)
     heard = SimpleNamespace(attachment=named.attachments[0])
     bank = SimpleNamespace(loud=[heard], rows=[], limit=lambda row: 5.0)
     study: Any = SimpleNamespace(winner=None, proof=None, bank=bank, candidates=(form, named))
     assert (form_speaking(study) is form) is speaks
+
+
+@pytest.mark.parametrize(("deviations", "share", "right"), [(9.0, 0.02, True), (9.0, 0.3, False), (0.4, 0.3, True)])
+def test_an_effect_explains_away_what_a_model_s_constants_are_not_off_by(
+    deviations: float, share: float, right: bool
+) -> None:
+    """Beside dry friction a damping twice as large was right again, a stiffness 2 % off by 12 deviations stayed."""
+    found = SimpleNamespace(moved=(moved_by(0.3), moved_by(deviations, share)))
+    assert declared.explains_away(found) is right
 
 
 PROMPT = SimpleNamespace(sampling=SimpleNamespace(late_s=0.0, is_plain=False))

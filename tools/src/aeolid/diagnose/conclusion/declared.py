@@ -146,9 +146,16 @@ def on_values(study: Study) -> str | None:
 
 
 def explains_away(candidate: Candidate) -> bool:
-    """Tell whether beside the effect no declared value is surely another than declared."""
-    evidence = in_force().evidence
-    return all(m.deviations <= evidence.moved_deviations for m in candidate.moved)
+    """Tell whether beside the effect no declared value is surely another, by more than a model's constants usually are.
+
+    Beside a dry friction a damping was right again that was twice as large without it, but a stiffness stayed 2 % off.
+    """
+    rules = in_force()
+    return all(
+        m.deviations <= rules.evidence.moved_deviations
+        or m.distance <= rules.conclusion.known_share * abs(m.parameter.value)
+        for m in candidate.moved
+    )
 
 
 def told_values(study: Study) -> str:

@@ -133,6 +133,26 @@ def is_late_rotor(pair: Pair, answering: Answering | None) -> bool:
     return is_late(whole) and sealed.late > 0
 
 
+def left_late(pair: Pair, answering: Answering | None) -> Answer | None:
+    """Return that blades bend where a rotor is later than lift can be and no drive of the angle was found to be.
+
+    Full fields of turbulence load a disc through its sampling, so that the wind's loads do not show what blades take
+    up. Drives are late, too, and bring the run back; what is asked here is what is left without a name.
+    """
+    angle, thrust, least = angle_of(pair), _thrust(pair), in_force().run_prior.bending_angle
+    if answering is None or angle is None or not thrust:
+        return None
+    outputs = shown_outputs(pair)
+    whole, chosen, sealed = (
+        _seen(answering, part, angle, thrust[0], outputs)
+        for part in (answering.whole, answering.chosen, answering.sealed)
+    )
+    if not is_late(whole) or whole.late <= least or min(chosen.late, sealed.late) <= 0.5 * least:
+        return None
+    words = f"{_late_words(whole)}, and no drive of the angle explains it: the blades bend flapwise"
+    return Answer(("blade_flap",), pair.shown[thrust[0]], {"blade_flap": words}, replicated(answering, angle, outputs))
+
+
 def told_apart(pair: Pair, answering: Answering | None) -> str:
     """Say which inputs are answered otherwise than in the simulation; empty where answers cannot be compared."""
     outputs = shown_outputs(pair)

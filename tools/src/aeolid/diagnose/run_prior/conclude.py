@@ -19,7 +19,7 @@ from aeolid.diagnose.deadline import Deadline
 from aeolid.diagnose.hypotheses.parts.lateness import LATE, lateness
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.rules.declaring import quoted
-from aeolid.diagnose.run_prior.answering import is_late_rotor, is_other_rotor, told_apart
+from aeolid.diagnose.run_prior.answering import is_late_rotor, is_other_rotor, left_late, told_apart
 from aeolid.diagnose.run_prior.beside import with_beside
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.corrected import corrected_model
@@ -28,6 +28,7 @@ from aeolid.diagnose.run_prior.explain import (
     Found,
     angle_acts,
     explain,
+    with_late_blades,
     with_standing,
     without_blades_mode,
 )  # fmt: skip
@@ -42,7 +43,7 @@ from aeolid.diagnose.run_prior.replicated import with_replicated
 from aeolid.diagnose.run_prior.responses import Answering, answering_of
 from aeolid.diagnose.run_prior.search import FIT, Search
 from aeolid.diagnose.run_prior.shown import answers_of, series_of, sides_of
-from aeolid.diagnose.run_prior.standing import standing_of
+from aeolid.diagnose.run_prior.standing import answered, standing_of
 from aeolid.diagnose.run_prior.values import shown_values, values_of
 from aeolid.diagnose.validation.divergent import diverging
 from aeolid.record import Record
@@ -101,6 +102,8 @@ def study_run(
     found = without_mean_offset(with_standing(found, standing, habit_s), context)
     if is_other_rotor(pair, answering):
         found = without_blades_mode(pair, found, is_late_rotor(pair, answering))
+    if found.is_apart and (bent := left_late(pair, answering)) is not None:
+        found = with_late_blades(found, answered(bent))
     if gauge is not None:
         found = replace(found, found=(*found.found, Found(None, None, standing=gauge.standing(units[gauge.channel]))))
     progress("sealed part", 0.82)

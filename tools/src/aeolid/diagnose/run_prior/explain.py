@@ -197,6 +197,13 @@ def _without(x: Explanation, dropped: Sequence[Found]) -> Explanation:
     return replace(x, found=kept, change=change)
 
 
+def with_late_blades(x: Explanation, told: Standing) -> Explanation:
+    """Return what the rotor's answers tell where nothing was found, or nothing but lift, which comes less late."""
+    if any(f.scored is None or f.scored.hypothesis.entry not in AERODYNAMIC for f in x.found):
+        return x
+    return replace(_without(x, list(x.found)), found=(Found(None, None, standing=told),))
+
+
 def without_blades_mode(pair: Pair, x: Explanation, late: bool) -> Explanation:
     """Return an explanation without modes that a rotor moves which answers its pitch angle otherwise: none is missing.
 

@@ -87,7 +87,7 @@ def standing_of(
     if power is not None and power.interval[0] > in_force().evidence.proven_nats:
         return (power,)
     answer = named(pair, answering, _still(laws))
-    found = _answered(answer) if answer is not None else _blade(laws, moved) or _inflow(laws, detected)
+    found = answered(answer) if answer is not None else _blade(laws, moved) or _inflow(laws, detected)
     if found is not None:
         return (found,)
     disc = disc_of(pair, context)
@@ -110,7 +110,8 @@ def _still(laws: Mapping[str, Shift]) -> bool | None:
     return True if "wind" in laws else None
 
 
-def _answered(answer: Answer) -> Standing:
+def answered(answer: Answer) -> Standing:
+    """Return what the rotor's answers tell as what levels tell."""
     nats, interval = proof_of_shift(float(np.sqrt(2 * max(answer.nats, 0.0))), answer.nats)
     where = {n: f"output:{answer.channel}" if n == "blade_flap" else "rotor" for n in answer.entries}
     return Standing(answer.entries, where, {}, answer.words, nats, interval, answers=True)
