@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from aeolid.compiled import njit
-from aeolid.diagnose.run_prior.answering import Seen, is_building_up, named, replicated, told_apart
+from aeolid.diagnose.run_prior.answering import Seen, is_building_up, left_late, named, replicated, told_apart
 from aeolid.diagnose.run_prior.build import pair_of
 from aeolid.diagnose.run_prior.responses import Answering, answering_of, fitted
 from aeolid.diagnose.run_prior.shown import answers_of
@@ -152,6 +152,17 @@ def test_a_stronger_answer_is_a_wake_only_where_levels_stand_still() -> None:
     recording, run = turbine(23, gain=1.2), turbine(0)
     assert entries(recording, run, None) == ("dynamic_inflow", "air_density")
     assert entries(recording, run, False) == ()
+
+
+@pytest.mark.parametrize(
+    ("recording", "told"), [(turbine(21, bend=BEND), True), (turbine(22, lift=LIFT), False), (turbine(10), False)]
+)
+def test_a_rotor_later_than_lift_can_be_has_blades_that_bend(recording: Record, told: bool) -> None:
+    """Whatever wind's loads show; asked where no drive explains it."""
+    pair = pair_of([recording], [turbine(0)], CONTEXT)
+    found = left_late(pair, answers(recording, turbine(0)))
+    assert (found is not None) is told
+    assert found is None or (found.entries == ("blade_flap",) and "no drive" in found.words["blade_flap"])
 
 
 def test_a_late_command_alone_is_neither_blade_nor_lift() -> None:

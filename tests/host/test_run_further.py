@@ -202,6 +202,15 @@ def test_a_late_drive_leaves_a_missing_mode_and_late_lift_does_not(entry: str, k
     assert len(told.found) == kept and late in told.found
 
 
+@pytest.mark.parametrize(("entry", "told"), [("actuator_lag", False), ("unsteady_aero", True), ("", True)])
+def test_blades_that_bend_are_told_where_nothing_but_lift_was_found(entry: str, told: bool) -> None:
+    """In a full field late lift with a share of 0.6, 28 nats worse on the sealed part, stood where blades bend."""
+    drive = Found(Scored(replace(hypothesis("input:pitch"), entry=entry), (0.3,), 90.0, 90.0, 0.3), None)
+    bent = Standing(("blade_flap",), {"blade_flap": "output:thrust"}, {}, {"blade_flap": "bent"}, 90.0, answers=True)
+    found = explain.with_late_blades(replace(NONE, found=(drive,) if entry else ()), bent).found
+    assert [f.standing for f in found] == ([bent] if told else [None])
+
+
 @pytest.mark.parametrize(("delay", "kept"), [(0.026, 0), (0.2, 1)])
 def test_what_answers_tell_comes_before_a_lateness_that_loggers_have(delay: float, kept: int) -> None:
     """Missing late lift at 15 MW was a delay of half a row, which is no finding; a delay of a drive stays."""

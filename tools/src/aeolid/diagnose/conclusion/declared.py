@@ -91,11 +91,12 @@ def also_speaking(study: Study) -> list[Candidate]:
     """
     leader = study.winner if study.proof is not None and _speaks_softly(study, study.proof) else None
     heard = {r.attachment.key for r in (*study.bank.loud, *whispering(study.bank))}
+    usual = _usual(study)
     found = [
         c for c in study.candidates
         if c.plausible and not c.unlisted and c.key in heard and min(c.fit_gain, c.score) > 0
         and c.attachments[0].entry != "parameter_error"
-        and (explains_away(c) or (leader is not None and c.key == leader.key))
+        and (explains_away(c, usual) or (leader is not None and c.key == leader.key))
     ]  # fmt: skip
     return sorted(found, key=lambda c: -c.score)
 
@@ -141,21 +142,23 @@ def on_values(study: Study) -> str | None:
         return None
     if form_speaking(study) is not None:
         return "unnamed"
-    right_again = any(explains_away(c) for c in also_speaking(study))
+    right_again = any(explains_away(c, _usual(study)) for c in also_speaking(study))
     return "immaterial" if are_slight(study) and not right_again else "parameter"
 
 
-def explains_away(candidate: Candidate) -> bool:
-    """Tell whether beside the effect no declared value is surely another, by more than a model's constants usually are.
+def explains_away(candidate: Candidate, usual: float = 0.0) -> bool:
+    """Tell whether beside the effect no declared value is surely another by more than a share of itself.
 
+    usual: that share, by which a model's constants are mostly off; for values that are off by more without the effect.
     Beside a dry friction a damping was right again that was twice as large without it, but a stiffness stayed 2 % off.
     """
-    rules = in_force()
-    return all(
-        m.deviations <= rules.evidence.moved_deviations
-        or m.distance <= rules.conclusion.known_share * abs(m.parameter.value)
-        for m in candidate.moved
-    )
+    most = in_force().evidence.moved_deviations
+    return all(m.deviations <= most or m.distance <= usual * abs(m.parameter.value) for m in candidate.moved)
+
+
+def _usual(study: Study) -> float:
+    """Return by which share of themselves values may stay off beside an effect: none where all are off by little."""
+    return 0.0 if are_slight(study) else in_force().conclusion.known_share
 
 
 def told_values(study: Study) -> str:
