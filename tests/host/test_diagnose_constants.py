@@ -94,14 +94,14 @@ def test_a_lateness_is_known_to_a_row_unless_another_channel_comes_in_time(
 @pytest.mark.parametrize(
     ("key", "rows", "outputs", "reading"),
     [
-        ("transport_delay", 0.3, 2, True), ("actuator_lag", 1.1, 2, True), ("actuator_lag", 1.2, 2, False),
+        ("transport_delay", 0.3, 2, True), ("actuator_lag", 0.55, 2, True), ("actuator_lag", 0.7, 2, False),
         ("sensor_lag", 0.5, 2, False), ("sensor_lag", 0.5, 1, True), ("quadratic_damping", 0.5, 2, False),
     ],
 )  # fmt: skip
 def test_a_lateness_within_the_reading_is_no_finding(
     tmp_path: Path, key: str, rows: float, outputs: int, reading: bool
 ) -> None:
-    """Two deviations of the row's own, unless another output comes in time or the rows are read otherwise."""
+    """The deviation of the rows themselves, unless another output comes in time or the rows are read otherwise."""
     stage = prepare(load_case(swinging(tmp_path)))
     attachment = next(a for a in stage.hypotheses if a.entry == key)
     stage = replace(stage, declared=replace(stage.declared, outputs=stage.declared.outputs[:outputs]))
