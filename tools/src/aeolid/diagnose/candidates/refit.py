@@ -13,17 +13,17 @@ from aeolid.diagnose.baseline.prepare import Prepared
 from aeolid.diagnose.candidates.candidate import Candidate, at_bound
 from aeolid.diagnose.candidates.moved import moved_in
 from aeolid.diagnose.candidates.plausible import objection, undetermined, undriven, values_of, without_the_mute
+from aeolid.diagnose.candidates.seen_values import from_another_value, with_values_held, without_values
 from aeolid.diagnose.candidates.simulation_starts import simulation_starts
 from aeolid.diagnose.candidates.starts import starts_of
 from aeolid.diagnose.hypotheses.catalogue import entry
 from aeolid.diagnose.hypotheses.parts.base import Attachment
 from aeolid.diagnose.predictor.explore import TRIED, core, explore, fit_briefly, fit_fully, fit_quietly
 from aeolid.diagnose.predictor.fitted import Fit
-from aeolid.diagnose.predictor.point import Free, Point, shifted
+from aeolid.diagnose.predictor.point import Free, Point
 from aeolid.diagnose.predictor.predictor import Predictor
 from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.scoring.scores import Bank, Row, overlap
-from aeolid.models.equations import Equations
 
 Array = NDArray[np.float64]
 MAX_FINALISTS = 6
@@ -112,12 +112,6 @@ def free_with(base: Free, attachments: Sequence[Attachment], prepared: Prepared)
     )
 
 
-def without_values(free: Free, attachments: Sequence[Attachment], model: Equations) -> Free:
-    """Return the free set without the values of some effects."""
-    own = {model.index(s.name) for a in attachments for s in a.slots}
-    return replace(free, theta=tuple(i for i in free.theta if i not in own))
-
-
 @dataclass(frozen=True, eq=False)
 class Begun:
     """Hold effects after brief fits: the stage, what is free, and where each group of starts led, best first."""
@@ -156,20 +150,11 @@ def begin(prepared: Prepared, base: Fit, rows: Sequence[Row], simulated: bool = 
         best = fit_briefly(predictor, starts, free, tried)
         found += [best] if best is not None else []
         if any(a.shown for a in attachments):
-            found += _with_values_held(predictor, starts, without_values(free, attachments, model), tried)
+            found += with_values_held(predictor, starts, without_values(free, attachments, model), tried)
     far = fit_briefly(predictor, simulation_starts(prepared, base, rows, free), free, 1) if simulated else None
     found += [far] if far is not None else []
     found.sort(key=lambda pair: pair[0])
     return Begun(prepared, base, free, attachments, tuple(found)) if found else None
-
-
-def _with_values_held(
-    predictor: Predictor, starts: Sequence[Point], held: Free, tried: int
-) -> list[tuple[float, Point]]:
-    """Fit to the end what is free while the effects' values stay where they are seen."""
-    best = fit_briefly(predictor, starts, held, tried)
-    fit = None if best is None else fit_fully(predictor, best[1], held)
-    return [] if fit is None else [(predictor.objective(fit.point), fit.point)]
 
 
 def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidate | None:
@@ -180,33 +165,11 @@ def finish(begun: Begun, baseline_select: Array, ahead: float = 0.0) -> Candidat
     if fit is None:
         return None
     if prepared.surrogate is None:
-        fit = _from_another_value(predictor, fit, free, begun.attachments)
+        fit = from_another_value(predictor, fit, free, begun.attachments)
     order = predictor.choose_var_order(fit.point)
     if order > (predictor.var_order or 0):  # a smaller noise model would count against the effect (20 nats, two tanks)
         predictor, fit = with_more_noise(predictor, order, fit, free)
     return judge(prepared, predictor, begun.base, fit, begun.attachments, baseline_select, ahead)
-
-
-def _from_another_value(predictor: Predictor, fit: Fit, free: Free, attachments: Sequence[Attachment]) -> Fit:
-    """Return the fit that begins where one value of an effect, another of its starts, is likelier at once.
-
-    A value that acts on few rows has no slope elsewhere: beside the lower limit of a drive the upper one stood beyond
-    all commands, and the sealed data, which reach it, refuted both (20 nats short, -199 nats there).
-    """
-    model, best, least = predictor.compiled.model, fit.point, predictor.objective(fit.point)
-    for a in attachments:
-        for slot in a.slots:
-            values = {float(d[slot.name]) for d in (*a.grid, *a.starts) if slot.name in d}
-            if slot.local or slot.name in a.fixed:
-                continue
-            moved = [shifted(fit.point, model, {slot.name: v}) for v in sorted(values)]
-            tried = min(((predictor.objective(q), k) for k, q in enumerate(moved)), default=(np.inf, 0))
-            if tried[0] < least - in_force().evidence.tied_nats:
-                least, best = tried[0], moved[tried[1]]
-    if best is fit.point:
-        return fit
-    again = fit_quietly(predictor, best, free)
-    return fit if again is None or again.log_posterior <= fit.log_posterior else again
 
 
 def with_more_noise(predictor: Predictor, order: int, fit: Fit, free: Free) -> tuple[Predictor, Fit]:

@@ -100,10 +100,7 @@ def study_run(
     standing = standing_of(pair, records, runs, context, found.moved, found.is_apart, answering, stronger)
     habit_s = in_force().run_prior.habit_samples * pair.step
     found = without_mean_offset(with_standing(found, standing, habit_s), context)
-    if is_other_rotor(pair, answering):
-        found = without_blades_mode(pair, found, is_late_rotor(pair, answering))
-    if found.is_apart and (bent := left_late(pair, answering)) is not None:
-        found = with_late_blades(found, answered(bent))
+    found = _with_rotor(pair, found, answering)
     if gauge is not None:
         found = replace(found, found=(*found.found, Found(None, None, standing=gauge.standing(units[gauge.channel]))))
     progress("sealed part", 0.82)
@@ -119,6 +116,14 @@ def study_run(
         told.append(shown_values(effect, *values))
     names = tuple(tuple(names_of(f, t, found, context)) for f, t in zip(found.found, told, strict=True))
     return RunStudy(pair, found, proof, tuple(told), names, answering)
+
+
+def _with_rotor(pair: Pair, found: Explanation, answering: Answering | None) -> Explanation:
+    """Return an explanation without modes that a rotor's answers stand for, or with the blades that these tell."""
+    if is_other_rotor(pair, answering):
+        found = without_blades_mode(pair, found, is_late_rotor(pair, answering))
+    bent = left_late(pair, answering) if found.is_apart else None
+    return found if bent is None else with_late_blades(found, answered(bent))
 
 
 def _others(found: Explanation, effect: Found) -> Change:

@@ -32,8 +32,8 @@ _FITTED = 6  # hypotheses that are fitted again without a fold
 _ITERATIONS = 12  # Gauss–Newton iterations: each starts from values of most of these data
 REPEATED = (
     "without each fold: the baseline's values, the score bank and its choice among the hypotheses that the whole search"
-    " had fitted and found worth their parameters, their values, the best of these for what its parameters cost; not the"
-    " starts of fits, nor which hypotheses were fitted at all"
+    " had fitted and found worth their parameters, their values, the best of these for what its parameters cost; not"
+    " the starts of fits, nor which hypotheses were fitted at all"
 )
 
 
