@@ -211,7 +211,8 @@ def test_a_fit_ends_at_one_optimum_wherever_it_starts(tmp_path: Path) -> None:
 
 def test_what_speaks_forbids_that_only_values_are_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     """Not by chance alone, plausible, with a name, worth its parameters, and no value moves beside it; best first."""
-    monkeypatch.setattr(declared, "explains_away", lambda c: c.key != "beside")
+    monkeypatch.setattr(declared, "explains_away", lambda c, usual: c.key != "beside")
+    monkeypatch.setattr(declared, "are_slight", lambda study: False)
 
     def row(key: str, z: float, chance: float = 0.001) -> Any:
         return SimpleNamespace(

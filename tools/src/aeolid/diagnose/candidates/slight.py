@@ -10,17 +10,18 @@ from aeolid.diagnose.rules import in_force
 def slight_parts(candidate: Candidate) -> tuple[Attachment, ...]:
     """Return what of a set is a constant of a linear model that is off by that little; a mass beside others only.
 
-    And what is too small for a name beside another effect: a common offset of all inputs by less than a row.
+    And beside others a common offset of all inputs that is too small for a name: by less than a row.
     """
+    beside = len(candidate.attachments) > 1
     known = in_force().conclusion.known_share
     most = {"gain_change": known, "damping_change": known, "frequency_change": known / 2}
-    if len(candidate.attachments) > 1:  # alone it may be ice; beside a gain it is one more constant
+    if beside:  # alone it may be ice; beside a gain it is one more constant
         most["mass_ratio"] = known
     constants = ("parameter_error", "added_mass")
     return tuple(
         a for a in candidate.attachments
         if (a.entry in constants and all(abs(v) <= most.get(n, -1.0) for n, (v, _) in candidate.values[a.key].items()))
-        or (len(candidate.attachments) > 1 and not is_worth_a_name_beside(candidate, a))
+        or (a.entry == "data_time_offset" and beside and not is_worth_a_name_beside(candidate, a))
     )  # fmt: skip
 
 

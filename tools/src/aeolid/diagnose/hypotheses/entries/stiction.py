@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 from aeolid.diagnose.hypotheses.parts.base import Attachment, Entry, Quantity, Site, Slot
 from aeolid.diagnose.hypotheses.parts.forces import EDGE, force_on, say
+from aeolid.diagnose.rules import in_force
 from aeolid.diagnose.structure.anatomy import Motion
 
 
@@ -37,7 +40,16 @@ def _on(motion: Motion, number: int) -> Attachment:
             f" {{breakaway_excess:.3g}} {unit} more near rest (below {{stribeck_speed:.3g}} {pace_unit})"
         ),
     )  # fmt: skip
-    return replace(made, essential=(excess,))
+    return replace(made, essential=(excess,), credible=partial(_sticks, motion.force_name))
+
+
+def _sticks(force: str, values: Mapping[str, float]) -> str:
+    """Return what objects to an excess that is no larger than constants are off by: the friction is dry, no more."""
+    if values["breakaway_excess"] > in_force().conclusion.known_share * values[force]:
+        return ""
+    return (
+        f"sticks by {values['breakaway_excess'] / max(values[force], 1e-300):.2g} of its friction: as dry friction does"
+    )
 
 
 ENTRY = Entry(
