@@ -127,17 +127,26 @@ def test_what_no_output_shows_is_mute_and_put_back_to_none() -> None:
     np.testing.assert_array_equal(without_the_mute([effect(*slots)], fit, model).point.theta, [0.0, 1.0, 1.0])
 
 
-@pytest.mark.parametrize(("excess", "sticks"), [(0.0, False), (1.0, False), (9.0, True)])
-def test_sticking_takes_an_excess(excess: float, sticks: bool, tmp_path: Path) -> None:
-    """Without one it is dry friction, however many nats both gain: a positioning stage's was called sticking."""
+@pytest.mark.parametrize(
+    ("excess", "std", "objected"),
+    [
+        (0.0, 1.2, "which dry friction may do"), (1.0, 1.2, "does not differ from none"), (9.0, 1.2, ""),
+        (0.09, 1e-3, "which dry friction may do"), (0.2, 1e-3, ""),
+    ],
+)  # fmt: skip
+def test_sticking_takes_an_excess(excess: float, std: float, objected: str, tmp_path: Path) -> None:
+    """Without one it is dry friction, however many nats both gain: a positioning stage's was called sticking.
+
+    Nor is it one where it is surely there and 4 % of the friction, as another form of the same curve has it.
+    """
     study = load_study("diagnosis")
     case = study.write_case(tmp_path / "case", study.Hidden("null", "equations", {}), 600, 5)
     (stiction,) = (a for a in prepare(load_case(case)).hypotheses if a.entry == "stiction")
     slots = tuple(s for s in stiction.slots if s.name not in stiction.fixed)
     assert [s.label for s in slots] == ["force_N", "breakaway_excess", "stribeck_speed"]
-    fit, model = fitted(slots, (2.0, excess, 0.5 * (slots[2].low + slots[2].high)), (0.1, 1.2, 0.01))
+    fit, model = fitted(slots, (2.0, excess, 0.5 * (slots[2].low + slots[2].high)), (0.1, std, 0.01))
     told = objection([replace(stiction, slots=slots)], fit, model, 400.0, 3)
-    assert told == "" if sticks else told.startswith("breakaway_excess of stiction")
+    assert objected in told and (told == "") is (objected == "")
 
 
 @pytest.mark.parametrize(("std", "told"), [(1e-4, 27.25), (3e-3, np.inf), (np.inf, np.inf), (0.0, 0.0)])
