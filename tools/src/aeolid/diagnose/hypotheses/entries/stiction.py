@@ -47,9 +47,8 @@ def _sticks(force: str, values: Mapping[str, float]) -> str:
     """Return what objects to an excess that is no larger than constants are off by: the friction is dry, no more."""
     if values["breakaway_excess"] > in_force().conclusion.known_share * values[force]:
         return ""
-    return (
-        f"sticks by {values['breakaway_excess'] / max(values[force], 1e-300):.2g} of its friction: as dry friction does"
-    )
+    share = values["breakaway_excess"] / max(values[force], 1e-300)
+    return f"sticks by {share:.2g} of its friction, which dry friction may do"
 
 
 ENTRY = Entry(
